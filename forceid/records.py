@@ -1,0 +1,166 @@
+"""Frozen records that pass between the stages: plain arrays inside, SI units, right-handed frames.
+
+Shapes are written with the dimension names of the motion file. A wrench is ordered force, then moment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Level = Literal["ok", "degraded", "refused"]
+
+
+@dataclass(frozen=True)
+class Body:
+    """What moves: reference shape and mass, known node by node, as a matrix, or as a rigid whole.
+
+    position (node, 3) m, reference axes; mass (node,) kg or mass_matrix (dof, dof) kg, node-major, or
+    total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
+    mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
+    sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
+    """
+
+    node: tuple[str, ...] = ()
+    position: Array | None = None
+    mass: Array | None = None
+    mass_matrix: Array | None = None
+    total_mass: float | None = None
+    mass_center: Array | None = None
+    inertia: Array | None = None
+    stiffness: Array | None = None
+    mode_shape: Array | None = None
+    mode_frequency: Array | None = None
+    mode_damping: Array | None = None
+    sensor_position: Array | None = None
+    sensor_rotation: Array | None = None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What was measured, NaN where it was not. World axes.
+
+    time (time,) s; position (time, node, 3) m, or center (time, 3) m with orientation (time, 4)
+    quaternion [x y z w] body to world; specific_force (time, sensor, 3) m/s2; angular_velocity
+    (time, sensor, 3) rad/s; strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of
+    one component of one sample by variable name, where the file states it (rad for the orientation).
+    """
+
+    time: Array
+    position: Array | None = None
+    center: Array | None = None
+    orientation: Array | None = None
+    specific_force: Array | None = None
+    angular_velocity: Array | None = None
+    strain: Array | None = None
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    noise_std: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One motion file: body, motion, what is known of the truth, and where it came from.
+
+    truth: variables named as in Estimate (force, moment, center, ...), possibly on their own `time`.
+    sha256: hash of the file's bytes, or of the arrays when there is no file.
+    """
+
+    body: Body
+    motion: Motion
+    truth: dict[str, Array] = field(default_factory=dict)
+    title: str = ""
+    source: str = ""
+    history: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """Force (..., 3) N and moment (..., 3) N m about a point (..., 3) m, with covariance (..., 6, 6)."""
+
+    force: Array
+    moment: Array
+    cov: Array
+    about: Array
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Applied loads p of f = B p. load (time, load) N, load_cov (time, load, load_2) N2.
+
+    null_space (load, null): directions of p the motion cannot see. estimable (functional, load): rows
+    whose combination of loads is determined. chi_square (time,): misfit of the six resultants, with
+    `dof` degrees of freedom.
+    """
+
+    name: tuple[str, ...]
+    load: Array
+    load_cov: Array
+    null_space: Array
+    estimable: Array
+    chi_square: Array
+    dof: int
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Accurate (`ok`), degraded or refused, and why: each reason is one sentence with a next step."""
+
+    level: Level = "ok"
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
+
+    time (time,) s; force (time, 3) N and moment (time, 3) N m, world axes, about `moment_about`;
+    wrench_cov (time, 6, 6); center (time, 3) m; velocity (time, 3) m/s; orientation (time, 4) [x y z w];
+    angular_velocity (time, 3) rad/s and angular_momentum (time, 3) kg m2/s, world axes;
+    deformation (time, node, 3) m, body axes, about mean_shape (node, 3) m; nis (time,) normalized
+    innovation squared per degree of freedom, NaN where the method has no innovations; innovation
+    (time, channel) whitened innovations, unit variance if the model is right. What cannot be
+    identified is NaN. settings: the merged configuration as TOML text.
+    """
+
+    time: Array
+    force: Array
+    moment: Array
+    wrench_cov: Array
+    center: Array
+    velocity: Array
+    orientation: Array
+    angular_velocity: Array
+    angular_momentum: Array
+    deformation: Array
+    mean_shape: Array
+    nis: Array
+    innovation: Array
+    node: tuple[str, ...]
+    method: str
+    model: str
+    engine: str
+    log_likelihood: float
+    moment_about: str
+    verdict: Verdict
+    mode_amplitude: Array | None = None
+    stretch: Array | None = None
+    loads: Loads | None = None
+    runtime_s: float = 0.0
+    settings: str = ""
+    input_sha256: str = ""
+    tuned: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def force_std(self) -> Array:
+        """Standard deviation of the force (time, 3) N."""
+        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., :3])
+
+    @property
+    def moment_std(self) -> Array:
+        """Standard deviation of the moment (time, 3) N m."""
+        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., 3:])
