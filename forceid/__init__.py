@@ -1,0 +1,43 @@
+"""forceid: what pushed a body, from how it moved.
+
+The public names load on first use, so that `import forceid` costs no scipy.
+
+>>> import forceid
+>>> "estimate" in dir(forceid)
+True
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "open_motion": "forceid.files.tree",
+    "estimate": "forceid.estimation.run",
+    "summation_operator": "forceid.principal.operator",
+    "mass_properties": "forceid.principal.mass",
+    "resultant": "forceid.principal.wrench",
+    "distribute": "forceid.principal.loads",
+}
+__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
+
+if TYPE_CHECKING:
+    from forceid.estimation.run import estimate as estimate
+    from forceid.files.tree import open_motion as open_motion
+    from forceid.principal.loads import distribute as distribute
+    from forceid.principal.mass import mass_properties as mass_properties
+    from forceid.principal.operator import summation_operator as summation_operator
+    from forceid.principal.wrench import resultant as resultant
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'forceid' has no attribute '{name}'")
+    return getattr(import_module(_PUBLIC[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

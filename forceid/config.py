@@ -1,0 +1,118 @@
+"""Settings: TOML to a validated, frozen record; an unknown key names its nearest known one."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from forceid.errors import ConfigError
+
+Method = Literal["difference", "savgol", "spline", "filter", "smoother"]
+Model = Literal["rigid", "affine", "modal", "auto"]
+Vector = tuple[float, float, float]
+
+
+class Section(BaseModel):
+    """A table of the configuration; frozen, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+S = TypeVar("S", bound=Section)
+
+
+class LoadSetting(Section):
+    """One load of f = B p: a unit force along `direction` at `point`, or a unit moment about it.
+
+    `point` is a node name or three coordinates in metres. `axes`: "body" turns direction and point with
+    the mean rotation, "world" keeps the direction and the point fixed in space.
+    """
+
+    name: str
+    direction: Vector
+    point: str | Vector = "mass_center"
+    kind: Literal["force", "moment"] = "force"
+    axes: Literal["body", "world"] = "body"
+
+
+class Settings(Section):
+    """How a motion is turned into a wrench. Every field has a default that asks nothing of the user.
+
+    noise_std: standard deviation of one measured component (m; orientation rad) by variable, overrides
+    the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
+    "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
+    modes of the modal model, None chooses it from the data.
+    """
+
+    method: Method = "smoother"
+    model: Model = "auto"
+    engine: Literal["auto", "numpy", "filterpy"] = "auto"
+    gauge: Literal["mass", "euclidean", "sensor"] = "mass"
+    gravity: Vector | None = None
+    moment_about: str | Vector = "mass_center"
+    modes: int | None = Field(default=None, ge=0)
+    noise_std: dict[str, float] = Field(default_factory=dict)
+    load: tuple[LoadSetting, ...] = ()
+
+
+def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:
+    """Settings from a TOML file, then from keyword overrides (those that are None are ignored).
+
+    >>> load_settings(method="savgol").method
+    'savgol'
+    >>> load_settings(metod="savgol")
+    Traceback (most recent call last):
+    forceid.errors.ConfigError: settings: unknown key 'metod'; did you mean 'method'?
+    """
+    table = read_toml(path) if path is not None else {}
+    table |= {k: v for k, v in overrides.items() if v is not None}
+    return validate(Settings, table, str(path) if path is not None else "settings:")
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """The tables of a TOML file; a missing or malformed file is a ConfigError."""
+    try:
+        with open(path, "rb") as f:
+            return tomllib.load(f)
+    except OSError as e:
+        raise ConfigError(f"cannot be read ({e.strerror})", str(path), "give the path of a TOML file") from e
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+        raise ConfigError(f"is not valid TOML ({e})", str(path), "correct that line") from e
+
+
+def validate(section: type[S], table: dict[str, Any], where: str) -> S:
+    """`table` as a frozen `section`, or a ConfigError that names the key and what was expected."""
+    try:
+        return section.model_validate(table)
+    except ValidationError as e:
+        first = e.errors()[0]
+        key = ".".join(str(k) for k in first["loc"])
+        if first["type"] != "extra_forbidden":
+            raise ConfigError(f"key '{key}': {first['msg']}, found {first['input']!r}", where) from e
+        near = difflib.get_close_matches(str(first["loc"][-1]), known_keys(section), n=1, cutoff=0.0)
+        raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near[0]}'?") from e
+
+
+def known_keys(section: type[Section]) -> list[str]:
+    """Every key of a section and of the sections below it."""
+    keys: list[str] = []
+    for name, field in section.model_fields.items():
+        keys.append(field.alias or name)
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, Section):
+                keys += known_keys(kind)
+    return keys
+
+
+def to_toml(settings: Section) -> str:
+    """Settings as TOML text that `load_settings` reads back to the same record.
+
+    >>> "method = \"spline\"" in to_toml(load_settings(method="spline"))
+    True
+    """
+    return tomli_w.dumps(settings.model_dump(mode="json", by_alias=True, exclude_none=True))
