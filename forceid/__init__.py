@@ -22,7 +22,7 @@ _PUBLIC = {
     "resultant": "forceid.principal.wrench",
     "distribute": "forceid.principal.loads",
 }
-__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
+__all__ = ["__version__", *_PUBLIC]
 
 if TYPE_CHECKING:
     from forceid.estimation.run import estimate as estimate

@@ -70,6 +70,7 @@ def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:
     forceid.errors.ConfigError: settings: unknown key 'metod'; did you mean 'method'?
     """
     table = read_toml(path) if path is not None else {}
+    table.pop("import", None)  # one file may serve `forceid import` and `forceid estimate`
     table |= {k: v for k, v in overrides.items() if v is not None}
     return validate(Settings, table, str(path) if path is not None else "settings:")
 
@@ -110,7 +111,7 @@ def known_keys(section: type[Section]) -> list[str]:
 
 
 def to_toml(settings: Section) -> str:
-    """Settings as TOML text that `load_settings` reads back to the same record.
+    r"""Settings as TOML text that `load_settings` reads back to the same record.
 
     >>> "method = \"spline\"" in to_toml(load_settings(method="spline"))
     True

@@ -1,0 +1,1 @@
+"""Files: the motion and result schema, and the formats of laboratories."""

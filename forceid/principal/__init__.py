@@ -1,0 +1,1 @@
+"""The d'Alembert-Lagrange principal equations: summation operator, mass, resultants, loads."""

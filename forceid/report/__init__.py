@@ -1,0 +1,1 @@
+"""The report: the numbers, the figures and one self-contained page."""

@@ -1,0 +1,1 @@
+"""Synthetic motion with known loads. The truth shares no code with the estimators it judges."""

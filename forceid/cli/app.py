@@ -1,0 +1,101 @@
+"""The `forceid` command: finds the command, and turns every error into one line and an exit code."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from forceid import __version__
+from forceid.errors import ConfigError, ForceIdError
+
+MODULES = {
+    "simulate": "simulate",
+    "import": "import_",
+    "inspect": "inspect",
+    "estimate": "estimate",
+    "batch": "batch",
+    "report": "report",
+    "demo": "demo",
+}
+INTERRUPTED = 130
+
+
+class LazyGroup(TyperGroup):
+    """A group that imports the file of a command only when that command is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of the commands, in the order of the help."""
+        return list(MODULES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of that name; a ConfigError names the nearest one."""
+        if cmd_name not in MODULES:
+            near = get_close_matches(cmd_name, MODULES, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"unknown command '{cmd_name}'", next_step=f"did you mean '{near}'?")
+        single = typer.Typer(add_completion=False)
+        single.command(cmd_name)(import_module(f"forceid.cli.{MODULES[cmd_name]}").run)
+        return typer.main.get_command(single)
+
+
+app = typer.Typer(cls=LazyGroup, add_completion=False)
+
+
+def show_version(wanted: bool) -> None:
+    """Print the version and stop."""
+    if wanted:
+        typer.echo(f"forceid {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """What pushed a body, from how it moved: applied forces and moments with their uncertainty.
+
+    Example: forceid demo -o demo
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    0 all good, 1 an estimate failed or was refused, 2 usage or configuration, 3 input data,
+    130 interrupted.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = [word for word in given if word != "--debug"]  # accepted before the command and after it
+    try:
+        code = typer.main.get_command(app).main(
+            words or ["--help"], prog_name="forceid", standalone_mode=False
+        )
+        return code if isinstance(code, int) else 0
+    except (KeyboardInterrupt, typer.Abort):
+        return fail("interrupted", INTERRUPTED)
+    except Exception as error:
+        if words != given:
+            traceback.print_exc()
+        if isinstance(error, ForceIdError):
+            return fail(str(error), error.exit_code)
+        if hasattr(error, "format_message"):  # wrong usage, as typer reports it
+            context = getattr(error, "ctx", None)
+            command = context.command_path if context else "forceid"
+            return fail(f"{error.format_message()} See {command} --help.", 2)
+        hint = "" if words != given else " (add --debug for the traceback)"
+        return fail(f"unexpected {type(error).__name__}: {error}{hint}", 1)
+
+
+def fail(message: str, code: int) -> int:
+    """Print the error as one line on stderr and return the exit code."""
+    print("forceid: error:", " ".join(message.split()), file=sys.stderr)
+    return code

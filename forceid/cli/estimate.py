@@ -1,0 +1,69 @@
+"""forceid estimate: the wrench of one motion file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from forceid.cli.output import describe, summary, to_json
+from forceid.errors import ConfigError
+
+if TYPE_CHECKING:
+    from forceid.config import Settings
+
+Config = Annotated[
+    Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
+]
+Method = Annotated[
+    str | None,
+    typer.Option(metavar="M", help="difference, savgol, spline, filter or smoother (the default)."),
+]
+Model = Annotated[str | None, typer.Option(metavar="L", help="rigid, affine, modal or auto (the default).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def run(
+    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
+    config: Config = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT.h5",
+            help="Result file; FILE.result.h5 beside the input if not given.",
+        ),
+    ] = None,
+    method: Method = None,
+    model: Model = None,
+    json: Json = False,
+) -> None:
+    """Estimate the applied force and moment of FILE, with covariance.
+
+    Exit code 1 when the estimate is refused; the result is still written, with NaN where nothing is known.
+
+    Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
+    """
+    from forceid.config import load_settings
+
+    settings = load_settings(config, method=method, model=model)
+    record = estimate_file(file, output or file.with_suffix(".result.h5"), settings)
+    print(to_json(record) if json else summary(record))
+    if record["verdict"] == "refused":
+        raise typer.Exit(1)
+
+
+def estimate_file(source: Path, output: Path, settings: Settings) -> dict[str, Any]:
+    """Read, estimate, write; return what there is to say of it."""
+    from forceid.estimation.run import estimate_recording
+    from forceid.files.hdf5 import read_motion
+    from forceid.files.result import write_result
+
+    if output.resolve() == source.resolve():
+        raise ConfigError("is both input and output", str(output), "name another output with -o")
+    recording = read_motion(source, settings.gravity)
+    estimate = estimate_recording(recording, settings)
+    write_result(output, estimate, recording)
+    return describe(estimate, source, output, recording.truth)

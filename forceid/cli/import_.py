@@ -1,0 +1,32 @@
+"""forceid import: measured tables and captures to motion files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from forceid.cli.estimate import Config
+
+
+def run(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="SOURCE...", help="csv, trc with mot, or c3d files.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file to write.")],
+    config: Config = None,
+) -> None:
+    """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
+
+    Example: forceid import jump.trc jump_grf.mot -o jump.h5 -c jump.toml
+    """
+    from forceid.files.hdf5 import write_motion
+    from forceid.files.sources import import_sources, load_import_settings
+
+    recordings = import_sources(sources, load_import_settings(config))
+    for name, recording in recordings:
+        several = f"{output.stem}-{name.removeprefix(f'{output.stem}-')}{output.suffix}"
+        path = output if len(recordings) == 1 else output.with_name(several)
+        write_motion(path, recording)
+        print(f"{path}: {len(recording.motion.time)} samples")

@@ -1,0 +1,29 @@
+"""forceid inspect: what a motion file holds and what can be identified from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from forceid.cli.estimate import Config, Json
+from forceid.cli.output import to_json
+
+
+def run(
+    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
+    config: Config = None,
+    json: Json = False,
+) -> None:
+    """Show what FILE holds and which wrench components can be identified, before anything runs.
+
+    Example: forceid inspect toss.h5
+    """
+    from forceid.config import load_settings
+    from forceid.estimation.verdict import inspect_recording
+    from forceid.files.hdf5 import read_motion
+
+    settings = load_settings(config)
+    inspection = inspect_recording(read_motion(file, settings.gravity), settings)
+    print(to_json({"file": str(file), **inspection.as_dict()}) if json else "\n".join(inspection.summary))

@@ -1,0 +1,40 @@
+"""forceid report: one self-contained page of a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    file: Annotated[Path, typer.Argument(metavar="OUT.h5", help="Result file of forceid estimate.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="PAGE.html",
+            help="Page to write; FILE.html beside the result if not given.",
+        ),
+    ] = None,
+) -> None:
+    """Write FILE as one HTML page with figures, numbers, verdict and settings inside.
+
+    Example: forceid report toss.result.h5 -o toss.html
+    """
+    page = output or file.with_suffix(".html")
+    write_page(file, page)
+    print(page)
+
+
+def write_page(result: Path, page: Path) -> None:
+    """Read the result and write its page."""
+    from forceid.files.atomic import atomic
+    from forceid.files.result import read_result, read_truth
+    from forceid.report.page import render_page
+
+    html = render_page(read_result(result), read_truth(result), title=result.name.removesuffix(".result.h5"))
+    with atomic(page) as partial:
+        partial.write_text(html, encoding="utf-8")

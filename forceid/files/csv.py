@@ -1,0 +1,98 @@
+"""CSV: named columns of numbers, parted by the values of one column where wanted."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.files.schema import MOTION
+from forceid.files.units import si_factor
+from forceid.import_settings import CsvSetting
+from forceid.records import Array
+
+Table = dict[str, list[str]]
+
+
+def read_csv(path: str | Path, delimiter: str = ",") -> Table:
+    """The columns of a CSV file as text, by the names in its first row. DataError: empty, ragged, binary."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as f:
+            rows = [row for row in csv.reader(f, delimiter=delimiter) if any(cell.strip() for cell in row)]
+    except OSError as e:
+        raise DataError(f"cannot be read ({e.strerror})", str(path), "give the path of a CSV file") from e
+    except (UnicodeDecodeError, csv.Error) as e:
+        raise DataError(f"is not CSV text ({e})", str(path), "export it as UTF-8 text") from e
+    if len(rows) < 2:
+        raise DataError(f"holds {len(rows)} rows, expected a header and data", str(path), "export it again")
+    header = [name.strip() for name in rows[0]]
+    for k, row in enumerate(rows[1:], 2):
+        if len(row) != len(header):
+            what = f"has {len(row)} cells in row {k}, expected {len(header)} as in the header"
+            raise DataError(what, str(path), f"correct that row, or the delimiter {delimiter!r}")
+    return dict(zip(header, map(list, zip(*rows[1:], strict=True)), strict=True))
+
+
+def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table]]:
+    """The table by groups in order of appearance, those selected; one unnamed group when no column is set."""
+    if setting.group is None:
+        return [("", table)]
+    labels = column(table, setting.group, where)
+    selected = setting.select if isinstance(setting.select, tuple) else (setting.select,)
+    wanted = [f"{value:g}" if isinstance(value, float) else value for value in selected] or list(
+        dict.fromkeys(labels)
+    )
+    for name in wanted:
+        if name not in labels:
+            near = difflib.get_close_matches(name, sorted(set(labels)), n=1, cutoff=0.0)[0]
+            raise DataError(f"has no {setting.group} {name!r}", where, f"did you mean {near!r}?")
+    return [
+        (
+            name,
+            {
+                key: [c for c, label in zip(cells, labels, strict=True) if label == name]
+                for key, cells in table.items()
+            },
+        )
+        for name in wanted
+    ]
+
+
+def motion_variables(table: Table, setting: CsvSetting, where: str) -> dict[str, Array]:
+    """The variables of /motion in SI, blanks as NaN. DataError: a column missing or not numbers."""
+
+    def take(name: str, columns: Sequence[str]) -> Array:
+        factor = si_factor(
+            setting.units.get(name, MOTION[name].units), MOTION[name].units, f"{where}:{columns[0]}"
+        )
+        return factor * np.stack([numbers(table, column, where) for column in columns], -1)
+
+    variables = {"time": take("time", (setting.time,))[:, 0]}
+    for name in ("position", "specific_force", "angular_velocity"):
+        if points := getattr(setting, name):
+            variables[name] = np.stack([take(name, columns) for columns in points.values()], 1)
+    for name in ("center", "orientation", "strain"):
+        if columns := getattr(setting, name):
+            variables[name] = take(name, columns)
+    return variables
+
+
+def numbers(table: Table, name: str, where: str) -> Array:
+    """One column as float64; a blank cell is NaN."""
+    cells = column(table, name, where)
+    try:
+        return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
+    except ValueError as e:
+        raise DataError(f"holds text ({e}), expected numbers", f"{where}:{name}", "leave gaps blank") from e
+
+
+def column(table: Table, name: str, where: str) -> list[str]:
+    """The cells of one column."""
+    if name not in table:
+        near = difflib.get_close_matches(name, table, n=1, cutoff=0.0)
+        raise DataError(f"has no column {name!r}", where, f"did you mean {near[0]!r}?")
+    return table[name]

@@ -1,0 +1,242 @@
+"""From the variables of a motion file, of h5py or of xarray, to a checked Recording in SI units."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.files.schema import BODY, MOTION, SCHEMA, TRUTH, Variable
+from forceid.files.units import si_factor
+from forceid.files.validate import check_recording
+from forceid.records import Array, Body, Motion, Recording
+
+_ATTRS = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")
+_NC_FILL = 9.969209968386869e36  # what netCDF leaves where nothing was written
+
+
+@dataclass(frozen=True)
+class Source:
+    """A group as found: variables of h5py or xarray (.dtype .shape .attrs, not read yet) and attributes."""
+
+    variables: Mapping[str, Any]
+    attrs: Mapping[str, Any]
+    found: tuple[str, ...]  # every name in the group, known or not
+
+
+def parse_recording(
+    groups: Mapping[str, Source],
+    attrs: Mapping[str, Any],
+    where: str,
+    sha256: str = "",
+    gravity: Sequence[float] | None = None,
+) -> Recording:
+    """The recording that `body`, `motion` and, where present, `truth` describe. DataError: see validate.
+
+    Integers stand for real numbers; units that differ from SI are converted; packed values are unpacked.
+    A truth without its own time gets that of the motion. `gravity` overrides the attribute of /motion.
+    """
+    if (schema := text(attrs.get("forceid_schema", SCHEMA))) != SCHEMA:
+        raise DataError(f"has forceid_schema {schema!r}, expected {SCHEMA!r}", where, "update forceid")
+    for name in ("body", "motion"):
+        if name not in groups:
+            hint = "give the motion file, not the result" if "estimate" in groups else "see `forceid import`"
+            raise DataError(f"is missing, found {', '.join(groups) or 'no group'}", f"{where}:/{name}", hint)
+    sizes = {"axis": 3, "quaternion": 4}
+    body, _ = read_variables(groups["body"], BODY, sizes, f"{where}:/body")
+    motion, noise = read_variables(groups["motion"], MOTION, sizes, f"{where}:/motion")
+    if "time" not in motion:
+        next_step = nearest("time", groups["motion"].found)
+        raise DataError(
+            "is missing, expected the times of the samples (s)", f"{where}:/motion/time", next_step
+        )
+    if len(motion) == 1:
+        what = "holds no measurement, expected position, or center and orientation, or sensors"
+        raise DataError(what, f"{where}:/motion", nearest("position", groups["motion"].found))
+    truth: dict[str, Array] = {}
+    if "truth" in groups:
+        own = {dim: n for dim, n in sizes.items() if dim not in ("time", "mode")}
+        truth, _ = read_variables(groups["truth"], TRUTH, own, f"{where}:/truth")
+        truth = {"time": motion["time"]} | truth if truth else {}
+    if "orientation" in motion:
+        motion["orientation"] = canonical(motion["orientation"])
+    total_mass = body.pop("total_mass", None)
+    recording = Recording(
+        body=Body(
+            node=node_names(groups, sizes.get("node", 0), where),
+            total_mass=None if total_mass is None else float(total_mass),
+            **body,
+        ),
+        motion=Motion(
+            **motion,
+            gravity=read_gravity(groups["motion"].attrs, f"{where}:/motion", gravity),
+            noise_std=noise,
+        ),
+        truth=truth,
+        title=text(attrs.get("title", "")),
+        source=text(attrs.get("source", "")),
+        history=text(attrs.get("history", "")),
+        sha256=sha256,
+    )
+    check_recording(recording, where)
+    return recording
+
+
+def read_variables(
+    group: Source, table: Mapping[str, Variable], sizes: dict[str, int], where: str
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """The variables of `table` in the group and their noise_std, in SI; `sizes` of dimensions is filled in.
+
+    No units attribute means SI.
+    """
+    values: dict[str, Any] = {}
+    noise: dict[str, float] = {}
+    for name, spec in table.items():
+        if (source := group.variables.get(name)) is None:
+            continue
+        here, found = f"{where}/{name}", getattr(source, "attrs", {})
+        attrs = {key: found[key] for key in found if key in _ATTRS}
+        factor = si_factor(text(attrs.get("units", spec.units)), spec.units, here)
+        values[name] = unpack(read_real(source, spec, sizes, here), attrs, here)
+        if factor != 1.0:
+            values[name] *= factor
+        if "noise_std" in attrs:
+            noise[name] = factor * real_attr(attrs["noise_std"], here, "noise_std")
+    return values, noise
+
+
+def read_real(source: Any, spec: Variable, sizes: dict[str, int], where: str) -> Array:
+    """One variable as float64; type, shape and size are judged by its declaration, before it is read."""
+    if not hasattr(source, "dtype"):
+        raise DataError("is a group, expected a variable", where, "rename the group")
+    if source.dtype.kind not in "fiu":
+        raise DataError(f"holds {kind_of(source.dtype)}, expected real numbers", where, "write it as float64")
+    for dim, n in zip(spec.dims, source.shape, strict=False):
+        sizes.setdefault(dim.removesuffix("_2"), n)
+    if "node" in sizes:
+        sizes["dof"] = 3 * sizes["node"]
+    expected = tuple(sizes[d.removesuffix("_2")] for d in spec.dims if d.removesuffix("_2") in sizes)
+    if source.shape != expected and not (spec.dims == () and source.size == 1):
+        wanted = ", ".join(f"{d} = {sizes.get(d.removesuffix('_2'), '?')}" for d in spec.dims)
+        raise DataError(
+            f"has shape {tuple(map(int, source.shape))}, expected ({wanted})",
+            where,
+            "check the order of its dimensions",
+        )
+    if (need := int(np.prod(source.shape, dtype=object)) * 8) > (room := memory_limit()):
+        raise DataError(
+            f"declares {need / 1e9:.3g} GB, expected at most {room / 1e9:.3g} GB here",
+            where,
+            "split the recording",
+        )
+    try:
+        return np.asarray(source, dtype=np.float64).reshape(expected)
+    except (OSError, RuntimeError) as e:
+        raise DataError(f"cannot be read ({e})", where, "restore the file: it is damaged") from e
+
+
+def unpack(values: Array, attrs: Mapping[str, Any], where: str) -> Array:
+    """Fill values to NaN, then scale_factor and add_offset, as netCDF defines them."""
+    if np.fmax.reduce(values, axis=None, initial=-np.inf) == _NC_FILL:
+        values = np.where(values == _NC_FILL, np.nan, values)
+    for name in ("_FillValue", "missing_value"):
+        if name in attrs and not np.isnan(fill := real_attr(attrs[name], where, name)):
+            values = np.where(values == fill, np.nan, values)
+    if "scale_factor" in attrs:
+        values = values * real_attr(attrs["scale_factor"], where, "scale_factor")
+    if "add_offset" in attrs:
+        values = values + real_attr(attrs["add_offset"], where, "add_offset")
+    return values
+
+
+def read_gravity(attrs: Mapping[str, Any], where: str, gravity: Sequence[float] | None) -> Array:
+    """Gravity from the argument or the attribute; it is never assumed."""
+    value = attrs.get("gravity") if gravity is None else gravity
+    if value is None:
+        raise DataError(
+            "lacks the attribute gravity, expected three numbers in m s-2, world axes",
+            where,
+            "set it on /motion, or set the key `gravity` of the configuration",
+        )
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.shape != (3,):
+        raise DataError(
+            f"has gravity {value!r}, expected three numbers in m s-2",
+            where,
+            "set the attribute gravity, for example 0, 0, -9.81",
+        )
+    return array.astype(np.float64)
+
+
+def node_names(groups: Mapping[str, Source], count: int, where: str) -> tuple[str, ...]:
+    """Names of the nodes; those of the motion must be those of the body, in the same order."""
+    named = {
+        g: tuple(text(n) for n in np.asarray(groups[g].variables["node"]).ravel())
+        for g in ("body", "motion")
+        if "node" in groups[g].variables
+    }
+    names = named.get("body", named.get("motion", tuple(f"node_{k}" for k in range(count))))
+    if len(names) != count:
+        what = f"names {len(names)} nodes, expected {count}"
+        raise DataError(what, f"{where}:/body/node", "name every node once")
+    if (other := named.get("motion", names)) != names:
+        odd = next((a for a, b in zip(other, names, strict=False) if a != b), "one more")
+        what = f"holds {odd!r} where /body/node holds another name, expected the same nodes in the same order"
+        raise DataError(what, f"{where}:/motion/node", "reorder the nodes")
+    return names
+
+
+def canonical(q: Array) -> Array:
+    """Quaternions with w >= 0 and unit norm, where they are near it: the rest is left to the checks."""
+    norm = np.linalg.norm(q, axis=-1, keepdims=True)
+    off = (np.abs(norm - 1) > 1e-12) & (np.abs(norm - 1) < 0.01)
+    return np.where(q[..., 3:] < 0, -1.0, 1.0) * q / np.where(off, norm, 1.0)
+
+
+def real_attr(value: Any, where: str, name: str) -> float:
+    """An attribute that must be one real number."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.size != 1:
+        raise DataError(f"has {name} {value!r}, expected one number", where, f"correct the attribute {name}")
+    return float(array.reshape(()))
+
+
+def text(value: Any) -> str:
+    """A string attribute, however HDF5 stored it."""
+    if isinstance(value, np.ndarray):
+        value = value.reshape(-1)[0] if value.size else ""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def kind_of(dtype: np.dtype[Any]) -> str:
+    """The plain word for a type that is not real numbers."""
+    words = {
+        "c": "complex numbers",
+        "S": "text",
+        "U": "text",
+        "O": "text or objects",
+        "b": "booleans",
+        "V": "compound records",
+        "M": "dates",
+        "m": "durations",
+    }
+    return words.get(dtype.kind, str(dtype))
+
+
+def nearest(name: str, found: Sequence[str]) -> str:
+    """The next step when a variable is missing: the likeliest misspelling, or what is there."""
+    near = difflib.get_close_matches(name, found, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"add it; found {', '.join(found) or 'nothing'}"
+
+
+def memory_limit() -> int:
+    """Bytes that one variable may take: half of the machine's memory."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    except (AttributeError, ValueError, OSError):
+        return 4 << 30

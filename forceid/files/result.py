@@ -1,0 +1,84 @@
+"""Result files: the estimate of a wrench with everything that is needed to judge it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.files.hdf5 import open_hdf5, source_group, write_groups
+from forceid.files.parse import Source, read_variables, real_attr, text
+from forceid.files.schema import ESTIMATE, ESTIMATE_ATTRS, LOAD, TRUTH, estimate_groups
+from forceid.records import Array, Estimate, Loads, Recording, Verdict
+
+_DERIVED = ("force_std", "moment_std")
+_OPTIONAL = (*_DERIVED, "mode_amplitude", "stretch", "deformation", "mean_shape", "innovation")
+_NUMBERS = ("log_likelihood", "runtime_s")
+_SIZES = {"axis": 3, "quaternion": 4, "wrench": 6}
+
+
+def write_result(path: str | Path, estimate: Estimate, recording: Recording | None = None) -> None:
+    """A result file by the contract, whole or not at all; title, history and truth come from the recording.
+
+    ConfigError: not writable.
+    """
+    write_groups(path, estimate_groups(estimate, recording))
+
+
+def read_result(path: str | Path) -> Estimate:
+    """The estimate in a result file. DataError: not a result file."""
+    where = f"{path}:/estimate"
+    with open_hdf5(path) as f:
+        if "estimate" not in f:
+            raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
+        group = source_group(f, "estimate", ESTIMATE, f"{path}:")
+        values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
+        for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
+            if name not in values and name not in group.attrs and name not in _OPTIONAL:
+                raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
+        node = read_names(group, "node")
+        n = len(values["time"])
+        empty = {
+            "deformation": np.zeros((n, len(node), 3)),
+            "mean_shape": np.zeros((len(node), 3)),
+            "innovation": np.zeros((n, 0)),
+        }
+        stated: dict[str, Any] = {name: text(group.attrs[name]) for name in ESTIMATE_ATTRS}
+        stated |= {name: real_attr(group.attrs[name], where, name) for name in _NUMBERS}
+        reasons = text(group.attrs["reasons"])
+        return Estimate(
+            **{k: v for k, v in (empty | values).items() if k not in _DERIVED},
+            **stated,
+            node=node,
+            verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
+            loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
+            settings=text(f.attrs.get("config", "")),
+            input_sha256=text(f.attrs.get("input_sha256", "")),
+            tuned={k[6:]: real_attr(v, where, k) for k, v in group.attrs.items() if k.startswith("tuned_")},
+        )
+
+
+def read_truth(path: str | Path) -> dict[str, Array]:
+    """The truth that a motion or result file carries, on its own time; empty when it has none."""
+    with open_hdf5(path) as f:
+        if "truth" not in f:
+            return {}
+        group = source_group(f, "truth", TRUTH, f"{path}:")
+        return read_variables(group, TRUTH, dict(_SIZES), f"{path}:/truth")[0]
+
+
+def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
+    """The group /load of a result file."""
+    names = read_names(group, "load_name")
+    n = len(names)
+    values, _ = read_variables(group, LOAD, {"time": samples, "load_name": n}, f"{path}:/load")
+    empty = {"null_space": np.zeros((n, 0)), "estimable": np.zeros((0, n))}
+    dof = int(real_attr(group.attrs["dof"], f"{path}:/load", "dof"))
+    return Loads(name=names, dof=dof, **(empty | values))
+
+
+def read_names(group: Source, dim: str) -> tuple[str, ...]:
+    """The names along a dimension, none when the file has none."""
+    return tuple(text(n) for n in np.asarray(group.variables[dim])) if dim in group.variables else ()

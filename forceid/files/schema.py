@@ -1,0 +1,217 @@
+"""The variables of the motion file and the result file: one table for HDF5, for xarray and for the checks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from forceid import __version__
+from forceid.errors import DataError
+from forceid.records import Array, Estimate, Loads, Recording
+
+SCHEMA = "1"
+CONVENTIONS = "CF-1.11"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What a variable of the contract is: dimensions in order, SI units, meaning."""
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+@dataclass(frozen=True)
+class Field:
+    """An array with its dimensions and attributes, ready to be written."""
+
+    dims: tuple[str, ...]
+    data: np.ndarray[Any, Any]
+    attrs: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group of a file: variables, coordinates among them, and attributes."""
+
+    variables: dict[str, Field]
+    attrs: dict[str, Any] = field(default_factory=dict)
+
+
+BODY = {
+    "position": Variable(("node", "axis"), "m", "reference shape"),
+    "mass": Variable(("node",), "kg", "lumped nodal mass"),
+    "mass_matrix": Variable(("dof", "dof_2"), "kg", "consistent mass matrix, node-major"),
+    "total_mass": Variable((), "kg", "mass of the rigid body"),
+    "mass_center": Variable(("axis",), "m", "mass center of the rigid body, reference axes"),
+    "inertia": Variable(("axis", "axis_2"), "kg m2", "inertia tensor about the mass center, reference axes"),
+    "stiffness": Variable(("dof", "dof_2"), "N m-1", "stiffness matrix, node-major"),
+    "mode_shape": Variable(("mode", "node", "axis"), "1", "shape of the deformation modes"),
+    "mode_frequency": Variable(("mode",), "Hz", "frequency of the deformation modes"),
+    "mode_damping": Variable(("mode",), "1", "damping ratio of the deformation modes"),
+    "sensor_position": Variable(("sensor", "axis"), "m", "sensor position, reference axes"),
+    "sensor_rotation": Variable(("sensor", "quaternion"), "1", "rotation from sensor to body axes"),
+}
+MOTION = {
+    "time": Variable(("time",), "s", "time"),
+    "position": Variable(("time", "node", "axis"), "m", "measured position, world axes"),
+    "center": Variable(("time", "axis"), "m", "measured mass center, world axes"),
+    "orientation": Variable(("time", "quaternion"), "1", "measured orientation, body to world"),
+    "specific_force": Variable(("time", "sensor", "axis"), "m s-2", "specific force, sensor axes"),
+    "angular_velocity": Variable(("time", "sensor", "axis"), "rad s-1", "angular velocity, sensor axes"),
+    "strain": Variable(("time", "gauge"), "1", "strain"),
+}
+ESTIMATE = {
+    "time": Variable(("time",), "s", "time"),
+    "force": Variable(("time", "axis"), "N", "applied force, weight excluded, world axes"),
+    "moment": Variable(("time", "axis"), "N m", "applied moment, weight excluded, world axes"),
+    "force_std": Variable(("time", "axis"), "N", "standard deviation of the force"),
+    "moment_std": Variable(("time", "axis"), "N m", "standard deviation of the moment"),
+    "wrench_cov": Variable(
+        ("time", "wrench", "wrench_2"),
+        "N2",
+        "covariance of the wrench, force then moment: blocks in N2, N2 m and N2 m2",
+    ),
+    "center": Variable(("time", "axis"), "m", "mass center, world axes"),
+    "velocity": Variable(("time", "axis"), "m s-1", "velocity of the mass center, world axes"),
+    "orientation": Variable(("time", "quaternion"), "1", "mean orientation, body to world"),
+    "angular_velocity": Variable(("time", "axis"), "rad s-1", "mean angular velocity, world axes"),
+    "angular_momentum": Variable(
+        ("time", "axis"), "kg m2 s-1", "angular momentum about the mass center, world axes"
+    ),
+    "mode_amplitude": Variable(("time", "mode"), "m", "amplitude of the deformation modes"),
+    "stretch": Variable(("time", "axis", "axis_2"), "1", "right stretch of the affine body, body axes"),
+    "deformation": Variable(("time", "node", "axis"), "m", "displacement from the mean shape, body axes"),
+    "mean_shape": Variable(("node", "axis"), "m", "mean shape, body axes, about the mass center"),
+    "nis": Variable(("time",), "1", "normalized innovation squared per degree of freedom"),
+    "innovation": Variable(("time", "channel"), "1", "whitened innovation"),
+}
+# A netCDF variable may not share its name with one of its own two dimensions: the loads run along load_name.
+LOAD = {
+    "load": Variable(("time", "load_name"), "N", "applied load (N, or N m where the load is a moment)"),
+    "load_cov": Variable(("time", "load_name", "load_name_2"), "N2", "covariance of the loads"),
+    "null_space": Variable(("load_name", "null"), "1", "load patterns that leave no trace in the motion"),
+    "estimable": Variable(("functional", "load_name"), "1", "combinations of loads that are determined"),
+    "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
+}
+TRUTH = ESTIMATE | {"load": LOAD["load"]}
+ESTIMATE_ATTRS = ("method", "model", "engine", "log_likelihood", "moment_about", "runtime_s")
+LABELS = {
+    "axis": ("x", "y", "z"),
+    "quaternion": ("x", "y", "z", "w"),
+    "wrench": ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"),
+}
+
+
+def fields(
+    table: Mapping[str, Variable],
+    values: Mapping[str, Any],
+    labels: Mapping[str, tuple[str, ...]] | None = None,
+    attrs: Mapping[str, dict[str, Any]] | None = None,
+) -> dict[str, Field]:
+    """The values that are there (not None, not empty) as fields of `table`, after their coordinates."""
+    coordinates: dict[str, Field] = {}
+    variables: dict[str, Field] = {}
+    known = LABELS | dict(labels or {})
+    for name, value in values.items():
+        if value is None:
+            continue
+        if name not in table:
+            raise DataError(f"is no variable of the contract; known are {', '.join(table)}", f"/{name}")
+        spec, data = table[name], np.asarray(value, float)
+        if data.ndim != len(spec.dims):
+            raise DataError(f"has shape {data.shape}, expected {spec.dims}", f"/{name}")
+        if data.size == 0:
+            continue
+        describe = {"units": spec.units, "long_name": spec.long_name, **(attrs or {}).get(name, {})}
+        variables[name] = Field(spec.dims, data, describe)
+        for dim in spec.dims:
+            if dim in known:
+                text = np.array(known[dim], dtype=str)
+                coordinates[dim] = Field((dim,), text, {"long_name": f"name of the {dim.replace('_', ' ')}"})
+    return coordinates | variables
+
+
+def root_attrs(title: str, history: str, **more: Any) -> dict[str, Any]:
+    """Attributes of `/` that motion and result files share."""
+    return {"Conventions": CONVENTIONS, "title": title, "history": history, **more}
+
+
+def motion_groups(recording: Recording) -> dict[str, Group]:
+    """A recording as the groups of a motion file; the truth gets the time of the motion if it has none."""
+    body, motion = recording.body, recording.motion
+    node = {"node": body.node} if body.node else {}
+    noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
+    groups = {
+        "/": Group(
+            {}, root_attrs(recording.title, recording.history, forceid_schema=SCHEMA, source=recording.source)
+        ),
+        "body": Group(fields(BODY, {name: getattr(body, name) for name in BODY}, node)),
+        "motion": Group(
+            fields(MOTION, {name: getattr(motion, name) for name in MOTION}, node, noise),
+            {"gravity": np.asarray(motion.gravity, float)},
+        ),
+    }
+    return groups | truth_group(recording)
+
+
+def truth_group(recording: Recording) -> dict[str, Group]:
+    """The group /truth of a recording, or nothing."""
+    if not recording.truth:
+        return {}
+    node = {"node": recording.body.node} if recording.body.node else {}
+    return {"truth": Group(fields(TRUTH, {"time": recording.motion.time, **recording.truth}, node))}
+
+
+def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> dict[str, Group]:
+    """An estimate as the groups of a result file, with title, history and truth of its recording."""
+    node = {"node": estimate.node} if estimate.node else {}
+    line = f"forceid {__version__} estimate --method {estimate.method} --model {estimate.model}"
+    history = "\n".join(filter(None, (recording.history if recording else "", line)))
+    root = root_attrs(
+        recording.title if recording else "",
+        history,
+        forceid_version=__version__,
+        config=estimate.settings,
+        input_sha256=estimate.input_sha256,
+    )
+    groups = {
+        "/": Group({}, root),
+        "estimate": Group(
+            fields(ESTIMATE, {name: getattr(estimate, name) for name in ESTIMATE}, node),
+            {
+                **{name: getattr(estimate, name) for name in ESTIMATE_ATTRS},
+                "verdict": estimate.verdict.level,
+                "reasons": "\n".join(estimate.verdict.reasons),
+                **{f"tuned_{name}": float(value) for name, value in estimate.tuned.items()},
+            },
+        ),
+    }
+    if estimate.loads is not None:
+        groups["load"] = load_group(estimate.time, estimate.loads)
+    return groups | (truth_group(recording) if recording else {})
+
+
+def load_group(time: Array, loads: Loads) -> Group:
+    """The group /load of a result file."""
+    values = {"time": time} | {name: getattr(loads, name) for name in LOAD}
+    table = {"time": ESTIMATE["time"]} | LOAD
+    return Group(fields(table, values, {"load_name": loads.name}), {"dof": loads.dof})
+
+
+def hash_arrays(groups: Mapping[str, Group]) -> str:
+    """SHA-256 over variables and attributes of every group but the root: the identity of data in no file."""
+    digest = hashlib.sha256()
+    for group, content in sorted(groups.items()):
+        if group == "/":
+            continue
+        digest.update(f"{group}{sorted(content.attrs.items())}".encode())
+        for name, item in sorted(content.variables.items()):
+            digest.update(f"/{name}{item.data.shape}{sorted(item.attrs.items())}".encode())
+            digest.update(np.ascontiguousarray(item.data).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,108 @@
+"""Bodies of markers: mass points at fixed combinations of markers, their mass and reference shape."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.errors import ConfigError, DataError
+from forceid.import_settings import ImportSettings
+from forceid.records import Array, Body
+
+_MASS_LOST = 5e-3  # of the total mass: published tables are rounded, forgotten segments are not that small
+
+
+@dataclass(frozen=True)
+class Points:
+    """Tracked points: name, position (time, node, 3) m, mass (node,) kg where the settings give it."""
+
+    name: tuple[str, ...]
+    position: Array
+    mass: Array | None
+
+
+def mass_points(name: tuple[str, ...], position: Array, settings: ImportSettings, where: str) -> Points:
+    """The nodes of the body: the mass points of the segments, or the markers themselves where there are none.
+
+    A mass point is NaN in a frame where one of its markers is. A marker that [import.body] mass does not
+    name carries none. ConfigError: an unknown marker, or masses that do not add up to total_mass.
+    """
+    body = settings.body
+    if not settings.segment:
+        for marker in body.mass:
+            known_name(marker, name, "[import.body] mass")
+        return Points(name, position, np.array([body.mass.get(n, 0.0) for n in name]) if body.mass else None)
+    weight = np.zeros((len(settings.segment), len(name)))
+    mass = np.zeros(len(settings.segment))
+    for k, segment in enumerate(settings.segment):
+        for marker, share in segment.markers.items():
+            weight[k, known_name(marker, name, f"{where}: segment {segment.name}")] = share
+        if segment.mass_fraction is not None and body.total_mass is None:
+            what = f"segment {segment.name} has a mass_fraction, expected total_mass beside it"
+            raise ConfigError(what, "[import.body]:", "add total_mass (kg)")
+        mass[k] = (segment.mass_fraction or 0.0) * (body.total_mass or 0.0) + (segment.mass or 0.0)
+    if body.total_mass is not None and abs(mass.sum() / body.total_mass - 1) > _MASS_LOST:
+        what = f"segments add up to {mass.sum():.5g} kg, expected total_mass {body.total_mass:.5g} kg"
+        raise ConfigError(what, "[import.segment]:", "complete the segment table, or correct total_mass")
+    # one product a segment: in a common one, 0 times NaN would spread the gaps of the others
+    points = np.stack([np.einsum("n,tni->ti", w[w != 0], position[:, w != 0]) for w in weight], 1)
+    return Points(tuple(segment.name for segment in settings.segment), points, mass)
+
+
+def build_body(settings: ImportSettings, points: Points | None, sensors: Iterable[str], where: str) -> Body:
+    """The body of the settings; its shape is theirs, or else the first frame that shows all nodes."""
+    given = settings.body
+    rigid = points is None or points.mass is None
+    node = tuple(given.position) if points is None else points.name
+    position = np.array([given.position[n] for n in node]) if node and given.position else None
+    if points is not None:
+        if given.position and (lacking := set(points.name) - set(given.position)):
+            raise ConfigError(
+                f"lacks {min(lacking)!r}", "[import.body] position:", "give every node its place"
+            )
+        if rigid and not given.position:
+            what = "has no position of the markers, expected one in the axes of mass_center and inertia"
+            raise ConfigError(what, "[import.body]:", "add position, or the mass of every marker")
+        position = first_complete(points.position, where) if position is None else position
+    inertia = None if given.inertia is None else np.array(given.inertia, float)
+    names = tuple(sensors)
+    return Body(
+        node=node,
+        position=position,
+        mass=None if points is None else points.mass,
+        total_mass=given.total_mass if rigid else None,
+        mass_center=np.array(given.mass_center) if rigid and given.total_mass else None,
+        inertia=inertia if rigid else None,
+        sensor_position=rows(given.sensor_position, names, "sensor_position"),
+        sensor_rotation=rows(given.sensor_rotation, names, "sensor_rotation"),
+    )
+
+
+def first_complete(position: Array, where: str) -> Array:
+    """The first frame (node, 3) in which every node is seen. DataError: there is none."""
+    complete = np.isfinite(position).all((1, 2))
+    if not complete.any():
+        what = "has no frame that shows every node, expected one for the reference shape"
+        raise DataError(what, where, "give [import.body] position, or leave the lost node out")
+    first: Array = position[np.argmax(complete)]
+    return first
+
+
+def rows(table: Mapping[str, tuple[float, ...]], names: tuple[str, ...], key: str) -> Array | None:
+    """The rows of a table in the order of `names`; None when the table is empty."""
+    if not table:
+        return None
+    if lacking := [name for name in names if name not in table]:
+        raise ConfigError(f"lacks {lacking[0]!r}", f"[import.body] {key}:", "give every sensor its own")
+    return np.array([table[name] for name in names], float)
+
+
+def known_name(name: str, known: tuple[str, ...], where: str) -> int:
+    """The index of a name. ConfigError: it is unknown; names the nearest known one."""
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+        raise ConfigError(f"unknown name {name!r}", where, f"did you mean {near[0]!r}?" if near else "")
+    return known.index(name)

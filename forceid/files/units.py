@@ -1,0 +1,111 @@
+"""Units of a variable to SI: products of powers such as "mm", "deg/s", "kg m2" or "m s-2"."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import lru_cache
+
+from forceid.errors import DataError
+
+Dimension = tuple[int, int, int, int]  # powers of meter, kilogram, second, radian
+
+_NONE: Dimension = (0, 0, 0, 0)
+_BASE: dict[str, tuple[float, Dimension]] = {
+    "m": (1.0, (1, 0, 0, 0)),
+    "g": (1e-3, (0, 1, 0, 0)),
+    "s": (1.0, (0, 0, 1, 0)),
+    "N": (1.0, (1, 1, -2, 0)),
+    "Hz": (2 * math.pi, (0, 0, -1, 1)),  # cycles, so that Hz, rpm and rad/s convert into each other
+    "rad": (1.0, (0, 0, 0, 1)),
+}
+_OTHER: dict[str, tuple[float, Dimension]] = {
+    "in": (0.0254, (1, 0, 0, 0)),
+    "ft": (0.3048, (1, 0, 0, 0)),
+    "lb": (0.45359237, (0, 1, 0, 0)),
+    "min": (60.0, (0, 0, 1, 0)),
+    "g0": (9.80665, (1, 0, -2, 0)),
+    "deg": (math.pi / 180, (0, 0, 0, 1)),
+    "rev": (2 * math.pi, (0, 0, 0, 1)),
+    "rpm": (2 * math.pi / 60, (0, 0, -1, 1)),
+    "%": (0.01, _NONE),
+}
+_PREFIX = {"k": 1e3, "M": 1e6, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
+_NAME = {
+    "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm", "centimeter": "cm",
+    "centimetre": "cm", "inch": "in", "foot": "ft", "feet": "ft", "gram": "g", "kilogram": "kg",
+    "pound": "lb", "second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "newton": "N",
+    "hertz": "Hz", "radian": "rad", "degree": "deg", "revolution": "rev", "percent": "%",
+    "gn": "g0", "standard_gravity": "g0", "dimensionless": "1", "none": "1",
+}  # fmt: skip
+_SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-**")
+
+
+def si_factor(found: str, expected: str, where: str = "") -> float:
+    """The number that turns values in `found` into values in `expected`, both written as products of powers.
+
+    Powers are `m2`, `m^2` or `m**2`; factors are separated by a space, `*` or `/` (which divides by the next
+    factor only). An angle is a dimension of its own, so that rad/s, deg/s, rpm and Hz convert into each
+    other. `g` is the gram; standard gravity is `g0`. DataError: not convertible.
+
+    >>> si_factor("mm", "m"), si_factor("g mm^2", "kg m2"), si_factor("N/mm", "N m-1")
+    (0.001, 1e-09, 1000.0)
+    >>> si_factor("g", "m s-2", "a.h5:/motion/specific_force")
+    Traceback (most recent call last):
+    forceid.errors.DataError: a.h5:/motion/specific_force has units 'g', expected 'm s-2'; 'g' is the gram: \
+for standard gravity write 'g0' (9.80665 m s-2)
+    """
+    if found.strip() == expected:
+        return 1.0
+    try:
+        (a, dimension), (b, wanted) = parse(found), parse(expected)
+    except KeyError as e:
+        raise DataError(
+            f"has units {found!r}, expected {expected!r}",
+            where,
+            f"{e.args[0]!r} is no known unit: write the units as in 'm', 'mm', 'deg/s'",
+        ) from e
+    if dimension == wanted:
+        return float(f"{a / b:.15g}")  # 1e-3 / 1e3 is 1e-6, not 1.0000000000000002e-6
+    hint = f"convert it to {expected!r} or correct the attribute 'units'"
+    if found.strip() == "g" and wanted == _OTHER["g0"][1]:
+        hint = "'g' is the gram: for standard gravity write 'g0' (9.80665 m s-2)"
+    raise DataError(f"has units {found!r}, expected {expected!r}", where, hint)
+
+
+@lru_cache(maxsize=256)
+def parse(text: str) -> tuple[float, Dimension]:
+    """Factor to SI and dimension of a unit; KeyError holds the part that is not known.
+
+    >>> parse("deg/s")[1]
+    (0, 0, -1, 1)
+    """
+    factor, power = 1.0, list(_NONE)
+    tokens = re.findall(r"/|[^\s*/]+", text.translate(_SUPERSCRIPT).replace("**", "^"))
+    sign = 1
+    for token in tokens:
+        if token == "/":
+            sign = -1
+            continue
+        scale, dimension, exponent = _atom(token)
+        factor *= scale ** (sign * exponent)
+        power = [p + sign * exponent * d for p, d in zip(power, dimension, strict=True)]
+        sign = 1
+    return factor, (power[0], power[1], power[2], power[3])
+
+
+def _atom(token: str) -> tuple[float, Dimension, int]:
+    if re.fullmatch(r"\d+(\.\d*)?([eE][+-]?\d+)?", token) and float(token) > 0:
+        return float(token), _NONE, 1
+    symbol, exponent = token, 1
+    if token not in _OTHER and (m := re.fullmatch(r"(.*?)\^?([+-]?\d+)", token)):
+        symbol, exponent = m[1], int(m[2])
+    name = symbol.lower().removesuffix("s") if len(symbol) > 2 else symbol
+    symbol = _NAME.get(symbol.lower(), _NAME.get(name, symbol))
+    if symbol == "1":
+        return 1.0, _NONE, 1
+    if (known := _BASE.get(symbol) or _OTHER.get(symbol)) is not None:
+        return *known, exponent
+    if symbol[:1] in _PREFIX and (base := _BASE.get(symbol[1:])) is not None:
+        return _PREFIX[symbol[0]] * base[0], base[1], exponent
+    raise KeyError(token)

@@ -1,0 +1,205 @@
+"""What the values of a recording must satisfy, whatever format they came from."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.records import Array, Body, Motion, Recording
+
+_SYMMETRY = 1e-6  # of the largest entry: float32 matrices pass
+
+
+def check_recording(recording: Recording, where: str = "") -> None:
+    """DataError, one line with variable and next step, for the first value that no estimate could rest on.
+
+    `where` names the file; variables are appended as in `toss.h5:/motion/time`. NaN is a gap in a measured
+    variable and an error everywhere else.
+    """
+    body, motion = recording.body, recording.motion
+    check_clock(motion.time, f"{where}:/motion/time")
+    check_body(body, f"{where}:/body")
+    check_motion(motion, body, f"{where}:/motion")
+    for name, values in recording.truth.items():
+        if name == "time":
+            check_clock(values, f"{where}:/truth/time")
+        elif len(values) != len(recording.truth.get("time", motion.time)):
+            raise DataError(
+                f"has {len(values)} rows, expected one per time",
+                f"{where}:/truth/{name}",
+                "give /truth its own variable time",
+            )
+
+
+def check_clock(time: Array, where: str) -> None:
+    """Times are finite, at least three, and strictly increasing."""
+    if len(time) < 3:
+        raise DataError(
+            f"has {len(time)} samples, expected at least 3", where, "an acceleration needs three times"
+        )
+    if not np.isfinite(time).all():
+        bad = np.flatnonzero(~np.isfinite(time))
+        raise DataError(
+            f"holds {len(bad)} times that are not finite, first at index {bad[0]}, expected none",
+            where,
+            "restore the clock or drop those rows",
+        )
+    step = np.diff(time)
+    if (step <= 0).any():
+        k = int(np.argmax(step <= 0))
+        raise DataError(
+            f"goes from {time[k]:.9g} to {time[k + 1]:.9g} s at index {k + 1}, expected strictly "
+            "increasing times",
+            where,
+            "sort the rows and drop repeated ones",
+        )
+
+
+def check_body(body: Body, where: str) -> None:
+    """Finite body data, mass that is positive, symmetric matrices."""
+    for name, value in vars(body).items():
+        if name != "node" and value is not None and not np.isfinite(value).all():
+            raise DataError(
+                f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none",
+                f"{where}/{name}",
+                "body data has no gaps: give every value",
+            )
+    if repeated := [name for name, count in Counter(body.node).items() if count > 1]:
+        raise DataError(
+            f"names {repeated[0]!r} more than once", f"{where}/node", "give every node its own name"
+        )
+    if body.mass is not None:
+        if (body.mass < 0).any():
+            k = int(np.argmin(body.mass))
+            raise DataError(
+                f"is {body.mass[k]:g} kg at node {name_of(body, k)}, expected zero or more",
+                f"{where}/mass",
+                "correct it; a marker that carries no mass has 0",
+            )
+        _check_positive(float(body.mass.sum()), f"{where}/mass", "total mass")
+    if body.mass_matrix is not None:
+        check_symmetric(body.mass_matrix, f"{where}/mass_matrix")
+        total = float(body.mass_matrix[::3, ::3].sum())
+        _check_positive(total, f"{where}/mass_matrix", "total mass along x")
+    if body.stiffness is not None:
+        check_symmetric(body.stiffness, f"{where}/stiffness")
+    if body.total_mass is not None:
+        _check_positive(body.total_mass, f"{where}/total_mass", "total mass")
+    if body.inertia is not None:
+        check_symmetric(body.inertia, f"{where}/inertia")
+        low, *_, high = np.linalg.eigvalsh(body.inertia)
+        if low < -_SYMMETRY * max(high, 0.0):
+            raise DataError(
+                f"has principal moment {low:.3g} kg m2, expected none below zero",
+                f"{where}/inertia",
+                "give the tensor, its products of inertia with the minus sign",
+            )
+    check_mass_known(body, where)
+    if body.mode_frequency is not None and (body.mode_frequency < 0).any():
+        raise DataError(
+            f"is {body.mode_frequency.min():g} Hz, expected zero or more",
+            f"{where}/mode_frequency",
+            "correct the frequency",
+        )
+
+
+def check_mass_known(body: Body, where: str) -> None:
+    """The mass is given node by node, as a matrix, or as a rigid whole."""
+    if body.mass is not None or body.mass_matrix is not None:
+        return
+    missing = [name for name in ("total_mass", "mass_center", "inertia") if getattr(body, name) is None]
+    if len(missing) == 3:
+        raise DataError(
+            "holds no mass, expected `mass`, `mass_matrix`, or `total_mass` with `mass_center` and `inertia`",
+            where,
+            "add one of them",
+        )
+    if missing:
+        raise DataError(
+            f"lacks {' and '.join(missing)}, expected with the rest of the rigid body",
+            where,
+            f"add {missing[0]}, or give the mass of every node",
+        )
+
+
+def check_motion(motion: Motion, body: Body, where: str) -> None:
+    """Something was measured, gravity is three numbers, noise is positive, rotations have unit norm."""
+    if motion.gravity.shape != (3,) or not np.isfinite(motion.gravity).all():
+        raise DataError(
+            f"has gravity {motion.gravity.tolist()}, expected three finite numbers in m s-2",
+            where,
+            "set the attribute gravity, for example 0, 0, -9.81",
+        )
+    for name, std in motion.noise_std.items():
+        if not (np.isfinite(std) and std > 0):
+            raise DataError(
+                f"has noise_std {std:g}, expected a positive number",
+                f"{where}/{name}",
+                "correct the attribute, or leave it out and it is estimated",
+            )
+    for name in ("position", "center", "orientation", "specific_force", "angular_velocity", "strain"):
+        value = getattr(motion, name)
+        if value is not None and np.isinf(value).any():
+            raise DataError(
+                f"holds {np.isinf(value).sum()} infinite values, expected finite ones or NaN",
+                f"{where}/{name}",
+                "write NaN where nothing was measured",
+            )
+    for name in ("position", "center"):
+        value = getattr(motion, name)
+        if value is not None and np.isnan(value).all():
+            raise DataError(
+                "holds nothing but NaN: every marker is lost in every frame",
+                f"{where}/{name}",
+                "check the export of the tracking system",
+            )
+    if (motion.center is None) != (motion.orientation is None):
+        have, lack = ("center", "orientation") if motion.orientation is None else ("orientation", "center")
+        raise DataError(
+            f"is missing, expected beside {have}", f"{where}/{lack}", f"add {lack}: the mean motion is both"
+        )
+    if motion.position is not None and body.position is None:
+        raise DataError(
+            "is missing, expected the reference shape of the nodes",
+            f"{where[:-6]}body/position",
+            "add the position of every node, for example from a frame that shows all",
+        )
+    if motion.orientation is not None:
+        check_quaternions(motion.orientation, f"{where}/orientation")
+
+
+def check_quaternions(q: Array, where: str) -> None:
+    """Norms within 1 % of one; NaN is a gap."""
+    norm = np.linalg.norm(q, axis=-1)
+    far = np.abs(norm - 1) > 0.01
+    if far.any():
+        k = int(np.argmax(far))
+        raise DataError(
+            f"has {far.sum()} quaternions off unit norm, the first at index {k} with norm {norm[k]:.4g}, "
+            "expected 1",
+            where,
+            "write unit quaternions x, y, z, w, and NaN for gaps",
+        )
+
+
+def check_symmetric(matrix: Array, where: str) -> None:
+    """Symmetric to 1e-6 of the largest entry."""
+    error, scale = np.abs(matrix - matrix.T).max(initial=0.0), np.abs(matrix).max(initial=0.0)
+    if error > _SYMMETRY * scale:
+        raise DataError(
+            f"is not symmetric: entries differ by {error:.3g} across the diagonal, expected equal",
+            where,
+            "give the symmetric matrix",
+        )
+
+
+def name_of(body: Body, k: int) -> str:
+    """The name of node k, or its number when the nodes have no names."""
+    return repr(body.node[k]) if body.node else str(k)
+
+
+def _check_positive(mass: float, where: str, what: str) -> None:
+    if mass <= 0:
+        raise DataError(f"has {what} {mass:g} kg, expected more than zero", where, "give the masses in kg")

@@ -1,0 +1,122 @@
+"""Import settings: the [import] table, which says what the columns and markers of a source mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from forceid.config import Section, Vector, read_toml, validate
+from forceid.errors import ConfigError
+
+Columns = tuple[str, str, str]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class CsvSetting(Section):
+    """Which columns of a CSV file hold what.
+
+    position and the sensors map a node or sensor name to its three columns. orientation lists the columns in
+    the order x, y, z, w, body to world. units by variable, SI where not stated. group: the column whose
+    values part the file into recordings; select keeps those named.
+    """
+
+    time: str
+    position: dict[str, Columns] = Field(default_factory=dict)
+    center: Columns | None = None
+    orientation: tuple[str, str, str, str] | None = None
+    specific_force: dict[str, Columns] = Field(default_factory=dict)
+    angular_velocity: dict[str, Columns] = Field(default_factory=dict)
+    strain: tuple[str, ...] = ()
+    units: dict[str, str] = Field(default_factory=dict)
+    delimiter: str = Field(default=",", min_length=1, max_length=1)
+    group: str | None = None
+    select: str | float | tuple[str | float, ...] = ()
+
+
+class SegmentSetting(Section):
+    """A mass point at a fixed combination of markers; the weights add up to one.
+
+    mass in kg, or mass_fraction of `total_mass` in [import.body].
+    """
+
+    name: str
+    markers: dict[str, float] = Field(min_length=1)
+    mass: float | None = Field(default=None, ge=0)
+    mass_fraction: float | None = Field(default=None, ge=0)
+
+    @model_validator(mode="after")
+    def _check(self) -> SegmentSetting:
+        if abs(total := sum(self.markers.values()) - 1.0) > 1e-6:
+            raise ValueError(f"segment {self.name}: marker weights add up to {total + 1:g}, expected 1")
+        if (self.mass is None) == (self.mass_fraction is None):
+            raise ValueError(f"segment {self.name}: give either mass or mass_fraction")
+        return self
+
+
+class BodySetting(Section):
+    """Mass and shape, as in /body of a motion file; position and mass by node name."""
+
+    total_mass: float | None = Field(default=None, gt=0)
+    mass_center: Vector = (0.0, 0.0, 0.0)
+    inertia: Matrix | None = None
+    position: dict[str, Vector] = Field(default_factory=dict)
+    mass: dict[str, float] = Field(default_factory=dict)
+    sensor_position: dict[str, Vector] = Field(default_factory=dict)
+    sensor_rotation: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
+
+
+class UntilSetting(Section):
+    """Keep the rows before the lowest point of the body comes within `clearance` (m) of a plane.
+
+    The plane is where the world coordinate `axis` equals `height` (m).
+    """
+
+    clearance: float
+    axis: str = Field(default="z", pattern="^[xyz]$")
+    height: float = 0.0
+
+
+class PlateSetting(Section):
+    """Columns of force plates in a MOT file: prefixes that x, y, z complete; {plate} is one of `plate`."""
+
+    plate: tuple[str, ...] = ("1",)
+    force: str = "ground_force_{plate}_v"
+    point: str = "ground_force_{plate}_p"
+    moment: str = "ground_force_{plate}_m"
+
+
+class ImportSettings(Section):
+    """How a source becomes a recording. gravity (m/s2, world axes) is asked for: it is never assumed.
+
+    start and stop (s) keep a window of time, both ends included. noise_std by variable of /motion, SI.
+    """
+
+    gravity: Vector
+    title: str = ""
+    source: str = ""
+    start: float | None = None
+    stop: float | None = None
+    noise_std: dict[str, float] = Field(default_factory=dict)
+    csv: CsvSetting | None = None
+    body: BodySetting = BodySetting()
+    segment: tuple[SegmentSetting, ...] = ()
+    until: UntilSetting | None = None
+    plates: PlateSetting | None = None
+
+
+def load_import_settings(path: str | Path | None) -> ImportSettings:
+    """The [import] table of a TOML file. ConfigError: no file, no such table, or a key that is wrong.
+
+    >>> load_import_settings(None)
+    Traceback (most recent call last):
+    forceid.errors.ConfigError: import: has no configuration, expected one that says mass and gravity; \
+give it with -c, and start from one of config/
+    """
+    if path is None:
+        what = "has no configuration, expected one that says mass and gravity"
+        raise ConfigError(what, "import:", "give it with -c, and start from one of config/")
+    table = read_toml(path)
+    if "import" not in table:
+        raise ConfigError("has no table [import]", str(path), "add it, starting from one of config/")
+    return validate(ImportSettings, table["import"], f"{path}: [import]")

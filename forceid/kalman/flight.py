@@ -1,0 +1,258 @@
+"""Smoothing of a free flight: poses in, force and moment out, with angular momentum as the state.
+
+State, world axes: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the
+mass center, moment chain. Only the rotation is nonlinear. It is linearized about a reference,
+R = exp([theta]x) R_ref (error on the left), and the linear smoother is run again until the reference
+stands still: Gauss-Newton on SO(3), whose fixed point is the most probable flight. Source: principal
+equations 4b, 4d, 4f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation, Slerp
+
+from forceid.errors import EstimationError
+from forceid.kalman.linear import Filtered, Smoothed, StateSpace
+from forceid.kalman.process import Process, discretize
+from forceid.kalman.tuning import Start, Tuned, load_chain
+from forceid.motion.pose import exp, log
+from forceid.principal.operator import cross_matrix as skew
+from forceid.records import Array
+
+SUBSTEP = 0.1  # rad that one integration step may turn
+ITERATIONS = 12
+STANDSTILL = 1e-7  # rad
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What is seen of a flight, and the inertia it moves with.
+
+    time (time,) s; center (time, 3) m and rotation (time, 3, 3) body to world, NaN where not seen; pose_cov
+    (time, 6, 6), center first, world axes, rotation as a left error (rad); mass kg; inertia (time, 3, 3)
+    kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
+    body axes and about the mass center; gravity (3,) m/s2.
+    """
+
+    time: Array
+    center: Array
+    rotation: Array
+    pose_cov: Array
+    mass: float
+    inertia: Array
+    h: Array
+    gravity: Array
+
+
+@dataclass(frozen=True)
+class LoadPrior:
+    """A tuned Matern prior along three axes (columns of `axes`, world), and how unknown its start is."""
+
+    tuned: Tuned
+    axes: Array
+    start: Start
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0."""
+
+    rotation: Array
+    chain: Array
+
+
+def world_chain(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
+    """F, Q (time - 1, state, state) and P0 of the chain of one load, three world components per order."""
+    chain = load_chain(prior.tuned.order, prior.tuned.std, prior.tuned.rate, prior.start)
+    unique, which = np.unique(np.round(step, 12), return_inverse=True)
+    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
+
+    def to_world(a: Array) -> Array:
+        turned = np.einsum("ai,...ijl,bi->...jalb", prior.axes, a, prior.axes)
+        return turned.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1])
+
+    return to_world(F)[which], to_world(Q)[which], to_world(chain.P0)
+
+
+def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
+    """Linear model of the mass center under force and weight: c' = P / m, P' = F + m g."""
+    step = np.diff(flight.time)
+    F, Q, P0 = world_chain(prior, step)
+    scale = np.ones(len(P0))
+    scale[:3] = 1 / flight.mass  # the chain holds m c
+    F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
+    u = np.zeros((len(step), len(P0)))
+    u[:, :3] = 0.5 * step[:, None] ** 2 * flight.gravity
+    u[:, 3:6] = flight.mass * step[:, None] * flight.gravity
+    x0 = np.zeros(len(P0))
+    x0[:3] = flight.center[np.isfinite(flight.center).all(1)][0]
+    return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, :3, :3], x0, P0, u)
+
+
+def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
+    """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
+
+    R' = [omega]x R with omega = J^-1 (H - h) by Runge-Kutta-Munthe-Kaas of order 4; d theta / d theta from
+    theta' = J^-1 [H]x theta + J^-1 delta H, and d theta / d H over the step (time - 1, 3, 3).
+    """
+    time, step = flight.time, np.diff(flight.time)
+    J_of, h_of = CubicSpline(time, flight.inertia), CubicSpline(time, flight.h)
+    H, T, dT = moments(reference.chain[:-1])
+    R = reference.rotation[:-1]
+
+    def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
+        H_s = H + T * s[:, None] + 0.5 * dT * s[:, None] ** 2
+        J_inv = np.linalg.inv(R @ J_of(time[:-1] + s) @ R.swapaxes(1, 2))
+        h = (R @ h_of(time[:-1] + s)[..., None])[..., 0]
+        return np.einsum("tij,tj->ti", J_inv, H_s - h), J_inv, H_s
+
+    turned = np.linalg.norm(omega(R, 0 * step)[0], axis=1) * step
+    n = int(np.ceil(turned.max() / SUBSTEP))
+    h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((len(step), 3, 3))
+    for i in range(n):
+        s, hv = i * h, h[:, None]
+        k1, _, _ = omega(R, s)
+        k2 = bend(0.5 * hv * k1, omega(exp(0.5 * hv * k1) @ R, s + 0.5 * h)[0])
+        w, J_inv, H_s = omega(exp(0.5 * hv * k2) @ R, s + 0.5 * h)
+        k3 = bend(0.5 * hv * k2, w)
+        k4 = bend(hv * k3, omega(exp(hv * k3) @ R, s + h)[0])
+        R = exp(hv / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
+        a = J_inv @ skew(H_s) * h[:, None, None]
+        half, whole = np.eye(3) + 0.5 * a + a @ a / 8, np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
+        d_theta, d_H = whole @ d_theta, whole @ d_H + half @ J_inv * h[:, None, None]
+    return R, d_theta, d_H
+
+
+def bend(phi: Array, omega: Array) -> Array:
+    """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
+    return omega - 0.5 * np.cross(phi, omega) + np.cross(phi, np.cross(phi, omega)) / 12
+
+
+def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
+    """Linear model of the rotation error and the angular momentum about a reference."""
+    step = np.diff(flight.time)
+    F, Q, P0 = world_chain(prior, step)
+    R, d_theta, d_H = turn(flight, reference)
+    # the chain's first state is the integral of H; the rotation turns by J^-1 times it
+    B = d_H / step[:, None, None]
+    F[:, :3, 3:] = B @ F[:, :3, 3:]
+    F[:, :3, :3] = d_theta
+    Q[:, :3] = B @ Q[:, :3]
+    Q[:, :, :3] = Q[:, :, :3] @ B.swapaxes(1, 2)
+    P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
+    u = np.zeros((len(step), len(P0)))
+    defect = log(R @ reference.rotation[1:].swapaxes(1, 2))
+    u[:, :3] = defect - np.einsum("tij,tj->ti", F[:, :3], reference.chain[:-1])
+    return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)
+
+
+def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
+    """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
+    n, m = len(a.x0), len(b.x0)
+    F, Q = (np.zeros((len(a.F), n + m, n + m)) for _ in range(2))
+    for wide, left, right in ((F, a.F, b.F), (Q, a.Q, b.Q)):
+        wide[:, :n, :n], wide[:, n:, n:] = left, right
+    u = np.concatenate([np.broadcast_to(s.u, (len(F), len(s.x0))) for s in (a, b)], 1)  # type: ignore[arg-type]
+    H, P0 = block_diag(a.H, b.H), block_diag(a.P0, b.P0)
+    return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)
+
+
+@dataclass(frozen=True)
+class FlightState:
+    """A smoothed (or filtered) flight, world axes: wrench with covariance, mean motion, innovations.
+
+    center, velocity, force, moment, H, omega (time, 3); rotation (time, 3, 3); wrench_cov, pose_cov
+    (time, 6, 6); innovation (time, channel) whitened, nis (time,).
+    """
+
+    center: Array
+    velocity: Array
+    rotation: Array
+    H: Array
+    omega: Array
+    force: Array
+    moment: Array
+    wrench_cov: Array
+    pose_cov: Array
+    innovation: Array
+    nis: Array
+    log_likelihood: float
+
+
+def smooth_flight(
+    flight: Flight,
+    force: LoadPrior,
+    moment: LoadPrior,
+    smoother: Callable[[StateSpace, Array], Smoothed],
+    causal: bool = False,
+) -> FlightState:
+    """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
+
+    Raises EstimationError when the reference does not come to rest.
+    """
+    reference = first_reference(flight, moment)
+    free = translation(flight, force)
+    n = len(free.x0)
+    for _ in range(ITERATIONS):
+        model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
+        seen = np.isfinite(flight.rotation).all((1, 2))
+        theta = np.full((len(seen), 3), np.nan)
+        theta[seen] = log(flight.rotation[seen] @ reference.rotation[seen].swapaxes(1, 2))
+        path = smoother(model, np.concatenate([flight.center, theta], 1))
+        turned = path.x[:, n : n + 3]
+        previous = reference
+        reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]))
+        if np.abs(turned).max() < STANDSTILL:
+            return read(flight, previous, path.filtered if causal else path, path.filtered, n)
+    raise EstimationError(
+        f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",
+        "the smoother on rotations",
+        "raise the sample rate, or state a noise_std nearer to the truth",
+    )
+
+
+def read(flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int) -> FlightState:
+    """The physical quantities in the state of a path; its moment part starts at state n."""
+    x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation
+    H, T, _ = moments(x[:, n:])
+    read_out = np.zeros((6, x.shape[1]))
+    for row, start in ((0, 6), (3, n + 6)):
+        read_out[row : row + 3, start : start + 6] = np.tile(np.eye(3), 2)
+    pose = np.r_[0:3, n : n + 3]
+    h = (rot @ flight.h[..., None])[..., 0]
+    omega = np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0]
+    return FlightState(
+        x[:, :3], x[:, 3:6] / flight.mass, rot, H, omega, moments(x[:, :n])[1], T,
+        read_out @ path.P @ read_out.T, path.P[:, pose[:, None], pose], f.innovation, f.nis, f.log_likelihood,
+    )  # fmt: skip
+
+
+def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
+    """Measured rotations, bridged across gaps, with H from their differences and no moment."""
+    seen = np.isfinite(flight.rotation).all((1, 2))
+    time = flight.time
+    bridge = Slerp(time[seen], Rotation.from_matrix(flight.rotation[seen]))
+    rot = bridge(np.clip(time, *time[seen][[0, -1]])).as_matrix()
+    omega = log(rot[1:] @ rot[:-1].swapaxes(1, 2)) / np.diff(time)[:, None]
+    omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
+    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3)))
+    h = (rot @ flight.h[..., None])[..., 0]
+    chain[:, 3:6] = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
+    return Reference(rot, chain)
+
+
+def moments(chain: Array) -> tuple[Array, Array, Array]:
+    """Momentum, load and rate of the load (time, 3) in the states of a chain (time, state)."""
+    rate = chain[:, 12:15] if chain.shape[1] > 12 else np.zeros((len(chain), 3))
+    return chain[:, 3:6], chain[:, 6:9] + chain[:, 9:12], rate
+
+
+def at_rest(chain: Array) -> Array:
+    """The chain with its rotation error taken into the reference."""
+    return np.concatenate([np.zeros_like(chain[:, :3]), chain[:, 3:]], 1)

@@ -1,0 +1,160 @@
+"""Linear Gaussian filter, Rauch-Tung-Striebel smoother and likelihood: the plain numpy engine.
+
+x_{k+1} = F_k x_k + u_k + w_k, z_k = H_k x_k + n_k, cov w = Q_k, cov n = R_k. x0, P0 describe the state
+at the first sample, before that sample is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forceid.errors import EstimationError
+from forceid.records import Array
+
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """A linear Gaussian model; each matrix is constant, or carries a leading axis of time.
+
+    F, Q (state, state) lead from a sample to the next; H (channel, state), R (channel, channel);
+    x0 (state,), P0 (state, state); u (state,) or (time, state) is a known input of the step, or None.
+    Many models at once: F, Q, H, R (time or 1, model, ., .), u (time or 1, model, state), x0 (model, state),
+    P0 (model, state, state); every model then sees the same gaps.
+    """
+
+    F: Array
+    Q: Array
+    H: Array
+    R: Array
+    x0: Array
+    P0: Array
+    u: Array | None = None
+
+    def at(self, name: str, k: int) -> Array:
+        """Matrix `name` of sample (or step) k."""
+        a: Array = getattr(self, name)
+        if a.ndim == (1 if name == "u" else 2):
+            return a
+        return a[k] if len(a) > 1 else a[0]
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """What the filter knows: x, P after each sample, x_pred, P_pred before it.
+
+    innovation (time, channel): z - H x_pred whitened by its covariance, NaN where z is missing; nis (time,):
+    its mean square over the channels present, NaN where none is. log_likelihood: of all samples.
+    """
+
+    x: Array
+    P: Array
+    x_pred: Array
+    P_pred: Array
+    innovation: Array
+    nis: Array
+    log_likelihood: float
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """State x (time, state) with covariance P (time, state, state) given all samples, and the filter's."""
+
+    x: Array
+    P: Array
+    filtered: Filtered
+
+
+def filter(model: StateSpace, z: Array) -> Filtered:
+    """Kalman filter over z (time, channel) or (time,); NaN = missing.
+
+    >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
+    >>> float(filter(level, np.array([1.0, np.nan, 2.0])).x[0, 0])
+    0.5
+    """
+    z = as_channels(z)
+    T, n = len(z), len(model.x0)
+    x, P, x_pred, P_pred = (np.empty(s) for s in ((T, n), (T, n, n), (T, n), (T, n, n)))
+    innovation, total = np.full(z.shape, np.nan), 0.0
+    x_k, P_k = model.x0, model.P0
+    for k, seen in enumerate(np.isfinite(z)):
+        x_pred[k], P_pred[k] = x_k, P_k
+        if seen.any():
+            x_k, P_k, innovation[k, seen], gained = update(model, k, seen, x_k, P_k, z[k, seen])
+            total += float(gained)
+        x[k], P[k] = x_k, P_k
+        x_k, P_k = predict(model, k, x_k, P_k)
+    return Filtered(x, P, x_pred, P_pred, innovation, mean_square(innovation), total)
+
+
+def log_likelihood(model: StateSpace, z: Array) -> Array:
+    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel)."""
+    z = as_channels(z)
+    x, P, total = model.x0, model.P0, np.zeros(model.x0.shape[:-1])
+    missing = np.isnan(z)
+    for k, seen in enumerate(~missing if z.ndim == 2 else ~missing[:, 0]):
+        if seen.any():
+            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen])
+            total = total + gained
+        x, P = predict(model, k, x, P)
+    return total
+
+
+def smooth(model: StateSpace, z: Array) -> Smoothed:
+    """Rauch-Tung-Striebel smoother over z (time, channel) or (time,); NaN = missing."""
+    f = filter(model, z)
+    x, P = f.x.copy(), f.P.copy()
+    for k in range(len(x) - 2, -1, -1):
+        G = np.linalg.solve(f.P_pred[k + 1], model.at("F", k) @ f.P[k]).T
+        x[k] += G @ (x[k + 1] - f.x_pred[k + 1])
+        P[k] += G @ (P[k + 1] - f.P_pred[k + 1]) @ G.T
+    return Smoothed(x, 0.5 * (P + P.transpose(0, 2, 1)), f)
+
+
+def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array]:
+    """State and covariance one step on; of the last sample, itself, where the model ends there."""
+    if model.F.ndim > 2 and k >= len(model.F) > 1:
+        return x, P
+    F = model.at("F", k)
+    x = (F @ x[..., None])[..., 0]
+    return x if model.u is None else x + model.at("u", k), F @ P @ F.swapaxes(-1, -2) + model.at("Q", k)
+
+
+def update(
+    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array
+) -> tuple[Array, Array, Array, Array]:
+    """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
+    H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
+    PHt = P @ H.swapaxes(-1, -2)
+    try:
+        L = np.linalg.cholesky(H @ PHt + R)
+    except np.linalg.LinAlgError as e:
+        raise EstimationError(
+            f"gives an innovation covariance that is not positive definite at sample {k}",
+            "the linear model",
+            "state a measurement noise above zero",
+        ) from e
+    white = np.linalg.solve(L, (z - (H @ x[..., None])[..., 0])[..., None])
+    K = np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
+    x = x + (K @ L @ white)[..., 0]
+    I_KH = np.eye(x.shape[-1]) - K @ H
+    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+    white = white[..., 0]
+    gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
+    return x, P, white, gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
+
+
+def as_channels(z: Array) -> Array:
+    """Measurements with a channel axis: (time,) becomes (time, 1)."""
+    z = np.asarray(z, float)
+    return z[:, None] if z.ndim == 1 else z
+
+
+def mean_square(innovation: Array) -> Array:
+    """Mean over the channels present of squared whitened innovations (time, channel); NaN where none is."""
+    seen = np.isfinite(innovation)
+    return np.where(seen.any(1), np.nansum(innovation**2, 1) / np.maximum(seen.sum(1), 1), np.nan)

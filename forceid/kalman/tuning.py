@@ -1,0 +1,178 @@
+"""Smoothness and noise of driven channels by maximum likelihood, the order of their prior by evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from forceid.kalman.linear import StateSpace, log_likelihood
+from forceid.kalman.process import Process, discretize, integrate, matern, with_mean
+from forceid.records import Array
+
+ORDERS = (1, 2, 3, 4)
+PATIENCE = 5.0  # a smoother prior is kept until a rougher one is e^5 times as likely
+LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
+ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Matern prior of loads: order, std (axis,), rate (axis,) 1/s, and the noise found with it.
+
+    noise: factor on the stated standard deviation of the measurement; noise_at_limit: the likelihood
+    would have taken a smaller one than allowed.
+    """
+
+    order: int
+    std: Array
+    rate: Array
+    noise: float
+    noise_at_limit: bool
+    log_likelihood: float
+
+
+def maximize(
+    objective: Callable[[Array, Array], Array], lower: Array, upper: Array, shared: tuple[float, float]
+) -> tuple[Array, float, float]:
+    """Maximum of a sum over problems on a box: each has its own point, all share one number.
+
+    lower, upper (problem, dim); objective(points (level, problem, point, dim), levels (level,)) -> (level, problem,
+    point). A grid, then ever finer grids about its best point: no derivative, as many starts as the
+    first grid has points, and many points cost about as much as one. Returns points, shared number, value.
+
+    >>> def hills(p, s):
+    ...     return -((p - 0.3) ** 2).sum(-1) - (s[:, None, None] - 0.7) ** 2
+    >>> at, level, _ = maximize(hills, np.zeros((2, 2)), np.ones((2, 2)), (0.0, 1.0))
+    >>> bool(abs(at - 0.3).max() < 0.01), bool(abs(level - 0.7) < 0.01)
+    (True, True)
+    """
+    dims, free = lower.shape[-1], shared[1] > shared[0]
+    grid = np.stack(np.meshgrid(*[np.linspace(-4, 4, 9)] * dims, indexing="ij"), -1).reshape(-1, dims)
+    fine = np.stack(np.meshgrid(*[np.linspace(-2, 2, 5)] * dims, indexing="ij"), -1).reshape(-1, dims)
+    at, step = 0.5 * (lower + upper), (upper - lower) / 8
+    level, level_step, best = 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
+    for turn in range(ROUNDS + 1):
+        offset, spread = (fine, np.arange(-1.0, 2.0)) if turn else (grid, np.arange(-3.0, 4.0))
+        levels = np.clip(level + level_step * spread, *shared) if free else np.array([level])
+        points = np.clip(at[:, None] + offset * step[:, None], lower[:, None], upper[:, None])
+        points = np.broadcast_to(points, (len(levels), *points.shape))
+        value = objective(points, levels)
+        which = value.max(2).sum(1).argmax()
+        if value[which].max(1).sum() > best:
+            best, level = float(value[which].max(1).sum()), float(levels[which])
+            at = points[which, np.arange(len(at)), value[which].argmax(1)]
+        step, level_step = step / 2, level_step / 2
+    return at, level, best
+
+
+def load_chain(order: int, std: ArrayLike, rate: ArrayLike, start: Start) -> Process:
+    """States (Y, H, mean, load, load', ...) of a load under a Matern prior: Y' = H, H' = mean + load."""
+    load = with_mean(matern(order, std, rate), start.mean)
+    return integrate(integrate(load, start.first), start.second)
+
+
+def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Array) -> StateSpace:
+    """Channels z with z'' = gain * load: one scalar model per chain in `chain`.
+
+    noise_var (time, model) of z; drift (model,): variance per second of the part of the noise that adds up;
+    step (time - 1,) s.
+    """
+    # equal steps share their matrices: a regular clock has one
+    unique, which = np.unique(np.round(step, 12), return_inverse=True)
+    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
+    Q[..., 0, 0] += drift * unique[:, None]
+    if len(unique) > 1:
+        F, Q = F[which], Q[which]
+    H = gain * chain.output[None, None, None]
+    return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
+
+
+def tune_loads(
+    time: Array,
+    z: Array,
+    gain: float,
+    noise_var: Array,
+    drift: Array,
+    noise_range: tuple[float, float] = (1.0, 1.0),
+    orders: tuple[int, ...] = ORDERS,
+) -> Tuned:
+    """Prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
+
+    time (time,) s; z (time, axis), NaN = missing; gain: 1/kg for forces and a mass center; noise_var (time,
+    axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on the stated
+    standard deviation. Of the orders, the smoothest that no rougher one beats by e^PATIENCE.
+    """
+    stretches, axes = stretch(z), z.shape[1]
+
+    def objective(points: Array, levels: Array, order: int) -> Array:
+        shape = points.shape[:-1]
+        std, rate = np.exp(points.reshape(-1, 2).T)
+        axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
+        noise = np.broadcast_to(np.exp(2 * levels)[:, None, None], shape).ravel()
+        total = np.zeros(len(std))
+        for s in stretches:
+            y, t = z[s] - z[s][np.isfinite(z[s]).all(1)][0], time[s]
+            chain = load_chain(order, std, rate, start_of(t, y, gain))
+            model = driven(chain, gain, noise_var[s][:, axis] * noise, drift[axis] * noise, np.diff(t))
+            total += log_likelihood(model, y[:, axis, None])
+        return total.reshape(shape)
+
+    lower, upper = search_box(time, z, gain)
+    lower, upper = np.tile(lower, (axes, 1)), np.tile(upper, (axes, 1))
+    limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
+    found = []
+    for order in orders:
+        at, level, value = maximize(lambda p, s, n=order: objective(p, s, n), lower, upper, limits)
+        at_limit = limits[1] > limits[0] and level - limits[0] < 0.05
+        found.append(Tuned(order, *np.exp(at.T), float(np.exp(level)), at_limit, value))
+    return smoothest(found)
+
+
+def smoothest(found: list[Tuned]) -> Tuned:
+    """The highest order whose evidence is within PATIENCE of the best."""
+    best = max(t.log_likelihood for t in found)
+    return max((t for t in found if t.log_likelihood > best - PATIENCE), key=lambda t: t.order)
+
+
+def stretch(z: Array) -> list[slice]:
+    """Stretches of a record (time, axis) that tuning looks at, each with enough samples present."""
+    n = len(z)
+    quarters = [slice(0, n)]
+    if n > LONGEST:
+        quarters = [slice(a, a + LONGEST // 4) for a in np.linspace(0, n - LONGEST // 4, 4).astype(int)]
+    enough = [s for s in quarters if np.isfinite(z[s]).all(1).sum() >= 8]
+    return enough or [slice(0, n)]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Variances at the start, as good as unknown: of the second and first integral of the load, of its mean."""
+
+    second: float
+    first: float
+    mean: float
+
+
+def start_of(time: Array, z: Array, gain: float) -> Start:
+    """Start of channels z (time, axis), z'' = gain * load, that begin near zero."""
+    seen = np.isfinite(z).all(1)
+    size, span = np.abs(z[seen]).max(initial=1e-12) / gain, np.ptp(time[seen])
+    speed = np.abs(np.diff(z[seen], axis=0) / np.diff(time[seen])[:, None]).max(initial=1e-12) / gain
+    return Start((10 * size) ** 2, (10 * speed) ** 2, (10 * speed / span) ** 2)
+
+
+def search_box(time: Array, z: Array, gain: float) -> tuple[Array, Array]:
+    """Smallest and largest log std and log rate (2,) worth a look, from second differences at many lags."""
+    seen = np.isfinite(z).all(1)
+    z, time = z[seen], time[seen]
+    sizes = []
+    for lag in 2 ** np.arange(int(np.log2(max(len(z) // 3, 1))) + 1):
+        d = z[2 * lag :] - 2 * z[lag:-lag] + z[: -2 * lag]
+        h = 0.5 * (time[2 * lag :] - time[: -2 * lag])
+        sizes.append(np.sqrt(np.mean((d / h[:, None] ** 2) ** 2)) / gain)
+    low, high = 1e-3 * min(sizes), 10 * max(sizes)
+    rates = 1.0 / (time[-1] - time[0]), 1.5 / np.median(np.diff(time))
+    return np.log([max(low, 1e-12 * high, 1e-300), rates[0]]), np.log([max(high, 1e-299), rates[1]])

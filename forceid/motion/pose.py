@@ -1,0 +1,131 @@
+"""Mean rotation and mass center of every frame, with covariance, from the markers seen in that frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from forceid.principal.operator import summation_operator
+from forceid.records import Array
+
+RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2
+
+
+@dataclass(frozen=True)
+class Pose:
+    """center (time, 3) m and rotation (time, 3, 3), body to world; NaN where the markers do not fix them.
+
+    cov (time, 6, 6): center, then rotation as an error on the left (rad), world axes. residual (time,
+    node, 3) m, body axes: what is left of the markers. chi_square (time,): its square in units of the
+    covariance the fit was given, with dof (time,) degrees of freedom.
+    """
+
+    center: Array
+    rotation: Array
+    cov: Array
+    residual: Array
+    chi_square: Array
+    dof: Array
+
+
+def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
+    """Weighted rotation fit (Kabsch) of every frame: center (time, 3) and rotation (time, 3, 3).
+
+    position (time, node, 3), NaN = not seen; shape (node, 3); weight (node,). Maximizes tr(R^T G), G = sum w
+    rho X^T, over the markers seen. `center` is where the origin of `shape` went. Source: principal equations
+    4b, item 2.
+
+    >>> turned = np.array([[[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]])
+    >>> fit_rotation(turned, np.eye(3), np.ones(3))[1][0].round(9) + 0.0
+    array([[ 0., -1.,  0.],
+           [ 1.,  0.,  0.],
+           [ 0.,  0.,  1.]])
+    """
+    w = np.where(np.isfinite(position).all(2), weight, 0.0)
+    x = np.where(w[..., None] > 0, position, 0.0)
+    total = np.maximum(w.sum(1), 1e-300)[:, None]
+    x_mean, X_mean = np.einsum("tn,tna->ta", w, x) / total, w @ shape / total
+    G = np.einsum("tn,tna,nb->tab", w, x, shape) - total[..., None] * x_mean[:, :, None] * X_mean[:, None]
+    U, _, Vt = np.linalg.svd(G)
+    U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    R = U @ Vt
+    return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
+
+
+def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
+    """Pose of every frame by generalized least squares from the markers seen in it.
+
+    position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
+    rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
+    deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
+    neither center nor rotation. Source: principal equations 2.5, 4b.
+    """
+    center, R = fit_rotation(position, shape, weight)
+    seen = np.isfinite(position).all(2)
+    T = len(position)
+    S = summation_operator(shape)
+    patterns, which = np.unique(seen, axis=0, return_inverse=True)
+    out = Pose(center, R, np.full((T, 6, 6), np.nan), np.empty_like(position), np.full(T, np.nan), np.zeros(T))
+    gains = [pose_gain(S, pattern, cov) for pattern in patterns]
+    for i, (pattern, gain) in enumerate(zip(patterns, gains, strict=True)):
+        at = which.ravel() == i
+        if gain is None:
+            center[at], R[at] = np.nan, np.nan
+            continue
+        A, C, V_inv = gain
+        for _ in range(2):  # linear in small errors of the rotation fit; the second turn leaves nothing
+            e = (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
+            d = e @ A.T
+            center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])
+            R[at] = R[at] @ exp(d[:, 3:])
+        e = (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
+        out.chi_square[at], out.dof[at] = np.einsum("ti,ij,tj->t", e, V_inv, e), e.shape[1] - 6
+        turn = np.zeros((at.sum(), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
+        out.cov[at] = turn @ C @ turn.swapaxes(1, 2)
+    out.residual[:] = body_axes(position, center, R) - shape
+    return out
+
+
+def pose_gain(S: Array, seen: NDArray[np.bool_], cov: Array) -> tuple[Array, Array, Array] | None:
+    """Gain (6, channel), covariance (6, 6) and weight of the six pose errors; None where the rank is below 6."""
+    rows = np.repeat(seen, 3)
+    Ss = S[rows]
+    if not seen.any() or pose_rank(Ss) < 6:
+        return None
+    V_inv = np.linalg.inv(cov[np.ix_(rows, rows)])
+    C = np.linalg.inv(Ss.T @ V_inv @ Ss)
+    return C @ Ss.T @ V_inv, C, V_inv
+
+
+def pose_rank(S: Array) -> int:
+    """Rank of the rigid-body modes (channel, 6) that markers see, lengths in units of the body.
+
+    >>> line = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    >>> pose_rank(summation_operator(line)), pose_rank(summation_operator(np.eye(3)))
+    (5, 6)
+    """
+    blocks = S.reshape(-1, 3, 6)
+    lever = blocks[..., 3:] - blocks[..., 3:].mean(0)
+    size = np.sqrt((lever**2).sum((1, 2)).mean())
+    scaled = np.concatenate([blocks[..., :3], lever / size if size > 0 else lever], -1).reshape(-1, 6)
+    s = np.linalg.svd(scaled, compute_uv=False)
+    return int((s > RANK_TOLERANCE * s[0]).sum())
+
+
+def body_axes(position: Array, center: Array, R: Array) -> Array:
+    """R^T (x - c) of every node: (time, node, 3)."""
+    return np.einsum("tab,tna->tnb", R, position - center[:, None])
+
+
+def exp(phi: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    return np.asarray(Rotation.from_rotvec(phi).as_matrix())
+
+
+def log(R: Array) -> Array:
+    """Rotation vectors (..., 3) of rotation matrices (..., 3, 3)."""
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())

@@ -1,0 +1,151 @@
+"""Resultants and momenta of moving nodes; a wrench and its covariance carried to another moment point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from forceid.errors import DataError
+from forceid.principal.mass import SparseMatrix, carriers, mass_center, nodal_mass, times
+from forceid.principal.operator import axis_count, cross, cross_matrix, sum_nodal, summation_operator
+from forceid.principal.symmetric import pseudo_inverse
+from forceid.records import Array
+
+
+def resultant(
+    mass: ArrayLike | SparseMatrix,
+    position: ArrayLike,
+    acceleration: ArrayLike,
+    about: ArrayLike | None = None,
+) -> Array:
+    """Net force and moment S^T M a that the surroundings, weight included, exert on the moving nodes.
+
+    mass as in `mass_properties`; position (..., node, 3) m, the *current* one, for the initial one gives
+    a wrong moment on a turning body; acceleration (..., node, 3) m/s2, or (..., node, 6) with the angular
+    acceleration rad/s2 of nodes that have rotations; about (..., 3) m, None = the instantaneous mass
+    center. Returns (..., 6): force N, moment N m, world axes; planar (..., 3). NaN where a node that
+    carries mass is NaN. To leave weight out, pass acceleration minus gravity.
+
+    A consistent beam or shell mass turns with the body, M = T M_0 T^T: pass it in the current axes, and
+    with changing axes differentiate `momentum` instead, since S^T M a then misses the change of M.
+    Blocks m_ij I (lumped, bars, solids) are free of this. Raises DataError.
+    Source: principal equations 2.1, 2.4, 4a, 4b.
+
+    >>> resultant([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
+    array([ 0.,  0., 12.])
+    """
+    return _project(mass, position, acceleration, about, "acceleration")
+
+
+def momentum(
+    mass: ArrayLike | SparseMatrix, position: ArrayLike, velocity: ArrayLike, about: ArrayLike | None = None
+) -> Array:
+    """Linear momentum and absolute angular momentum about a point, S^T M v.
+
+    As `resultant`, with velocity (..., node, 3) m/s (or six components with angular velocity rad/s) in
+    place of acceleration. Returns (..., 6): P kg m/s, H_p kg m2/s; planar (..., 3).
+    Source: principal equations 2.4, 4b.
+
+    >>> momentum([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
+    array([ 0.,  0., 12.])
+    """
+    return _project(mass, position, velocity, about, "velocity")
+
+
+def wrench_from_momentum(rate: ArrayLike, momentum: ArrayLike, point_velocity: ArrayLike) -> Array:
+    """Force and moment from the rate of momentum: F = dP/dt, T_p = dH_p/dt + v_p x P.
+
+    rate (..., 6) time derivative of `momentum` (..., 6), both about the point p that moves with
+    point_velocity (..., 3) m/s; planar (..., 3) and (..., 2). About the mass center, or about a fixed
+    point, the rate is the wrench already. Source: principal equations 2.4.
+
+    >>> wrench_from_momentum([0.0, 0.0, 0.0], [0.0, 2.0, 0.0], point_velocity=[3.0, 0.0])
+    array([0., 0., 6.])
+    """
+    h = np.asarray(momentum, dtype=float)
+    return np.asarray(np.asarray(rate, dtype=float) + (transport(h, point_velocity) - h))
+
+
+def transport_matrix(arm: ArrayLike) -> Array:
+    """T = [[I, 0], [[arm]x, I]], which carries a wrench to a new moment point.
+
+    arm (..., 3) m = old point minus new point; returns (..., 6, 6), planar (..., 3, 3).
+    Source: principal equations 4c.
+    """
+    X = cross_matrix(arm)
+    spin, axis = X.shape[-2:]
+    T = np.zeros((*X.shape[:-2], axis + spin, axis + spin))
+    T[...] = np.eye(axis + spin)
+    T[..., axis:, :axis] = X
+    return T
+
+
+def transport(wrench: ArrayLike, arm: ArrayLike) -> Array:
+    """The same wrench with its moment about another point: T_new = T_old + arm x F.
+
+    wrench (..., 6) N, N m; arm (..., 3) m = old point minus new point (c - p to go from the mass center c
+    to p); planar (..., 3), (..., 2). Source: principal equations 2.4.
+
+    >>> transport([0.0, 2.0, 0.0], arm=[0.5, 0.0])
+    array([0., 2., 1.])
+    """
+    g, r = np.asarray(wrench, dtype=float), np.asarray(arm, dtype=float)
+    axis = axis_count(r)
+    moment = g[..., axis:] + cross(r, g[..., :axis])
+    return np.concatenate([np.broadcast_to(g[..., :axis], (*moment.shape[:-1], axis)), moment], axis=-1)
+
+
+def transport_cov(cov: ArrayLike, arm: ArrayLike) -> Array:
+    """Covariance (..., 6, 6) of the wrench that `transport` carries by `arm`: T C T^T.
+
+    Source: principal equations 4c.
+
+    >>> transport_cov([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], arm=[2.0, 0.0])[2, 2]
+    np.float64(5.0)
+    """
+    T = transport_matrix(arm)
+    return np.asarray(T @ np.asarray(cov, dtype=float) @ T.mT)
+
+
+def least_variance_point(cov: ArrayLike) -> Array:
+    """The arm d* (..., 3) m that carries a wrench to the point where its moment varies least.
+
+    cov (..., 6, 6) of a wrench about c; the point is c - d*, and `transport_cov(cov, d*)` has the least
+    moment trace: d* = -(tr C_FF I - C_FF)^-1 eps, eps_i = eps_ijk (C_FM)_jk. Where forces vary along one
+    line only, the shortest such arm. Planar (..., 3, 3) gives (..., 2). Source: principal equations 4c.
+
+    >>> least_variance_point([[1.0, 0.0, -0.5], [0.0, 1.0, 0.5], [-0.5, 0.5, 2.0]])
+    array([-0.5, -0.5])
+    """
+    C = np.asarray(cov, dtype=float)
+    axis = 3 if C.shape[-1] == 6 else 2
+    C_FF, C_FM = C[..., :axis, :axis], C[..., :axis, axis:]
+    A = np.trace(C_FF, axis1=-2, axis2=-1)[..., None, None] * np.eye(axis) - C_FF
+    if axis == 2:
+        eps = np.stack([C_FM[..., 1, 0], -C_FM[..., 0, 0]], axis=-1)
+    else:
+        B = C_FM - C_FM.mT
+        eps = np.stack([B[..., 1, 2], B[..., 2, 0], B[..., 0, 1]], axis=-1)
+    return np.asarray(-(pseudo_inverse(A) @ eps[..., None])[..., 0])
+
+
+def _project(
+    mass: ArrayLike | SparseMatrix, position: ArrayLike, rate: ArrayLike, about: ArrayLike | None, name: str
+) -> Array:
+    """S^T M r: one product with the folded (dof, 6) matrix where S stands still, else sums of x f^T."""
+    x, r = np.asarray(position, dtype=float), np.asarray(rate, dtype=float)
+    M, dof = nodal_mass(mass, x)
+    if r.shape[-2:] != (x.shape[-2], dof):
+        raise DataError(
+            f"has shape {r.shape}, expected (..., {x.shape[-2]}, {dof}) as position and mass have", name
+        )
+    p = mass_center(M, x) if about is None else np.asarray(about, dtype=float)
+    if M.ndim == 1:
+        M, x, r = carriers(M, x, r)
+    if x.ndim == 2 and p.ndim == 1:
+        S = summation_operator(x, p, rotations=dof > x.shape[-1])
+        folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else times(M, S.T).T
+        return np.asarray(r.reshape(*r.shape[:-2], -1) @ folded)
+    if M.ndim == 1:
+        return sum_nodal(r, x, p, weight=M)
+    return sum_nodal(times(M, r.reshape(*r.shape[:-2], -1)).reshape(r.shape), x, p)

@@ -1,0 +1,141 @@
+"""One self-contained HTML page of a result: verdict, numbers, figures, settings, provenance."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+from forceid import __version__
+from forceid.records import Array, Estimate
+from forceid.report.figures import draw_loads, draw_motion, draw_path, draw_wrench
+from forceid.report.numbers import Numbers, plus_minus, summarize
+from forceid.report.whiteness import draw_innovations
+
+HEADLINE = {
+    "ok": "Accurate: the forces and their sigma can be believed.",
+    "degraded": "Degraded: usable with the cautions below.",
+    "refused": "Refused: no estimate can be defended from these data.",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure of the page: its PNG in base64, what it shows, and a caption."""
+
+    data: str
+    title: str
+    caption: str
+
+
+def render_page(estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "") -> str:
+    """The page as HTML text; it refers to no other file and no host."""
+    environment = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+    )
+    template = environment.from_string(files("forceid.report").joinpath("page.html.j2").read_text("utf-8"))
+    quoted = summarize(estimate, truth)
+    return template.render(
+        title=title or "forceid result",
+        e=estimate,
+        version=__version__,
+        headline=HEADLINE[estimate.verdict.level],
+        facts=facts(estimate, quoted),
+        rows=table(quoted),
+        pictures=pictures(estimate, truth),
+        provenance=provenance(estimate),
+    )
+
+
+def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Picture]:
+    """Every figure of the page, in reading order."""
+    drawn = [
+        (
+            draw_path(estimate),
+            "Path and force",
+            "Arrows show the applied force, weight excluded, in world axes; all arrows share one scale.",
+        ),
+        (
+            draw_wrench(estimate, truth),
+            "Applied force and moment",
+            "World axes, weight excluded. The band is two sigma on either side as the estimate claims it.",
+        ),
+        (
+            draw_motion(estimate),
+            "Mean motion and deformation",
+            "World axes for the mean motion, body axes for the deformation about the mean shape.",
+        ),
+    ]
+    if estimate.loads is not None:
+        caption = "Loads p of f = B p with their two-sigma bands; what the motion cannot see has no band."
+        drawn.insert(2, (draw_loads(estimate, estimate.loads), "Applied loads", caption))
+    if np.isfinite(estimate.innovation).any():
+        caption = (
+            "If the model is right, whitened innovations are unit normal and uncorrelated: about 95 % of the "
+            "points lie within two sigma, and the NIS is near one."
+        )
+        drawn.append((draw_innovations(estimate), "Innovations", caption))
+    return [Picture(embed(figure), name, caption) for figure, name, caption in drawn]
+
+
+def embed(figure: Figure) -> str:
+    """The figure as PNG in base64; PNG keeps the page small however long the record is."""
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=160, facecolor="white")
+    return base64.b64encode(png.getvalue()).decode("ascii")
+
+
+def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
+    """What a reader wants to know first, as name and value."""
+    return [
+        ("Force, rms", plus_minus(quoted.force_rms, quoted.force_std, "N")),
+        ("Moment, rms", plus_minus(quoted.moment_rms, quoted.moment_std, "N m")),
+        ("Record", f"{quoted.duration_s:.4g} s, {quoted.samples} samples"),
+        ("Method, model", f"{estimate.method}, {estimate.model}"),
+    ]
+
+
+def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
+    """Rows of the table of numbers: name, unit, one text an axis; rows that nobody knows are left out."""
+    rows = []
+    for name, unit in (("force", "N"), ("moment", "N m")):
+        title = name.capitalize()
+        rows += [
+            (f"{title}, mean", unit, getattr(quoted, f"{name}_mean")),
+            (f"{title}, rms", unit, getattr(quoted, f"{name}_rms")),
+            (f"{title}, mean sigma", unit, getattr(quoted, f"{name}_std")),
+            (f"{title}, rms error against truth", unit, getattr(quoted, f"{name}_error")),
+            (f"{title}, rms of error over sigma", "1", getattr(quoted, f"{name}_score")),
+        ]
+    rows.append(("Change of angular momentum less impulse of moment", "N m s", quoted.moment_closure))
+    known = [row for row in rows if np.isfinite(row[2]).any()]
+    return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
+
+
+def digits(value: float) -> str:
+    """Four significant digits with a true minus sign, a dash for what is not known."""
+    return f"{value:.4g}".replace("-", "−") if np.isfinite(value) else "–"
+
+
+def provenance(estimate: Estimate) -> list[tuple[str, str]]:
+    """Where the result came from and how it was made, as name and value."""
+    e = estimate
+    tuned = [(f"Tuned: {name}", f"{value:.6g}") for name, value in e.tuned.items()]
+    likelihood = f"{e.log_likelihood:.6g}" if np.isfinite(e.log_likelihood) else "none"
+    return [
+        ("forceid", __version__),
+        ("Input, SHA-256", e.input_sha256 or "none"),
+        ("Method", e.method),
+        ("Model", e.model),
+        ("Engine", e.engine),
+        ("Moment about", e.moment_about.replace("_", " ")),
+        ("Log-likelihood", likelihood),
+        ("Run time", f"{e.runtime_s:.3g} s"),
+        *tuned,
+    ]

@@ -1,0 +1,123 @@
+"""How every figure looks: one style, a palette that color-blind readers can tell apart, thinning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from numpy.typing import NDArray
+
+from forceid.records import Array
+
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#E69F00", "#56B4E9"
+INK, GRAY = "#222222", "#8A8F98"
+AXIS_COLOR = {"x": VERMILION, "y": GREEN, "z": BLUE}  # Okabe and Ito
+CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+DASHED = (0, (4, 2))
+BINS = 1500  # points a curve keeps: about two for each pixel of a panel
+
+STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#B8BCC4",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "grid.color": "#E6E8EC",
+    "grid.linewidth": 0.7,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.color": "#555A64",
+    "ytick.color": "#555A64",
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "lines.solid_capstyle": "round",
+    "figure.dpi": 160,
+    "savefig.facecolor": "white",
+}
+
+
+def panels(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:
+    """A figure of `size` inches in the house style, with its (rows, columns) array of axes."""
+    figure = Figure(
+        figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.04)
+    )
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, axes
+
+
+def bins(time: Array) -> NDArray[np.intp]:
+    """Start index of each bin; every sample is its own bin while there are few."""
+    return np.unique(np.linspace(0, len(time), BINS, endpoint=False).astype(np.intp))
+
+
+def draw_line(ax: Axes, time: Array, values: Array, **options: Any) -> None:
+    """Draw values (time,), thinned to the least and greatest of each bin so that no peak is lost."""
+    start = bins(time)
+    if len(start) == len(time):
+        ax.plot(time, values, **options)
+        return
+    both = np.stack([np.fmin.reduceat(values, start), np.fmax.reduceat(values, start)], axis=-1)
+    ax.plot(np.repeat(time[start], 2), both.ravel(), **options)
+
+
+def draw_band(ax: Axes, time: Array, low: Array, high: Array, **options: Any) -> None:
+    """Shade between low and high (time,), thinned to the widest of each bin."""
+    start = bins(time)
+    low, high = np.fmin.reduceat(low, start), np.fmax.reduceat(high, start)
+    ax.fill_between(time[start], low, high, linewidth=0, **options)
+
+
+def label(ax: Axes, title: str = "", y: str = "", x: str = "time (s)") -> None:
+    """Title and axis labels; the unit stands in parentheses."""
+    ax.set_title(title)
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+
+
+def say(ax: Axes, text: str) -> None:
+    """One remark in the middle of an empty panel."""
+    ax.text(
+        0.5,
+        0.5,
+        text,
+        transform=ax.transAxes,
+        ha="center",
+        va="center",
+        color=GRAY,
+        fontsize=10,
+        style="italic",
+    )
+    ax.set_yticks([])
+
+
+def draw_columns(ax: Axes, time: Array, values: Array, names: Sequence[str], colors: Sequence[str]) -> None:
+    """One line per column of values (time, column), with a legend; a remark when nothing is known."""
+    if not np.isfinite(values).any():
+        say(ax, "not identifiable")
+        return
+    for column, name, color in zip(values.T, names, colors, strict=False):
+        draw_line(ax, time, column, color=color, label=name)
+    ax.legend(
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=6,
+        handlelength=1.0,
+        columnspacing=0.9,
+        borderaxespad=0,
+    )
+    ax.margins(x=0.01)

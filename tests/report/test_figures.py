@@ -1,0 +1,105 @@
+"""The figures: units on every axis, gaps and unknowns shown as such, no peak lost."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from forceid.records import Loads
+from forceid.report import figures, style, whiteness
+
+UNIT = re.compile(r"\((m|mm|m/s|rad/s|s|N|N m|kg m²/s|1|sigma|samples)\)$")
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for ax in figure.axes for text in ax.texts]
+
+
+def with_loads(estimate):
+    load = np.stack([estimate.force[:, 0], estimate.moment[:, 1]], axis=-1)
+    cov = np.broadcast_to(np.diag([0.05**2, 0.003**2]), (len(load), 2, 2))
+    loads = Loads(("tip", "hinge"), load, cov, np.zeros((2, 0)), np.eye(2), np.ones(len(load)), 4)
+    return replace(estimate, loads=loads, settings='[[load]]\nname = "hinge"\nkind = "moment"\n')
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        figures.draw_path,
+        figures.draw_wrench,
+        figures.draw_motion,
+        whiteness.draw_innovations,
+        lambda e: figures.draw_loads(with_loads(e), with_loads(e).loads),
+    ],
+    ids=["path", "wrench", "motion", "innovations", "loads"],
+)
+def test_every_axis_states_its_unit(thrown, draw):
+    figure = draw(thrown[0])
+    for ax in figure.axes:
+        names = [ax.get_ylabel(), *([ax.get_zlabel()] if hasattr(ax, "get_zlabel") else [])]
+        shared_below = not ax.get_subplotspec().is_last_row() if ax.get_subplotspec() else False
+        names += [ax.get_xlabel()] if ax.get_xlabel() or not shared_below else []
+        for name in names:
+            assert UNIT.search(name), name
+
+
+def test_path_is_drawn_at_equal_scale(thrown):
+    ax = figures.draw_path(thrown[0]).axes[0]
+    widths = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
+    box = ax.get_box_aspect() if not hasattr(ax, "_box_aspect") else ax._box_aspect
+    np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide(box, box[0]))
+
+
+def test_moment_of_a_particle_is_called_not_identifiable(thrown):
+    estimate = replace(thrown[0], moment=np.full_like(thrown[0].moment, np.nan))
+    assert texts(figures.draw_wrench(estimate)).count("not identifiable") == 3
+
+
+def test_band_is_two_sigma_wide(thrown):
+    estimate, _ = thrown
+    exact = replace(estimate, force=np.zeros_like(estimate.force))
+    band = figures.draw_wrench(exact).axes[0].collections[0].get_paths()[0].vertices
+    assert band[:, 1].max() == pytest.approx(2 * 0.05)
+    assert band[:, 1].min() == pytest.approx(-2 * 0.05)
+
+
+def test_truth_is_drawn_only_where_there_is_one(thrown):
+    estimate, truth = thrown
+    assert len(figures.draw_wrench(estimate, truth).axes[0].lines) == 2
+    assert len(figures.draw_wrench(estimate, {}).axes[0].lines) == 1
+
+
+def test_thinning_keeps_a_peak_of_one_sample():
+    ax = Figure().subplots()
+    values = np.zeros(100_000)
+    values[77_777] = 5.0
+    style.draw_line(ax, np.arange(100_000.0), values)
+    drawn = ax.lines[0].get_ydata()
+    assert len(drawn) == 2 * style.BINS
+    assert drawn.max() == 5.0
+
+
+def test_gap_stays_a_gap_when_thinned():
+    ax = Figure().subplots()
+    values = np.ones(100_000)
+    values[40_000:60_000] = np.nan
+    style.draw_line(ax, np.arange(100_000.0), values)
+    assert np.mean(np.isnan(ax.lines[0].get_ydata())) == pytest.approx(0.2, abs=2 / style.BINS)
+
+
+def test_colored_innovations_leave_the_bounds_and_white_ones_do_not():
+    white = np.random.default_rng(3).normal(size=4000)
+    colored = np.convolve(white, np.ones(5) / np.sqrt(5), mode="same")
+    bound = 2 / np.sqrt(4000)
+    assert np.mean(np.abs(whiteness.autocorrelation(white)) > bound) < 0.15
+    # a moving average over five samples correlates its neighbors by 4/5
+    assert whiteness.autocorrelation(colored)[0] == pytest.approx(0.8, abs=0.05)
+
+
+def test_many_channels_are_thinned_to_twelve():
+    assert whiteness.channels(np.zeros((10, 300))).shape[1] <= 12
+    assert whiteness.channels(np.full((10, 3), np.nan)).shape[1] == 0

@@ -1,0 +1,65 @@
+"""The numbers quoted of an estimate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.report.numbers import summarize, truth_at
+
+
+def test_honest_sigma_scores_one(thrown):
+    estimate, truth = thrown
+    quoted = summarize(estimate, truth)
+    score = np.concatenate([quoted.force_score, quoted.moment_score])
+    # rms of 600 unit normals: 1 with standard deviation 1 / sqrt(1200)
+    np.testing.assert_allclose(score, 1.0, atol=4 / np.sqrt(1200))
+    np.testing.assert_allclose(quoted.force_std, [0.05, 0.04, 0.06])
+
+
+def test_errors_are_unknown_without_truth(thrown):
+    quoted = summarize(thrown[0])
+    assert np.isnan(quoted.force_error).all()
+    assert np.isnan(quoted.moment_score).all()
+    assert np.isfinite(quoted.force_rms).all()
+
+
+def test_exact_moment_closes_the_angular_momentum(thrown):
+    estimate, truth = thrown
+    exact = replace(estimate, moment=truth["moment"])
+    # trapezoid on 600 samples of 0.4 and 0.8 Hz: relative error (w h)^2 / 12 at most
+    bound = np.ptp(estimate.angular_momentum, axis=0).max() * (2 * np.pi * 0.8 * 3 / 599) ** 2 / 12
+    assert np.abs(summarize(exact).moment_closure).max() < bound
+
+
+def test_missing_moment_breaks_the_closure_by_its_impulse(thrown):
+    estimate, truth = thrown
+    pushed = replace(estimate, moment=truth["moment"] + [0.0, 0.0, 0.01])
+    np.testing.assert_allclose(summarize(pushed).moment_closure[2], -0.01 * 3.0, atol=1e-5)
+
+
+def test_gap_hides_only_itself(thrown):
+    estimate, truth = thrown
+    force = truth["force"].copy()
+    force[100:200] = np.nan
+    quoted = summarize(replace(estimate, force=force), truth)
+    np.testing.assert_allclose(quoted.force_error, 0.0, atol=1e-15)
+    np.testing.assert_allclose(quoted.force_mean, np.nanmean(force, axis=0))
+
+
+def test_truth_on_another_clock_is_read_at_the_times_of_the_estimate(thrown):
+    estimate, _ = thrown
+    line = {"time": np.array([0.0, 1.5]), "force": np.array([[0.0, 1.0, 2.0], [3.0, 1.0, 0.5]])}
+    at = truth_at(estimate, line, "force")
+    inside = estimate.time <= 1.5
+    np.testing.assert_allclose(at[inside, 0], 2 * estimate.time[inside])
+    assert np.isnan(at[~inside]).all()
+
+
+def test_moment_about_another_point_is_not_judged_by_the_truth(thrown):
+    estimate, truth = thrown
+    quoted = summarize(replace(estimate, moment_about="m3"), truth)
+    assert np.isnan(quoted.moment_error).all()
+    assert np.isnan(quoted.moment_closure).all()
+    assert np.isfinite(quoted.force_error).all()

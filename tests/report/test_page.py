@@ -1,0 +1,66 @@
+"""The page: one file, everything inside."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from forceid.records import Verdict
+from forceid.report.page import render_page
+
+
+@pytest.fixture(scope="module")
+def page(throw):
+    estimate, truth = throw()
+    return render_page(estimate, truth, title="toss <3>")
+
+
+def test_page_refers_to_no_host_and_no_other_file(page):
+    assert "http" not in page
+    assert "<script" not in page
+    assert all(s.startswith("data:image/png;base64,") for s in re.findall(r'(?:src|href)="([^"]*)"', page))
+
+
+def test_pictures_are_png_inside_the_page(page):
+    pictures = re.findall(r"data:image/png;base64,([^\"]+)", page)
+    assert len(pictures) == 4
+    assert all(base64.b64decode(p)[:8] == b"\x89PNG\r\n\x1a\n" for p in pictures)
+
+
+def test_page_tells_verdict_settings_and_provenance(page):
+    assert "Degraded" in page
+    assert "add markers off that axis" in page
+    assert "method = &#34;smoother&#34;" in page
+    assert "ab" * 32 in page
+    assert "Tuned: noise_std" in page
+    assert "toss &lt;3&gt;" in page
+
+
+def test_page_of_a_long_record_stays_small(throw):
+    estimate, truth = throw(40_000)
+    assert len(render_page(estimate, truth)) < 3e6
+
+
+def test_page_of_a_refused_estimate_says_so_and_draws_what_is_known(throw):
+    estimate, _ = throw(50)
+    nothing = np.full((50, 3), np.nan)
+    refused = replace(
+        estimate,
+        **dict.fromkeys(("force", "moment", "center", "velocity", "angular_velocity"), nothing),
+        angular_momentum=nothing,
+        wrench_cov=np.full((50, 6, 6), np.nan),
+        deformation=np.empty((50, 0, 3)),
+        mode_amplitude=None,
+        innovation=np.empty((50, 0)),
+        nis=np.full(50, np.nan),
+        log_likelihood=np.nan,
+        verdict=Verdict("refused", ("Three samples cannot show a force; record more.",)),
+    )
+    html = render_page(refused)
+    assert "Refused" in html
+    assert "record more" in html
+    assert "not identifiable" in html
