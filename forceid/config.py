@@ -91,10 +91,13 @@ def validate(section: type[S], table: dict[str, Any], where: str) -> S:
     try:
         return section.model_validate(table)
     except ValidationError as e:
-        first = e.errors()[0]
+        errors = e.errors()  # a misspelled key first: it also makes the right one look missing
+        first = next((error for error in errors if error["type"] == "extra_forbidden"), errors[0])
         key = ".".join(str(k) for k in first["loc"])
         if first["type"] != "extra_forbidden":
-            raise ConfigError(f"key '{key}': {first['msg']}, found {first['input']!r}", where) from e
+            what = first["msg"].removeprefix("Value error, ")
+            found = "" if first["type"] in ("missing", "value_error") else f", found {first['input']!r}"
+            raise ConfigError(f"key '{key}': {what}{found}", where) from e
         near = difflib.get_close_matches(str(first["loc"][-1]), known_keys(section), n=1, cutoff=0.0)
         raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near[0]}'?") from e
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -65,17 +66,22 @@ def write_groups(path: str | Path, groups: Mapping[str, Group]) -> None:
                 variable.attrs.update(item.attrs)
 
 
-def open_hdf5(path: str | Path) -> Any:
-    """An open h5py file. DataError: missing, not HDF5, truncated."""
+@contextmanager
+def open_hdf5(path: str | Path) -> Iterator[Any]:
+    """An open h5py file. DataError: missing, not HDF5, truncated, or damaged where it is read."""
+    stamp(path)
     try:
-        return h5py.File(path, "r")
+        file = h5py.File(path, "r")
     except OSError as e:
         what = "is cut short" if "truncated" in str(e) else "is not an HDF5 file"
-        raise DataError(
-            f"{what}, expected a motion file by the contract",
-            str(path),
-            "make one with `forceid import` or copy it again",
-        ) from e
+        next_step = "make one with `forceid import` or copy it again"
+        raise DataError(f"{what}, expected a file by the contract", str(path), next_step) from e
+    with file:
+        try:
+            yield file
+        except (OSError, RuntimeError, KeyError, ValueError) as e:  # what h5py raises on damaged metadata
+            what = " ".join(str(e).split())
+            raise DataError(f"is damaged ({what}), expected readable HDF5", str(path), "copy it again") from e
 
 
 def stamp(path: str | Path) -> tuple[int, int, int]:
@@ -83,6 +89,8 @@ def stamp(path: str | Path) -> tuple[int, int, int]:
     try:
         if not Path(path).is_file():
             raise FileNotFoundError(2, os.strerror(2) if not Path(path).exists() else "not a file")
+        if not os.access(path, os.R_OK):
+            raise PermissionError(13, os.strerror(13))
         status = os.stat(path)
     except OSError as e:
         raise DataError(f"cannot be read ({e.strerror})", str(path), "give the path of a motion file") from e

@@ -39,7 +39,7 @@ def mass_points(name: tuple[str, ...], position: Array, settings: ImportSettings
     mass = np.zeros(len(settings.segment))
     for k, segment in enumerate(settings.segment):
         for marker, share in segment.markers.items():
-            weight[k, known_name(marker, name, f"{where}: segment {segment.name}")] = share
+            weight[k, known_name(marker, name, f"{where}: segment {segment.name}:")] = share
         if segment.mass_fraction is not None and body.total_mass is None:
             what = f"segment {segment.name} has a mass_fraction, expected total_mass beside it"
             raise ConfigError(what, "[import.body]:", "add total_mass (kg)")
@@ -57,12 +57,8 @@ def build_body(settings: ImportSettings, points: Points | None, sensors: Iterabl
     given = settings.body
     rigid = points is None or points.mass is None
     node = tuple(given.position) if points is None else points.name
-    position = np.array([given.position[n] for n in node]) if node and given.position else None
+    position = rows(given.position, node, "position")
     if points is not None:
-        if given.position and (lacking := set(points.name) - set(given.position)):
-            raise ConfigError(
-                f"lacks {min(lacking)!r}", "[import.body] position:", "give every node its place"
-            )
         if rigid and not given.position:
             what = "has no position of the markers, expected one in the axes of mass_center and inertia"
             raise ConfigError(what, "[import.body]:", "add position, or the mass of every marker")
@@ -96,7 +92,9 @@ def rows(table: Mapping[str, tuple[float, ...]], names: tuple[str, ...], key: st
     if not table:
         return None
     if lacking := [name for name in names if name not in table]:
-        raise ConfigError(f"lacks {lacking[0]!r}", f"[import.body] {key}:", "give every sensor its own")
+        raise ConfigError(
+            f"lacks {lacking[0]!r}", f"[import.body] {key}:", "give every node and sensor its own"
+        )
     return np.array([table[name] for name in names], float)
 
 

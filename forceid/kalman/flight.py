@@ -217,6 +217,25 @@ def smooth_flight(
     )
 
 
+def smooth_translation(
+    flight: Flight, force: LoadPrior, smoother: Callable[[StateSpace, Array], Smoothed], causal: bool = False
+) -> FlightState:
+    """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
+    path = smoother(translation(flight, force), flight.center)
+    f = path.filtered
+    x, P = (f.x, f.P) if causal else (path.x, path.P)
+    none = np.full((len(x), 3), np.nan)
+    read_out = np.tile(np.eye(3), 2)
+    wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)
+    wrench_cov[:, :3, :3] = read_out @ P[:, 6:12, 6:12] @ read_out.T
+    pose_cov[:, :3, :3] = P[:, :3, :3]
+    rot = np.full((len(x), 3, 3), np.nan)
+    return FlightState(
+        x[:, :3], x[:, 3:6] / flight.mass, rot, none, none, moments(x)[1], none,
+        wrench_cov, pose_cov, f.innovation, f.nis, f.log_likelihood,
+    )  # fmt: skip
+
+
 def read(flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int) -> FlightState:
     """The physical quantities in the state of a path; its moment part starts at state n."""
     x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation

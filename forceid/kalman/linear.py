@@ -42,6 +42,12 @@ class StateSpace:
             return a
         return a[k] if len(a) > 1 else a[0]
 
+    def one(self, j: int) -> StateSpace:
+        """Model j of many, by itself."""
+        shared = [a if a is None or a.ndim < 4 else a[:, min(j, a.shape[1] - 1)] for a in (self.F, self.Q, self.H, self.R)]
+        u = None if self.u is None else self.u[:, j]
+        return StateSpace(*shared, self.x0[j], self.P0[j], u)
+
 
 @dataclass(frozen=True)
 class Filtered:
@@ -73,7 +79,7 @@ def filter(model: StateSpace, z: Array) -> Filtered:
     """Kalman filter over z (time, channel) or (time,); NaN = missing.
 
     >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
-    >>> float(filter(level, np.array([1.0, np.nan, 2.0])).x[0, 0])
+    >>> round(float(filter(level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
     0.5
     """
     z = as_channels(z)
@@ -82,12 +88,13 @@ def filter(model: StateSpace, z: Array) -> Filtered:
     innovation, total = np.full(z.shape, np.nan), 0.0
     x_k, P_k = model.x0, model.P0
     for k, seen in enumerate(np.isfinite(z)):
+        if k > 0:
+            x_k, P_k = predict(model, k - 1, x_k, P_k)
         x_pred[k], P_pred[k] = x_k, P_k
         if seen.any():
             x_k, P_k, innovation[k, seen], gained = update(model, k, seen, x_k, P_k, z[k, seen])
             total += float(gained)
         x[k], P[k] = x_k, P_k
-        x_k, P_k = predict(model, k, x_k, P_k)
     return Filtered(x, P, x_pred, P_pred, innovation, mean_square(innovation), total)
 
 
@@ -95,12 +102,13 @@ def log_likelihood(model: StateSpace, z: Array) -> Array:
     """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel)."""
     z = as_channels(z)
     x, P, total = model.x0, model.P0, np.zeros(model.x0.shape[:-1])
-    missing = np.isnan(z)
-    for k, seen in enumerate(~missing if z.ndim == 2 else ~missing[:, 0]):
+    present = np.isfinite(z if z.ndim == 2 else z[:, 0])
+    for k, seen in enumerate(present):
+        if k > 0:
+            x, P = predict(model, k - 1, x, P)
         if seen.any():
             x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen])
             total = total + gained
-        x, P = predict(model, k, x, P)
     return total
 
 
@@ -109,16 +117,17 @@ def smooth(model: StateSpace, z: Array) -> Smoothed:
     f = filter(model, z)
     x, P = f.x.copy(), f.P.copy()
     for k in range(len(x) - 2, -1, -1):
-        G = np.linalg.solve(f.P_pred[k + 1], model.at("F", k) @ f.P[k]).T
+        F, Q = model.at("F", k), model.at("Q", k)
+        G = np.linalg.solve(f.P_pred[k + 1], F @ f.P[k]).T
         x[k] += G @ (x[k + 1] - f.x_pred[k + 1])
-        P[k] += G @ (P[k + 1] - f.P_pred[k + 1]) @ G.T
+        # a sum of positive terms: P + G (P_next - P_pred) G^T loses its digits after a start as good as unknown
+        I_GF = np.eye(len(F)) - G @ F
+        P[k] = I_GF @ f.P[k] @ I_GF.T + G @ (P[k + 1] + Q) @ G.T
     return Smoothed(x, 0.5 * (P + P.transpose(0, 2, 1)), f)
 
 
 def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array]:
-    """State and covariance one step on; of the last sample, itself, where the model ends there."""
-    if model.F.ndim > 2 and k >= len(model.F) > 1:
-        return x, P
+    """State and covariance one step on from sample k."""
     F = model.at("F", k)
     x = (F @ x[..., None])[..., 0]
     return x if model.u is None else x + model.at("u", k), F @ P @ F.swapaxes(-1, -2) + model.at("Q", k)

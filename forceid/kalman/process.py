@@ -7,9 +7,11 @@ from math import comb, factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 
 from forceid.records import Array
+
+TERMS = 24  # of the series of a step, in which the fastest rate turns by 1/8 at most
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     unit = np.diag(np.ones(order - 1), 1)
     unit[-1] = [-comb(order, i) for i in range(order)]
     scale = std[..., None] * rate[..., None] ** np.arange(order)
-    P0 = solve_continuous_lyapunov(unit, -np.diag([0.0] * (order - 1) + [q]))
+    P0 = np.asarray(solve_continuous_lyapunov(unit, -np.diag([0.0] * (order - 1) + [q])), float)
     return Process(A, Qc, scale[..., :, None] * P0 * scale[..., None, :], np.eye(order)[0])
 
 
@@ -69,18 +71,27 @@ def integrate(load: Process, var: float) -> Process:
 
 
 def discretize(process: Process, step: ArrayLike) -> tuple[Array, Array]:
-    """Transition F and noise covariance Q of a step (...) in seconds, exactly (Van Loan 1978).
+    """Transition F and noise covariance Q of a step (...) in seconds, exactly.
+
+    By Taylor series over a short step, then doubling: every entry keeps its own relative accuracy, however
+    short the step and however long a gap. (One exponential of Van Loan's block matrix grows as exp(rate *
+    step), and loses Q where a step is ten times 1/rate.)
 
     >>> F, Q = discretize(matern(1, std=2.0, rate=3.0), 0.1)
     >>> bool(np.isclose(F[0, 0], np.exp(-0.3))), bool(np.isclose(Q[0, 0], 4 * (1 - np.exp(-0.6))))
     (True, True)
     """
     h = np.asarray(step, float)[..., None, None]
-    n = process.A.shape[-1]
     A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h)
-    block = np.zeros((*A.shape[:-2], 2 * n, 2 * n))
-    block[..., :n, :n], block[..., :n, n:], block[..., n:, n:] = -A * h, Qc * h, A.swapaxes(-1, -2) * h
-    e = expm(block)
-    F = e[..., n:, n:].swapaxes(-1, -2)
-    Q = F @ e[..., :n, n:]
+    turn = (np.abs(np.linalg.eigvals(A)).max(-1) * h[..., 0, 0]).max()
+    doublings = int(np.ceil(np.log2(max(8 * turn, 1.0))))
+    h = h / 2**doublings
+    Ah, dF, dQ = A * h, np.eye(A.shape[-1]), Qc * h
+    F, Q = dF, dQ
+    for k in range(1, TERMS):
+        dF, half = dF @ Ah / k, Ah @ dQ / (k + 1)
+        dQ = half + half.swapaxes(-1, -2)
+        F, Q = F + dF, Q + dQ
+    for _ in range(doublings):
+        F, Q = F @ F, Q + F @ Q @ F.swapaxes(-1, -2)
     return F, 0.5 * (Q + Q.swapaxes(-1, -2))

@@ -50,7 +50,7 @@ def maximize(
     (True, True)
     """
     dims, free = lower.shape[-1], shared[1] > shared[0]
-    grid = np.stack(np.meshgrid(*[np.linspace(-4, 4, 9)] * dims, indexing="ij"), -1).reshape(-1, dims)
+    grid = np.stack(np.meshgrid(*[np.linspace(-4, 4, 7)] * dims, indexing="ij"), -1).reshape(-1, dims)
     fine = np.stack(np.meshgrid(*[np.linspace(-2, 2, 5)] * dims, indexing="ij"), -1).reshape(-1, dims)
     at, step = 0.5 * (lower + upper), (upper - lower) / 8
     level, level_step, best = 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
@@ -164,15 +164,40 @@ def start_of(time: Array, z: Array, gain: float) -> Start:
     return Start((10 * size) ** 2, (10 * speed) ** 2, (10 * speed / span) ** 2)
 
 
+def second_difference(time: Array, z: Array, lag: int) -> Array:
+    """Second divided difference (sample, axis) of z over `lag` samples either way; NaN at gaps."""
+    ahead = (z[2 * lag :] - z[lag:-lag]) / (time[2 * lag :] - time[lag:-lag])[:, None]
+    behind = (z[lag:-lag] - z[: -2 * lag]) / (time[lag:-lag] - time[: -2 * lag])[:, None]
+    d = 2 * (ahead - behind) / (time[2 * lag :] - time[: -2 * lag])[:, None]
+    return d[np.isfinite(d).all(1)]
+
+
 def search_box(time: Array, z: Array, gain: float) -> tuple[Array, Array]:
     """Smallest and largest log std and log rate (2,) worth a look, from second differences at many lags."""
-    seen = np.isfinite(z).all(1)
-    z, time = z[seen], time[seen]
-    sizes = []
-    for lag in 2 ** np.arange(int(np.log2(max(len(z) // 3, 1))) + 1):
-        d = z[2 * lag :] - 2 * z[lag:-lag] + z[: -2 * lag]
-        h = 0.5 * (time[2 * lag :] - time[: -2 * lag])
-        sizes.append(np.sqrt(np.mean((d / h[:, None] ** 2) ** 2)) / gain)
-    low, high = 1e-3 * min(sizes), 10 * max(sizes)
-    rates = 1.0 / (time[-1] - time[0]), 1.5 / np.median(np.diff(time))
-    return np.log([max(low, 1e-12 * high, 1e-300), rates[0]]), np.log([max(high, 1e-299), rates[1]])
+    sizes = [np.sqrt(np.mean(d**2)) / gain for lag in lags(z) if len(d := second_difference(time, z, lag))]
+    high = max([10 * max(sizes, default=0.0), 1e-12])
+    low = max(1e-3 * min(sizes, default=0.0), 1e-9 * high)
+    return np.log([low, 1.0 / (time[-1] - time[0])]), np.log([high, 1.5 / np.median(np.diff(time))])
+
+
+def load_axes(time: Array, z: Array) -> Array:
+    """Orthogonal axes (columns) along which the second derivative of z (time, 3) varies independently.
+
+    Equal white noise on all axes does not turn them. They turn with the data, so that estimates do not
+    depend on the frame. Taken at the lag where they stand out most.
+    """
+    best, axes = -1.0, np.eye(3)
+    for lag in lags(z):
+        d = second_difference(time, z, lag)
+        if len(d) < 3:
+            continue
+        size, turned = np.linalg.eigh(d.T @ d / len(d))
+        clear = (size[-1] - size[0]) / max(size.mean(), 1e-300) * np.sqrt(len(d) / lag)
+        if clear > best:
+            best, axes = clear, turned
+    return axes * np.sign(np.linalg.det(axes))
+
+
+def lags(z: Array) -> list[int]:
+    """Lags in samples, doubling, that a third of the record holds."""
+    return [2**i for i in range(int(np.log2(max(len(z) // 3, 1))) + 1)]

@@ -100,7 +100,7 @@ def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise_var: floa
     """
     T, count = len(residual), len(shapes)
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
-    G = np.concatenate([rigid, shapes.reshape(count, -1).T], 1)
+    G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
     seen = np.isfinite(residual).all(2)
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
     for i, pattern in enumerate(patterns):

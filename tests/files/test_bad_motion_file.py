@@ -217,6 +217,23 @@ def test_a_truncated_file_is_refused(tmp_path, share):
         read_motion(path)
 
 
+def test_damaged_bytes_give_a_data_error_or_a_recording(tmp_path):
+    path = tmp_path / "bad.h5"
+    write_motion(path, markers())
+    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), []
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for k in rng.integers(0, len(whole), rng.integers(1, 30)):
+            damaged[k] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            read_motion(path)
+        except DataError as error:
+            refused.append(str(error))
+    assert len(refused) > 100
+    assert not any("\n" in line for line in refused)
+
+
 def test_integers_stand_for_real_numbers(tmp_path):
     path = tmp_path / "a.h5"
     write_motion(path, markers())

@@ -146,8 +146,8 @@ def test_settings_that_do_not_fit_are_refused(tmp_path):
         validate(ImportSettings, {"csv": MEAN["csv"]}, "test:")
     with pytest.raises(ConfigError, match=r"unknown key 'until\.clearence'; did you mean 'clearance'"):
         settings(until={"clearence": 1.0})
+    (tmp_path / "a.toml").write_text('method = "spline"\n')
     with pytest.raises(ConfigError, match=r"has no table \[import\]"):
-        (tmp_path / "a.toml").write_text('method = "spline"\n')
         load_import_settings(tmp_path / "a.toml")
 
 

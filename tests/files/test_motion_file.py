@@ -37,20 +37,22 @@ def test_a_recording_comes_back_as_it_was_written(tmp_path, recording):
     assert [p.name for p in tmp_path.iterdir()] == ["a.h5"]
 
 
+TEXT = st.characters(exclude_characters="\0", codec="utf-8")  # HDF5 strings end at a zero
+
+
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(
     data=st.data(),
     n=st.integers(3, 8),
-    nodes=st.lists(st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1), min_size=1, max_size=5,
-                   unique=True),
-)  # fmt: skip
+    nodes=st.lists(st.text(TEXT, min_size=1), min_size=1, max_size=5, unique=True),
+)
 def test_any_finite_numbers_and_names_survive(tmp_path_factory, data, n, nodes):
     finite = st.floats(-1e30, 1e30)
     m = len(nodes)
     recording = Recording(
         Body(tuple(nodes), data.draw(arrays(float, (m, 3), elements=finite)), np.ones(m)),
         Motion(np.arange(n) * 0.1, data.draw(arrays(float, (n, m, 3), elements=finite))),
-        title=data.draw(st.text(st.characters(exclude_characters="\0", codec="utf-8"))),
+        title=data.draw(st.text(TEXT)),
     )
     path = tmp_path_factory.mktemp("any") / "a.h5"
     write_motion(path, recording)

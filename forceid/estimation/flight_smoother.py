@@ -1,0 +1,91 @@
+"""The filter and the smoother: priors tuned on the record, then force and moment along the whole flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.errors import EstimationError
+from forceid.estimation.deformation import Deformation, smooth_deformation
+from forceid.estimation.kinematics import Kinematics, kinematics, scaled
+from forceid.kalman.engines import Engine
+from forceid.kalman.flight import Flight, FlightState, LoadPrior, smooth_flight, smooth_translation
+from forceid.kalman.tuning import Tuned, load_axes, start_of, tune_loads
+from forceid.motion.first_moment import angular_channel
+from forceid.records import Array, Body, Motion
+
+STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
+UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
+ENOUGH = 1.02  # a noise factor this near to one changes nothing
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Priors of force and moment as tuned; the moment's is None where the rotation is not seen."""
+
+    force: Tuned
+    moment: Tuned | None
+
+
+def estimate_flight(
+    body: Body, motion: Motion, settings: Settings, gravity: Array, engine: Engine
+) -> tuple[Kinematics, Deformation, FlightState, Tuning]:
+    """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so."""
+    kin = kinematics(body, motion, settings)
+    source = "position" if motion.position is not None else "center"
+    force = tune_force(kin, gravity, STATED if kin.stated[source] else UNSTATED)
+    if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
+        kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
+    causal = settings.method == "filter"
+    deformation = smooth_deformation(kin, engine, causal)
+    if not kin.attitude:
+        flight = flight_of(kin, deformation, gravity)
+        return kin, deformation, smooth_translation(flight, force, engine.smooth, causal), Tuning(force.tuned, None)
+    limits = (1.0, 1.0)
+    if "orientation" in kin.noise:
+        limits = STATED if kin.stated["orientation"] else UNSTATED
+    moment = tune_moment(kin, deformation, limits)
+    if "orientation" in kin.noise:
+        levels = scaled(kin, {"orientation": moment.tuned.noise})
+        kin = kinematics(body, motion, settings, levels)
+    state = smooth_flight(flight_of(kin, deformation, gravity), force, moment, engine.smooth, causal)
+    return kin, deformation, state, Tuning(force.tuned, moment.tuned)
+
+
+def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:
+    """The poses and the inertia that the flight smoother works on."""
+    cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
+    center = kin.pose.center
+    return Flight(kin.time, center, kin.pose.rotation, cov, kin.inertia.mass, deformation.inertia, deformation.h, gravity)
+
+
+def tune_force(kin: Kinematics, gravity: Array, limits: tuple[float, float]) -> LoadPrior:
+    """Prior of the force and factor on the marker noise, from the mass center with the fall removed."""
+    center, time = kin.pose.center, kin.time - kin.time[0]
+    seen = np.isfinite(center).all(1)
+    if seen.sum() < 5:
+        raise EstimationError(
+            f"shows the mass center in {seen.sum()} frames, fewer than the 5 that a force needs",
+            "the recording",
+            "restore the markers, or give the center of a longer record",
+        )
+    z = center - 0.5 * time[:, None] ** 2 * gravity
+    axes = load_axes(time[seen], z[seen])
+    cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
+    var = np.einsum("ai,tab,bi->ti", axes, cov, axes)
+    gain = 1 / kin.inertia.mass
+    tuned = tune_loads(time, z @ axes, gain, var, np.zeros(3), limits)
+    return LoadPrior(tuned, axes, start_of(time, z - z[seen][0], gain))
+
+
+def tune_moment(kin: Kinematics, deformation: Deformation, limits: tuple[float, float]) -> LoadPrior:
+    """Prior of the moment, from the integrated angular momentum of the measured rotations."""
+    pose = kin.pose
+    ch = angular_channel(kin.time, pose.rotation, pose.cov[:, 3:, 3:], deformation.inertia, deformation.h)
+    axes = load_axes(ch.time, ch.Y)
+    var = np.einsum("ai,tab,bi->ti", axes, ch.noise_cov, axes)
+    drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
+    tuned = tune_loads(ch.time, ch.Y @ axes, 1.0, var, drift, limits)
+    return LoadPrior(tuned, axes, start_of(ch.time, ch.Y, 1.0))

@@ -1,0 +1,206 @@
+"""From a recording to what moved: mass, shape, the pose of every frame, and the deformation that shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Settings
+from forceid.errors import DataError
+from forceid.motion.derivative import noise_variance
+from forceid.motion.modes import (
+    fit_amplitudes,
+    mean_shape,
+    principal_deformations,
+    split,
+    stretches,
+)
+from forceid.motion.pose import Pose, center_of_mass, fit_pose, fit_rotation, log, pose_rank
+from forceid.principal.mass import mass_properties
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Body, Motion
+
+SHIFT = 4.0  # standard errors by which a mean shape must leave the reference shape to replace it
+ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass kg, its center (3,) in the axes of the reference shape, and how it moves with the nodes.
+
+    nodal: masses (node,) or matrix (dof, dof), or None for a rigid body known as a whole; weight (node,):
+    mass that goes with each node, zeros for such a body; tensor (3, 3) kg m2 of the reference shape.
+    """
+
+    mass: float
+    center: Array
+    tensor: Array
+    nodal: Array | None
+    weight: Array
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What a recording shows of the motion.
+
+    shape (node, 3) m about the mass center, body axes: the mean shape; pose: of every frame; seen (node,):
+    nodes that carry a marker; shapes (mode, node, 3) orthonormal, with raw amplitudes (time, mode) m
+    and their noise_var; model: rigid, affine or modal; noise: standard deviation by variable, stated:
+    whether the user stated it; attitude: whether the markers fix the rotation.
+    """
+
+    time: Array
+    inertia: Inertia
+    shape: Array
+    seen: Array
+    pose: Pose
+    shapes: Array
+    amplitude: Array
+    amplitude_var: Array
+    model: str
+    noise: dict[str, float]
+    stated: dict[str, bool]
+    attitude: bool
+
+
+def inertia_of(body: Body) -> Inertia:
+    """Mass, center and inertia tensor of a body, however the file describes it."""
+    nodes = len(body.node)
+    if body.mass is not None or body.mass_matrix is not None:
+        nodal = body.mass if body.mass is not None else body.mass_matrix
+        assert nodal is not None and body.position is not None
+        p = mass_properties(nodal, body.position)
+        weight = nodal if nodal.ndim == 1 else nodal.reshape(nodes, 3, nodes, 3)[:, 0, :, 0].sum(1)
+        return Inertia(p.mass, p.center, p.inertia, nodal, weight)
+    if body.total_mass is None:
+        raise DataError("holds no mass", "/body", "give mass, mass_matrix, or total_mass with inertia")
+    center = np.zeros(3) if body.mass_center is None else body.mass_center
+    tensor = np.full((3, 3), np.nan) if body.inertia is None else body.inertia
+    return Inertia(body.total_mass, center, tensor, None, np.zeros(nodes))
+
+
+def kinematics(body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None) -> Kinematics:
+    """Poses and deformation of a recording.
+
+    noise: standard deviations by variable that replace those of the file, from an earlier tuning.
+    """
+    stated = motion.noise_std | settings.noise_std
+    if motion.position is not None:
+        return from_markers(body, motion, motion.position, settings, stated, noise or stated)
+    return from_mean_motion(body, motion, stated, noise or stated)
+
+
+def from_markers(
+    body: Body, motion: Motion, x: Array, settings: Settings, stated: dict[str, float], noise: dict[str, float]
+) -> Kinematics:
+    """Kinematics of marker tracks x (time, node, 3)."""
+    inertia = inertia_of(body)
+    assert body.position is not None
+    X = body.position - inertia.center
+    seen = np.isfinite(x).all(2).any(0)
+    sigma = noise.get("position") or float(np.sqrt(noise_variance(x.reshape(len(x), -1))))
+    sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x)])))
+    known = {"position": "position" in stated}
+    massive = seen & (inertia.weight > 0)
+    weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
+    none = np.zeros((0, *X.shape))
+    if rank_of(X, seen) < 6:
+        center, cov = center_of_mass(x, X, inertia.weight, sigma**2)
+        T = len(x)
+        pose = Pose(center, np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan), np.full_like(x, np.nan),
+                    np.full(T, np.nan), np.zeros(T))  # fmt: skip
+        pose.cov[:, :3, :3] = cov[:, None, None] * np.eye(3)
+        empty = np.zeros((T, 0))
+        return Kinematics(motion.time, inertia, X, seen, pose, none, empty, empty, "rigid",
+                          {"position": sigma}, known, False)  # fmt: skip
+    shape = spinning_shape(x, X, weight, sigma)
+    residual = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size)).residual
+    if settings.model != "rigid":
+        # in the gauge of the weights, before any marker's noise is weighed
+        center, R = fit_rotation(x, shape, weight)
+        residual = np.einsum("tab,tna->tnb", R, x - center[:, None]) - shape
+    shapes, var = deformation_shapes(body, residual, shape, weight, seen, sigma, settings)
+    model = settings.model if settings.model != "auto" else ("modal" if len(shapes) else "rigid")
+    flat = shapes.reshape(len(shapes), X.size)
+    pose = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size) + flat.T @ (var[:, None] * flat))
+    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), sigma**2)
+    return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, {"position": sigma}, known, True)
+
+
+def rank_of(shape: Array, nodes: Array) -> int:
+    """Rank of the rigid-body modes that the named nodes see."""
+    return pose_rank(summation_operator(shape[nodes])) if nodes.any() else 0
+
+
+def spinning_shape(x: Array, X: Array, weight: Array, sigma: float) -> Array:
+    """The mean shape, where the record shows that it is not the reference shape; else the reference."""
+    shape = mean_shape(x, X, weight)
+    frames = np.isfinite(x).all(2).sum(0).clip(1)
+    error = sigma / np.sqrt(frames)
+    return shape if (np.abs(shape - X).max(1) > SHIFT * error).any() else X
+
+
+def deformation_shapes(
+    body: Body, residual: Array, shape: Array, weight: Array, seen: Array, sigma: float, settings: Settings
+) -> tuple[Array, Array]:
+    """Orthonormal shapes (mode, node, 3) of the model asked for, and the variances of their amplitudes."""
+    none = np.zeros((0, *shape.shape)), np.zeros(0)
+    if settings.model == "rigid" or rank_of(shape, weight > 0) < 6:
+        return none
+    on_seen = np.where(np.isfinite(residual), residual, np.nan)[:, seen]
+    if settings.model == "affine":
+        raw = stretches(shape) * seen[:, None]
+    elif body.mode_shape is not None:
+        raw = body.mode_shape[: settings.modes]
+    else:
+        found, var = principal_deformations(on_seen, sigma**2, settings.modes)
+        shapes = np.zeros((len(found), *shape.shape))
+        shapes[:, seen] = found
+        return shapes, var
+    flat = split(raw, shape, weight)[1].reshape(len(raw), -1)
+    U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
+    shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
+    q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
+    var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
+    return shapes, var
+
+
+def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, float]) -> Kinematics:
+    """Kinematics of a measured mean motion: center and, where given, orientation."""
+    assert motion.center is not None
+    inertia = inertia_of(body)
+    T, time = len(motion.time), motion.time
+    c_std = noise.get("center") or float(np.sqrt(noise_variance(motion.center)))
+    c_std = max(c_std, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
+    cov = np.zeros((T, 6, 6))
+    cov[:, :3, :3] = c_std**2 * np.eye(3)
+    levels = {"center": c_std}
+    R = np.full((T, 3, 3), np.nan)
+    attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
+    if motion.orientation is not None:
+        whole = np.isfinite(motion.orientation).all(1)
+        R[whole] = Rotation.from_quat(motion.orientation[whole]).as_matrix()
+        steps = np.zeros((T, 3))
+        steps[1:][whole[1:] & whole[:-1]] = log((R[1:] @ R[:-1].swapaxes(1, 2))[whole[1:] & whole[:-1]])
+        angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
+        r_std = noise.get("orientation") or float(np.sqrt(noise_variance(angle)))
+        levels["orientation"] = max(r_std, ROUNDOFF)
+        cov[:, 3:, 3:] = levels["orientation"] ** 2 * np.eye(3)
+    empty = np.zeros((T, 0))
+    nodes = len(body.node)
+    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
+    return Kinematics(time, inertia, X, np.zeros(nodes, bool), pose, np.zeros((0, nodes, 3)), empty, empty, "rigid",
+                      levels, {k: k in stated for k in levels}, attitude)  # fmt: skip
+
+
+def scaled(kin: Kinematics, factor: dict[str, float]) -> dict[str, float]:
+    """Noise levels of a record, each times the factor that tuning found for it."""
+    return {name: level * factor.get(name, 1.0) for name, level in kin.noise.items()}
+
+
+def shape_at(kin: Kinematics, amplitude: Array) -> Array:
+    """Shape (time, node, 3) about the mass center, body axes, at mode amplitudes (time, mode)."""
+    return kin.shape + np.einsum("tk,kna->tna", amplitude, kin.shapes)

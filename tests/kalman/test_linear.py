@@ -1,0 +1,199 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from linear_models import dense_moments, draw, hard_case, least_squares
+from scipy.stats import chi2, multivariate_normal
+
+from forceid import kalman
+from forceid.errors import ConfigError, EstimationError
+from forceid.kalman.tuning import Start, load_chain
+
+ENGINES = ("numpy", "filterpy")
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request):
+    return request.param
+
+
+def particle(step=0.004, noise=3e-4):
+    """A 0.1 kg particle under a Matern force, its position measured; starts as the force prior does."""
+    prior = kalman.matern(2, std=1.0, rate=10 * np.pi)
+    chain = kalman.integrate(kalman.integrate(prior, var=0.01), var=1e-4)
+    F, Q = kalman.discretize(chain, step)
+    H = 10 * chain.output[None]
+    return kalman.StateSpace(F, Q, H, np.array([[noise**2]]), np.zeros(4), chain.P0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_smoother_is_batch_least_squares_whatever_changes_with_time(engine, seed):
+    model, z = hard_case(seed)
+    x, P = least_squares(model, z)
+    smoothed = kalman.smooth(model, z, engine=engine)
+    np.testing.assert_allclose(smoothed.x, x, atol=1e-8 * np.abs(x).max(), rtol=0)
+    np.testing.assert_allclose(smoothed.P, P, atol=1e-8 * np.abs(P).max(), rtol=0)
+
+
+def test_filter_is_batch_least_squares_of_the_samples_so_far(engine):
+    model, z = hard_case()
+    filtered = kalman.filter(model, z, engine=engine)
+    for k in range(len(z)):
+        so_far, past = z[: k + 1], z[: k + 1].copy()
+        past[k] = np.nan
+        for data, x_k, P_k in (
+            (so_far, filtered.x[k], filtered.P[k]),
+            (past, filtered.x_pred[k], filtered.P_pred[k]),
+        ):
+            x, P = least_squares(model, data)
+            np.testing.assert_allclose(x_k, x[k], atol=1e-8 * np.abs(x).max(), rtol=0)
+            np.testing.assert_allclose(P_k, P[k], atol=1e-8 * np.abs(P).max(), rtol=0)
+
+
+def test_likelihood_is_the_dense_multivariate_normal(engine):
+    model, z = hard_case()
+    mean, cov = dense_moments(model, len(z))
+    seen = np.isfinite(z).ravel()
+    dense = multivariate_normal(mean[seen], cov[seen][:, seen]).logpdf(z.ravel()[seen])
+    assert float(kalman.log_likelihood(model, z, engine=engine)) == pytest.approx(dense, abs=1e-8)
+    assert kalman.filter(model, z, engine=engine).log_likelihood == pytest.approx(dense, abs=1e-8)
+
+
+def test_whitened_innovations_carry_the_whole_quadratic_form_of_the_likelihood(engine):
+    model, z = hard_case()
+    mean, cov = dense_moments(model, len(z))
+    seen = np.isfinite(z).ravel()
+    misfit = z.ravel()[seen] - mean[seen]
+    quadratic_form = misfit @ np.linalg.solve(cov[seen][:, seen], misfit)
+    white = kalman.filter(model, z, engine=engine).innovation
+    assert np.array_equal(np.isfinite(white), np.isfinite(z))
+    assert np.nansum(white**2) == pytest.approx(quadratic_form, abs=1e-8)
+
+
+def test_engines_agree_in_every_field():
+    model, z = hard_case(seed=11, time=40)
+    ours, reference = (kalman.smooth(model, z, engine=name) for name in ENGINES)
+    for a, b in ((ours, reference), (ours.filtered, reference.filtered)):
+        for field in dataclasses.fields(a):
+            if field.name != "filtered":
+                left, right = getattr(a, field.name), getattr(b, field.name)
+                np.testing.assert_allclose(left, right, rtol=1e-8, atol=1e-8)
+
+
+@settings(deadline=None, derandomize=True, max_examples=20)
+@given(
+    gaps=st.lists(st.tuples(st.integers(0, 13), st.integers(0, 2)), max_size=42),
+    which=st.sets(st.sampled_from(["F", "Q", "H", "R", "u"])),
+)
+def test_engines_agree_on_any_gaps_with_any_matrices_constant(gaps, which):
+    model, z = hard_case()
+    model = dataclasses.replace(model, **{name: getattr(model, name)[2] for name in which})
+    for k, channel in gaps:
+        z[k, channel] = np.nan
+    ours, reference = (kalman.smooth(model, z, engine=name) for name in ENGINES)
+    np.testing.assert_allclose(ours.x, reference.x, rtol=1e-8, atol=1e-8 * np.abs(ours.x).max())
+    np.testing.assert_allclose(ours.P, reference.P, rtol=1e-8, atol=1e-8 * np.abs(ours.P).max())
+
+
+def test_a_signal_without_channel_axis_is_one_channel(engine):
+    model = particle()
+    z = draw(model, 30, np.random.default_rng(0))[1]
+    a, b = (kalman.smooth(model, data, engine=engine) for data in (z, z[:, 0]))
+    assert np.array_equal(a.x, b.x)
+
+
+def test_the_last_filtered_state_is_the_last_smoothed_one(engine):
+    model, z = hard_case()
+    smoothed = kalman.smooth(model, z, engine=engine)
+    assert np.array_equal(smoothed.x[-1], smoothed.filtered.x[-1])
+
+
+def test_a_record_without_data_returns_the_prior(engine):
+    model = particle()
+    smoothed = kalman.smooth(model, np.full((5, 1), np.nan), engine=engine)
+    P = model.P0
+    for k in range(5):
+        np.testing.assert_allclose(smoothed.P[k], P, rtol=1e-9, atol=1e-12 * np.abs(P).max())
+        P = model.F @ P @ model.F.T + model.Q
+    assert smoothed.filtered.log_likelihood == 0
+    assert np.isnan(smoothed.filtered.nis).all()
+
+
+def test_many_models_at_once_are_each_model_by_itself(engine):
+    rng = np.random.default_rng(5)
+    time, std, rate = 60, np.array([0.5, 1.0, 3.0, 4.0]), np.array([3.0, 30.0, 100.0, 8.0])
+    chain = load_chain(2, std, rate, Start(1e-2, 1e-2, 1.0))
+    step = rng.uniform(0.002, 0.006, time - 1)
+    F, Q = kalman.discretize(dataclasses.replace(chain, A=chain.A[None], Qc=chain.Qc[None]), step[:, None])
+    H = np.broadcast_to(10 * chain.output, (1, 4, 1, 5))
+    R = rng.uniform(1e-8, 1e-7, (time, 4, 1, 1))
+    u = 1e-4 * rng.standard_normal((time - 1, 4, 5))
+    many = kalman.StateSpace(F, Q, H, R, np.zeros((4, 5)), chain.P0, u)
+    z = 1e-2 * rng.standard_normal((time, 4, 1))
+    z[20:24] = np.nan
+    each = [
+        kalman.log_likelihood(
+            kalman.StateSpace(F[:, i], Q[:, i], H[0, i], R[:, i], np.zeros(5), chain.P0[i], u[:, i]), z[:, i]
+        )
+        for i in range(4)
+    ]
+    np.testing.assert_allclose(kalman.log_likelihood(many, z, engine=engine), each, rtol=1e-8)
+
+
+def test_covariances_stay_symmetric_and_positive_over_twenty_thousand_samples():
+    prior = kalman.matern(3, std=1.0, rate=30.0)
+    chain = kalman.integrate(kalman.integrate(prior, var=1.0), var=1.0)
+    F, Q = kalman.discretize(chain, 1e-3)
+    model = kalman.StateSpace(F, Q, chain.output[None], np.array([[1e-12]]), np.zeros(5), chain.P0)
+    z = np.zeros((20_000, 1))
+    z[5_000:6_000] = np.nan
+    smoothed = kalman.smooth(model, z)
+    for P in (smoothed.P, smoothed.filtered.P):
+        size = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        assert np.isfinite(size).all()
+        scaled = P / size[:, :, None] / size[:, None, :]
+        np.testing.assert_allclose(scaled, scaled.transpose(0, 2, 1), atol=1e-9)
+        assert np.linalg.eigvalsh(scaled).min() > 0
+
+
+def test_smoothing_never_widens_what_the_filter_knew(engine):
+    model, z = hard_case()
+    smoothed = kalman.smooth(model, z, engine=engine)
+    shrunk = np.linalg.eigvalsh(smoothed.filtered.P - smoothed.P)
+    assert shrunk.min() > -1e-10 * np.abs(smoothed.P).max()
+
+
+def test_mean_nis_lies_in_its_chi_square_band_on_data_of_the_model():
+    model, rng = particle(), np.random.default_rng(1)
+    nis = np.concatenate([kalman.filter(model, draw(model, 400, rng)[1]).nis for _ in range(8)])
+    low, high = chi2(len(nis)).interval(0.99)
+    assert low < nis.sum() < high
+
+
+def test_monte_carlo_error_is_the_bound_the_smoother_states():
+    """Tolerance of principal equations 6: rmse over bound 0.97 to 1.03, over records drawn from the prior."""
+    model, rng = particle(), np.random.default_rng(2)
+    ratio = []
+    for _ in range(40):
+        x, z = draw(model, 500, rng)
+        smoothed = kalman.smooth(model, z)
+        ratio.append((smoothed.x[:, 2] - x[:, 2]) ** 2 / smoothed.P[:, 2, 2])
+    assert 0.97 < np.sqrt(np.mean(ratio)) < 1.03
+
+
+def test_a_singular_innovation_is_an_error_that_names_the_sample(engine):
+    one, none = np.eye(2), np.zeros((2, 2))
+    model = kalman.StateSpace(one, none, one, none, np.zeros(2), one)
+    with pytest.raises(EstimationError, match="not positive definite at sample 1; state a measurement noise"):
+        kalman.filter(model, np.zeros((3, 2)), engine=engine)
+
+
+def test_engine_is_chosen_by_name_and_a_wrong_name_gets_the_nearest():
+    assert kalman.engine("auto").name == "numpy"
+    model, z = hard_case()
+    reference = kalman.engine("filterpy").smooth(model, z)
+    assert np.array_equal(reference.x, kalman.smooth(model, z, engine="filterpy").x)
+    with pytest.raises(ConfigError, match=r"unknown engine 'nunpy'; did you mean 'numpy'\?"):
+        kalman.smooth(model, z, engine="nunpy")
