@@ -27,7 +27,7 @@ from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
 ITERATIONS = 12
-STANDSTILL = 1e-7  # rad
+STANDSTILL = 1e-3  # of the standard deviation of a measured rotation
 
 
 @dataclass(frozen=True)
@@ -199,6 +199,7 @@ def smooth_flight(
     reference = first_reference(flight, moment)
     free = translation(flight, force)
     n = len(free.x0)
+    rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[:, 3:, 3:], axis1=1, axis2=2))))
     for _ in range(ITERATIONS):
         model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
         seen = np.isfinite(flight.rotation).all((1, 2))
@@ -208,7 +209,7 @@ def smooth_flight(
         turned = path.x[:, n : n + 3]
         previous = reference
         reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]))
-        if np.abs(turned).max() < STANDSTILL:
+        if np.abs(turned).max() < rest:
             return read(flight, previous, path.filtered if causal else path, path.filtered, n)
     raise EstimationError(
         f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",

@@ -113,16 +113,29 @@ def log_likelihood(model: StateSpace, z: Array) -> Array:
 
 
 def smooth(model: StateSpace, z: Array) -> Smoothed:
-    """Rauch-Tung-Striebel smoother over z (time, channel) or (time,); NaN = missing."""
+    """Fixed-interval smoother over z (time, channel) or (time,); NaN = missing.
+
+    Rauch-Tung-Striebel's result in the form of Bryson and Frazier (1963): the adjoint variable carries
+    what later samples say, so that nothing is divided by the predicted covariance, which is singular in
+    all but name where a prior is smooth and its start unknown.
+    """
+    z = as_channels(z)
     f = filter(model, z)
     x, P = f.x.copy(), f.P.copy()
-    for k in range(len(x) - 2, -1, -1):
-        F, Q = model.at("F", k), model.at("Q", k)
-        G = np.linalg.solve(f.P_pred[k + 1], F @ f.P[k]).T
-        x[k] += G @ (x[k + 1] - f.x_pred[k + 1])
-        # a sum of positive terms: P + G (P_next - P_pred) G^T loses its digits after a start as good as unknown
-        I_GF = np.eye(len(F)) - G @ F
-        P[k] = I_GF @ f.P[k] @ I_GF.T + G @ (P[k + 1] + Q) @ G.T
+    later, information = np.zeros_like(model.x0), np.zeros_like(model.P0)
+    for k in range(len(x) - 1, -1, -1):
+        if k < len(x) - 1:
+            F = model.at("F", k)
+            later, information = F.T @ later, F.T @ information @ F
+        x[k] += P[k] @ later
+        P[k] -= P[k] @ information @ P[k]
+        seen = np.isfinite(z[k])
+        if seen.any():
+            H, L, K = gain(model, k, seen, f.P_pred[k])
+            I_KH, A = np.eye(len(later)) - K @ H, np.linalg.solve(L, H)
+            later = I_KH.T @ later + A.T @ f.innovation[k, seen]
+            information = I_KH.T @ information @ I_KH + A.T @ A
+            information = 0.5 * (information + information.T)
     return Smoothed(x, 0.5 * (P + P.transpose(0, 2, 1)), f)
 
 
@@ -137,6 +150,19 @@ def update(
     model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array
 ) -> tuple[Array, Array, Array, Array]:
     """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
+    H, L, K = gain(model, k, seen, P)
+    white = np.linalg.solve(L, (z - (H @ x[..., None])[..., 0])[..., None])
+    x = x + (K @ L @ white)[..., 0]
+    I_KH, KR = np.eye(x.shape[-1]) - K @ H, K @ model.at("R", k)[..., seen, :][..., seen]
+    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + KR @ K.swapaxes(-1, -2)
+    white = white[..., 0]
+    gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
+    gained = gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
+    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained
+
+
+def gain(model: StateSpace, k: int, seen: NDArray[np.bool_], P: Array) -> tuple[Array, Array, Array]:
+    """H of the channels seen, the Cholesky factor L of their innovation covariance, and the gain K."""
     H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     PHt = P @ H.swapaxes(-1, -2)
     try:
@@ -147,14 +173,8 @@ def update(
             "the linear model",
             "state a measurement noise above zero",
         ) from e
-    white = np.linalg.solve(L, (z - (H @ x[..., None])[..., 0])[..., None])
     K = np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
-    x = x + (K @ L @ white)[..., 0]
-    I_KH = np.eye(x.shape[-1]) - K @ H
-    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
-    white = white[..., 0]
-    gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
-    return x, P, white, gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
+    return H, L, K
 
 
 def as_channels(z: Array) -> Array:

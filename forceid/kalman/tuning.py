@@ -15,7 +15,7 @@ from forceid.records import Array
 ORDERS = (1, 2, 3, 4)
 PATIENCE = 5.0  # a smoother prior is kept until a rougher one is e^5 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
-ROUNDS = 5
+ROUNDS, SHRINK = 7, 0.6  # grids after the first, and how much finer each is
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,14 @@ class Tuned:
 
 
 def maximize(
-    objective: Callable[[Array, Array], Array], lower: Array, upper: Array, shared: tuple[float, float]
+    objective: Callable[[Array, Array], Array], lower: Array, upper: Array, shared: tuple[float, float], start: Array | None = None
 ) -> tuple[Array, float, float]:
     """Maximum of a sum over problems on a box: each has its own point, all share one number.
 
     lower, upper (problem, dim); objective(points (level, problem, point, dim), levels (level,)) -> (level, problem,
-    point). A grid, then ever finer grids about its best point: no derivative, as many starts as the
-    first grid has points, and many points cost about as much as one. Returns points, shared number, value.
+    point). A grid, unless `start` (problem, dim) is given, then ever finer grids about the best point so far:
+    no derivative, as many starts as the first grid has points, and many points cost about as much as one.
+    Returns points, shared number, value.
 
     >>> def hills(p, s):
     ...     return -((p - 0.3) ** 2).sum(-1) - (s[:, None, None] - 0.7) ** 2
@@ -50,13 +51,15 @@ def maximize(
     (True, True)
     """
     dims, free = lower.shape[-1], shared[1] > shared[0]
-    grid = np.stack(np.meshgrid(*[np.linspace(-4, 4, 7)] * dims, indexing="ij"), -1).reshape(-1, dims)
-    fine = np.stack(np.meshgrid(*[np.linspace(-2, 2, 5)] * dims, indexing="ij"), -1).reshape(-1, dims)
-    at, step = 0.5 * (lower + upper), (upper - lower) / 8
+    wide, near = np.arange(-3.0, 4.0), np.arange(-1.0, 2.0)
+    at, step = 0.5 * (lower + upper), (upper - lower) / 6
     level, level_step, best = 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
+    if start is not None:
+        at, step = start, step / 4
     for turn in range(ROUNDS + 1):
-        offset, spread = (fine, np.arange(-1.0, 2.0)) if turn else (grid, np.arange(-3.0, 4.0))
-        levels = np.clip(level + level_step * spread, *shared) if free else np.array([level])
+        spread = wide if turn == 0 and start is None else near
+        offset = np.stack(np.meshgrid(*[spread] * dims, indexing="ij"), -1).reshape(-1, dims)
+        levels = np.clip(level + level_step * (near if turn else wide), *shared) if free else np.array([level])
         points = np.clip(at[:, None] + offset * step[:, None], lower[:, None], upper[:, None])
         points = np.broadcast_to(points, (len(levels), *points.shape))
         value = objective(points, levels)
@@ -64,7 +67,7 @@ def maximize(
         if value[which].max(1).sum() > best:
             best, level = float(value[which].max(1).sum()), float(levels[which])
             at = points[which, np.arange(len(at)), value[which].argmax(1)]
-        step, level_step = step / 2, level_step / 2
+        step, level_step = step * SHRINK, level_step / 2
     return at, level, best
 
 
@@ -120,15 +123,21 @@ def tune_loads(
             total += log_likelihood(model, y[:, axis, None])
         return total.reshape(shape)
 
-    lower, upper = search_box(time, z, gain)
-    lower, upper = np.tile(lower, (axes, 1)), np.tile(upper, (axes, 1))
+    lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain))
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
+    level = limits[0]
+    if limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
+        _, level, _ = maximize(lambda p, s: objective(p, s, 2), lower, upper, limits)
     found = []
     for order in orders:
-        at, level, value = maximize(lambda p, s, n=order: objective(p, s, n), lower, upper, limits)
-        at_limit = limits[1] > limits[0] and level - limits[0] < 0.05
-        found.append(Tuned(order, *np.exp(at.T), float(np.exp(level)), at_limit, value))
-    return smoothest(found)
+        at, _, value = maximize(lambda p, s, n=order: objective(p, s, n), lower, upper, (level, level))  # type: ignore[misc]
+        found.append((Tuned(order, *np.exp(at.T), float(np.exp(level)), False, value), at))
+    tuned = smoothest([t for t, _ in found])
+    if limits[1] > limits[0]:
+        at = next(at for t, at in found if t is tuned)
+        at, level, value = maximize(lambda p, s: objective(p, s, tuned.order), lower, upper, limits, at)
+        tuned = Tuned(tuned.order, *np.exp(at.T), float(np.exp(level)), level - limits[0] < 0.05, value)
+    return tuned
 
 
 def smoothest(found: list[Tuned]) -> Tuned:

@@ -1,35 +1,22 @@
-"""Second derivatives of a measured record: difference, Savitzky-Golay, spline; each linear, with its noise gain."""
+"""Derivatives of a measured record by difference, Savitzky-Golay or spline: linear maps of known noise gain."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 from scipy.ndimage import correlate1d
-from scipy.sparse import bsr_array, csr_array, diags_array
+from scipy.sparse import block_diag, csr_array, diags_array, eye_array
 
+from forceid.motion.window import DEGREE, Window
 from forceid.records import Array
 
-Route = Literal["difference", "savgol", "spline"]
-DEGREE = 5  # of the spline: its second derivative is a smooth cubic
+Index = NDArray[np.intp]
 BLOCK = 2**21  # numbers held at once by a batch of local fits
-
-
-@dataclass(frozen=True)
-class Window:
-    """How much a route smooths: `count` samples, which is `seconds`, with polynomials of degree `order`.
-
-    count: difference, the lag; savgol, the samples on either side; spline, the samples a knot interval.
-    """
-
-    method: Route
-    order: int
-    count: int
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -44,22 +31,6 @@ class Derivatives:
     first: Array
     second: Array
     gain: Array
-
-
-def windows(method: Route, time: Array) -> list[Window]:
-    """Candidate windows, least smoothing first: each a tenth longer than the last, up to half the record.
-
-    >>> [w.count for w in windows("difference", np.arange(30.0))]
-    [1, 2, 3, 4, 5, 6, 7]
-    """
-    step = float(np.median(np.diff(time)))
-    ladder = np.unique(np.round(1.1 ** np.arange(np.log(max(len(time) // 4, 1)) / np.log(1.1))).astype(int))
-    if method == "difference":
-        return [Window(method, 2, int(h), h * step) for h in ladder]
-    if method == "spline":
-        return [Window(method, DEGREE, int(n), n * step) for n in ladder if n > 1]
-    found = [Window(method, p, int(h), h * step) for p in (2, 4) for h in ladder if 2 * h >= p + 2]
-    return sorted(found, key=lambda w: w.count / (1, 1.65)[w.order == 4])  # lengths of equal noise
 
 
 def derivatives(time: Array, z: Array, window: Window) -> Derivatives:
@@ -89,7 +60,7 @@ def derivatives(time: Array, z: Array, window: Window) -> Derivatives:
     return Derivatives(out[0], out[1], out[2], full)
 
 
-def parts(time: Array, seen: Array, window: Window) -> list[tuple[Array, slice]]:
+def parts(time: Array, seen: NDArray[np.bool_], window: Window) -> list[tuple[Index, slice]]:
     """Stretches of the record without a long gap: indices of the samples seen, and all samples they span."""
     at = np.flatnonzero(seen)
     longest = max(window.seconds, 2 * np.median(np.diff(time))) * (1 + 1e-6)
@@ -98,7 +69,7 @@ def parts(time: Array, seen: Array, window: Window) -> list[tuple[Array, slice]]
 
 
 def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Array] | None:
-    """Local polynomials through samples z (sample, channel) at times t: (3, time, channel) and the gain at `at`."""
+    """Local polynomials through z (sample, channel) at times t: (3, time, channel) at `at`, and its gain."""
     h = min(window.count, (len(t) - 1) // 2)
     stencil = h * np.arange(-1, 2) if window.method == "difference" else np.arange(-h, h + 1)
     if h < 1 or len(stencil) <= window.order:
@@ -124,19 +95,14 @@ def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Arr
     return out, gain
 
 
-def local_weights(t: Array, at: Array, index: Array, order: int) -> tuple[Array, Array]:
-    """Weights (time, 3, stencil) of the polynomial through t[index] and its derivatives at `at`; their Gram."""
+def local_weights(t: Array, at: Array, index: Index, order: int) -> tuple[Array, Array]:
+    """Weights (time, 3, stencil) of the polynomial over t[index] and its derivatives at `at`; their Gram."""
     ends = t[index[:, [0, -1]]]
     middle, half = ends.mean(1), np.diff(ends)[:, 0] / 2
     X = legendre.legvander((t[index] - middle[:, None]) / half[:, None], order)
-    unit = np.eye(order + 1)
-    E = np.stack(
-        [
-            legendre.legvander((at - middle) / half, order - d) @ legendre.legder(unit, d) / half[:, None] ** d
-            for d in range(3)
-        ],
-        1,
-    )
+    s, unit = (at - middle) / half, np.eye(order + 1)
+    E = np.stack([legendre.legvander(s, order - d) @ legendre.legder(unit, d) for d in range(3)], 1)
+    E /= half[:, None, None] ** np.arange(3)[:, None]
     weight = E @ np.linalg.solve(X.mT @ X, X.mT)
     return weight, weight @ weight.mT
 
@@ -152,53 +118,39 @@ def fit_spline(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Ar
     breaks = np.interp(np.linspace(0, len(t) - 1, pieces + 1), np.arange(len(t)), t)
     knots = np.r_[[breaks[0]] * DEGREE, breaks, [breaks[-1]] * DEGREE]
     B = BSpline.design_matrix(t, knots, DEGREE)
-    G = (B.T @ B).todia()
-    coefficients = solveh_banded(
-        np.stack([np.r_[G.diagonal(-k), np.zeros(k)] for k in range(DEGREE + 1)]), B.T @ z, lower=True
-    )
-    lift = diags_array(np.ones(pieces + DEGREE)).tocsr()
-    E = []
+    G = (B.T @ B).tocsr()
+    band = np.zeros((DEGREE + 1, G.shape[0]))
+    for k in range(DEGREE + 1):
+        band[k, : G.shape[0] - k] = G.diagonal(k)
+    coefficients = solveh_banded(band, np.asarray(B.T @ z), lower=True)
+    E, rise = [], eye_array(G.shape[0]).tocsr()  # rise: from coefficients to those of the derivative
     for degree in (DEGREE, DEGREE - 1, DEGREE - 2):
-        inner = knots[DEGREE - degree : len(knots) - (DEGREE - degree)]
-        E.append(csr_array(BSpline.design_matrix(at, inner, degree)) @ lift)
-        rise = degree / (inner[1 + degree : -1] - inner[1 : -1 - degree])
-        lift = diags_array([-rise, rise], offsets=[0, 1], shape=(len(rise), len(rise) + 1)) @ lift
-    C = inverse_band(csr_array(G))
+        E.append(BSpline.design_matrix(at, knots, degree) @ rise)
+        knots = knots[1:-1]
+        slope = degree / (knots[degree:] - knots[:-degree])
+        rise = diags_array([-slope, slope], offsets=[0, 1], shape=(len(slope), len(slope) + 1)) @ rise
+    C = inverse_band(G)
     gain = np.array([[(Ea @ C).multiply(Eb).sum(1) for Eb in E] for Ea in E])
     return np.stack([Ed @ coefficients for Ed in E]), np.moveaxis(gain, 2, 0)
 
 
 def inverse_band(G: csr_array) -> csr_array:
-    """The band of G^-1 that a spline needs, for G of half width DEGREE (block Takahashi recursion).
+    """Those entries of G^-1 that a spline needs, G of half width DEGREE (block Takahashi recursion).
 
-    >>> G = np.diag(np.full(9, 4.0)) + np.diag(np.ones(8), 1) + np.diag(np.ones(8), -1)
-    >>> band = inverse_band(csr_array(G)).toarray()[:5, :5]
-    >>> bool(np.allclose(band, np.linalg.inv(G)[:5, :5]))
+    >>> G = csr_array(np.diag(np.full(9, 4.0)) + np.diag(np.ones(4), 5) + np.diag(np.ones(4), -5))
+    >>> bool(np.allclose(inverse_band(G).toarray()[:5, :5], np.linalg.inv(G.toarray())[:5, :5]))
     True
     """
     n, b = G.shape[0], DEGREE
-    m = -(-n // b)
-    wide = np.zeros((m, b, 2 * b))
-    coo = G.tocoo()
-    row, column = coo.coords
-    upper = column >= row // b * b
-    row, column = row[upper], column[upper]
-    wide[row // b, row % b, column - row // b * b] = coo.data[upper]
-    beyond = np.arange(m * b).reshape(m, b) >= n
-    wide[:, :, :b] += np.eye(b) * beyond[:, None]
-    D, U = wide[..., :b], wide[..., b:]
-    inv = np.empty_like(D)
-    inv[0] = np.linalg.inv(D[0])
-    for i in range(1, m):
-        inv[i] = np.linalg.inv(D[i] - U[i - 1].T @ inv[i - 1] @ U[i - 1])
-    Z, side = inv.copy(), np.zeros_like(U)
-    for i in range(m - 2, -1, -1):
-        gain = inv[i] @ U[i]
-        side[i] = -gain @ Z[i + 1]
-        Z[i] -= side[i] @ gain.T
-    blocks = np.concatenate([Z, side[:-1], side[:-1].mT])
-    i = np.arange(m)
-    at = np.r_[i, i[:-1], i[1:]], np.r_[i, i[1:], i[:-1]]
-    order = np.lexsort((at[1], at[0]))
-    start = np.r_[0, np.cumsum(np.bincount(at[0], minlength=m))]
-    return bsr_array((blocks[order], at[1][order], start), shape=(m * b, m * b)).tocsr()[:n, :n]
+    Z = block_diag([G, eye_array(-n % b)]).tobsr((b, b))
+    across = Z.indices - np.repeat(np.arange(len(Z.indptr) - 1), np.diff(Z.indptr))
+    D, U = Z.data[across == 0], Z.data[across == 1]
+    for i in range(1, len(D)):
+        D[i] -= U[i - 1].T @ np.linalg.solve(D[i - 1], U[i - 1])
+    D[:] = np.linalg.inv(D)
+    for i in range(len(D) - 2, -1, -1):
+        gain = D[i] @ U[i]
+        U[i] = -gain @ D[i + 1]
+        D[i] -= U[i] @ gain.T
+    Z.data[across == 0], Z.data[across == 1], Z.data[across == -1] = D, U, U.mT
+    return Z.tocsr()[:n, :n]

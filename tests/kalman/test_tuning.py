@@ -1,0 +1,198 @@
+import numpy as np
+import pytest
+from linear_models import draw
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+from forceid.kalman import StateSpace, discretize, log_likelihood
+from forceid.kalman.tuning import (
+    PATIENCE,
+    Start,
+    Tuned,
+    load_chain,
+    maximize,
+    search_box,
+    smoothest,
+    start_of,
+    stretch,
+    tune_loads,
+)
+
+GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
+
+
+def driven_channel(order, std, rate, seed, time=400, noise=NOISE):
+    """Position of a 0.1 kg mass under a force with a Matern prior and no mean, measured with noise."""
+    chain = load_chain(order, std, rate, Start(second=1e-4, first=1e-2, mean=1e-12))
+    F, Q = discretize(chain, STEP)
+    start = np.zeros(len(F))
+    model = StateSpace(F, Q, GAIN * chain.output[None], np.array([[noise**2]]), start, chain.P0)
+    return draw(model, time, np.random.default_rng(seed))[1][:, 0]
+
+
+def three_axes(order=2, seed=0, **more):
+    """Three axes with their own std (N) and rate (1/s): time, z (time, axis), std, rate."""
+    std, rate = np.array([1.0, 3.0, 0.5]), np.array([30.0, 20.0, 40.0])
+    z = np.stack([driven_channel(order, std[i], rate[i], 10 * seed + i, **more) for i in range(3)], 1)
+    return np.arange(len(z)) * STEP, z, std, rate
+
+
+def evidence(time, z, order, std, rate, noise):
+    """Log-likelihood of the axes by hand, one model at a time."""
+    y = z - z[0]
+    start, total = start_of(time, y, GAIN), 0.0
+    for axis in range(z.shape[1]):
+        chain = load_chain(order, std[axis], rate[axis], start)
+        F, Q = discretize(chain, STEP)
+        R = np.array([[noise**2]])
+        model = StateSpace(F, Q, GAIN * chain.output[None], R, np.zeros(len(F)), chain.P0)
+        total += float(log_likelihood(model, y[:, axis]))
+    return total
+
+
+def test_maximum_of_separate_problems_is_found_for_each():
+    peaks = np.array([[0.31, 0.77], [0.05, 0.93], [0.5, 0.21]])
+    width = np.array([1.0, 0.2])
+
+    def bowls(points, levels):
+        return -(((points - peaks[:, None]) / width) ** 2).sum(-1) - 0 * levels[:, None, None]
+
+    at, level, value = maximize(bowls, np.zeros((3, 2)), np.ones((3, 2)), (2.0, 2.0))
+    np.testing.assert_allclose(at, peaks, atol=1 / 256)
+    assert level == 2.0
+    assert -1e-2 < value <= 0
+
+
+def test_maximum_of_a_shared_number_serves_all_problems_at_once():
+    """Each problem alone would take its own level, 0.2 and 0.8; together they meet in the middle."""
+    wish = np.array([0.2, 0.8])
+
+    def tied(points, levels):
+        return -((points[..., 0] - 0.4) ** 2) - (levels[:, None, None] - wish[:, None]) ** 2
+
+    at, level, value = maximize(tied, np.zeros((2, 1)), np.ones((2, 1)), (0.0, 1.0))
+    assert level == pytest.approx(0.5, abs=0.02)
+    np.testing.assert_allclose(at, 0.4, atol=1 / 256)
+    assert value == pytest.approx(-0.18, abs=2e-3)
+
+
+def test_the_higher_of_two_hills_is_found():
+    def hills(points, levels):
+        low, high = (np.exp(-(((points[..., 0] - peak) / 0.1) ** 2)) for peak in (0.2, 0.85))
+        return 0.9 * low + high + 0 * levels[:, None, None]
+
+    at, _, value = maximize(hills, np.zeros((1, 1)), np.ones((1, 1)), (0.0, 0.0))
+    assert at[0, 0] == pytest.approx(0.85, abs=1 / 256)
+    assert value == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_maximum_outside_the_box_is_met_at_its_edge():
+    def slope(points, levels):
+        return points.sum(-1) - 0 * levels[:, None, None]
+
+    at, _, _ = maximize(slope, np.array([[-1.0, 2.0]]), np.array([[0.0, 5.0]]), (0.0, 0.0))
+    assert np.array_equal(at, [[0.0, 5.0]])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_tuning_recovers_std_rate_and_noise_within_the_sampling_error(seed):
+    """Twice the log-likelihood it gains over the truth is chi-square in seven unknowns."""
+    time, z, std, rate = three_axes(seed=seed)
+    stated = np.full(z.shape, (2 * NOISE) ** 2)  # the file claims twice the noise
+    tuned = tune_loads(time, z, GAIN, stated, np.zeros(3), noise_range=(0.1, 10.0), orders=(2,))
+    gained = 2 * (tuned.log_likelihood - evidence(time, z, 2, std, rate, NOISE))
+    assert -0.5 < gained < chi2(7).ppf(0.999)
+    assert tuned.noise == pytest.approx(0.5, rel=3 / np.sqrt(2 * z.size))
+    np.testing.assert_allclose(np.log(tuned.std / std), 0, atol=0.7)
+    np.testing.assert_allclose(np.log(tuned.rate / rate), 0, atol=0.7)
+    assert not tuned.noise_at_limit
+
+
+def test_tuned_likelihood_is_that_of_its_models_and_no_optimizer_finds_more():
+    time, z, *_ = three_axes(seed=4, time=200)
+    tuned = tune_loads(time, z, GAIN, np.full(z.shape, NOISE**2), np.zeros(3), orders=(2,))
+    assert tuned.log_likelihood == pytest.approx(evidence(time, z, 2, tuned.std, tuned.rate, NOISE), abs=1e-6)
+    for axis in range(3):
+        one = z[:, [axis]] - z[0, axis]
+        start = start_of(time, z - z[0], GAIN)
+
+        def minus(p, one=one, start=start):
+            chain = load_chain(2, *np.exp(p), start)
+            F, Q = discretize(chain, STEP)
+            H, R = GAIN * chain.output[None], np.array([[NOISE**2]])
+            return -float(log_likelihood(StateSpace(F, Q, H, R, np.zeros(5), chain.P0), one))
+
+        at = np.log([tuned.std[axis], tuned.rate[axis]])
+        best = minimize(minus, at, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3})
+        assert minus(at) - best.fun < 0.5  # far below the sampling error of the likelihood
+
+
+def test_tuning_keeps_the_meaning_of_units():
+    """Centimeters for meters scale the load, milliseconds for seconds the rate, and nothing else."""
+    time, z, *_ = three_axes(seed=5, time=150)
+    noise, still = np.full(z.shape, NOISE**2), np.zeros(3)
+    a = tune_loads(time, z, GAIN, noise, still, orders=(2,))
+    b = tune_loads(1000 * time, 100 * z, GAIN, 1e4 * noise, still, orders=(2,))
+    np.testing.assert_allclose(b.std, a.std * 1e-4, rtol=1e-6)
+    np.testing.assert_allclose(b.rate, a.rate * 1e-3, rtol=1e-6)
+
+
+def test_a_record_with_gaps_is_tuned_on_what_is_there():
+    time, z, std, rate = three_axes(seed=6)
+    z[50:80] = z[200] = np.nan
+    tuned = tune_loads(time, z, GAIN, np.full(z.shape, NOISE**2), np.zeros(3), orders=(2,))
+    np.testing.assert_allclose(np.log(tuned.std / std), 0, atol=0.8)
+    np.testing.assert_allclose(np.log(tuned.rate / rate), 0, atol=0.8)
+
+
+def test_noise_at_the_floor_is_reported():
+    """A file that states three times the noise, and a floor that forbids less than it states."""
+    time, z, *_ = three_axes(seed=7, time=200)
+    stated = np.full(z.shape, (3 * NOISE) ** 2)
+    tuned = tune_loads(time, z, GAIN, stated, np.zeros(3), noise_range=(1.0, 10.0), orders=(2,))
+    assert tuned.noise_at_limit
+    assert tuned.noise == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_rough_load_is_not_taken_for_a_smooth_one():
+    """Of a load of order one, drawn over a long record, the evidence against order three is plain."""
+    time, z, *_ = three_axes(order=1, seed=8, time=600, noise=3e-6)
+    noise = np.full(z.shape, (3e-6) ** 2)
+    assert tune_loads(time, z, GAIN, noise, np.zeros(3), orders=(1, 3)).order == 1
+
+
+def of_order(order, log_likelihood):
+    return Tuned(order, np.ones(3), np.ones(3), 1.0, False, log_likelihood)
+
+
+def test_the_smoothest_order_wins_until_the_evidence_is_against_it():
+    close = [of_order(1, 100.0), of_order(2, 101.0), of_order(3, 101.0 - PATIENCE + 0.1)]
+    assert smoothest(close).order == 3
+    clear = [of_order(1, 100.0), of_order(2, 101.0), of_order(3, 101.0 - PATIENCE - 0.1)]
+    assert smoothest(clear).order == 2
+
+
+@pytest.mark.parametrize(("std", "rate", "noise"), [(1.0, 30.0, 3e-4), (20.0, 3.0, 1e-5), (0.05, 80.0, 1e-3)])
+def test_the_search_box_holds_the_truth(std, rate, noise):
+    z = driven_channel(2, std, rate, seed=9, time=800, noise=noise)[:, None]
+    time = np.arange(len(z)) * STEP
+    lower, upper = search_box(time, z, GAIN)
+    assert (lower < np.log([std, rate])).all()
+    assert (np.log([std, rate]) < upper).all()
+
+
+def test_the_search_box_is_finite_for_a_body_at_rest():
+    lower, upper = search_box(np.arange(20) * STEP, np.zeros((20, 3)), GAIN)
+    assert np.isfinite([lower, upper]).all()
+    assert (lower <= upper).all()
+
+
+def test_tuning_looks_at_a_stretch_of_each_quarter_of_a_long_record():
+    z = np.zeros((10_000, 3))
+    found = stretch(z)
+    assert len(found) == 4
+    assert found[0].start == 0
+    assert found[-1].stop == len(z)
+    z[: found[0].stop] = np.nan
+    assert stretch(z) == found[1:]
+    assert stretch(z[:1500]) == [slice(0, 1500)]
