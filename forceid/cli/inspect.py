@@ -21,7 +21,7 @@ def run(
     Example: forceid inspect toss.h5
     """
     from forceid.config import load_settings
-    from forceid.estimation.verdict import inspect_recording
+    from forceid.estimation.inspection import inspect_recording
     from forceid.files.hdf5 import read_motion
 
     settings = load_settings(config)

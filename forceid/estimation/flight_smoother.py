@@ -22,36 +22,57 @@ ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
 @dataclass(frozen=True)
-class Tuning:
-    """Priors of force and moment as tuned; the moment's is None where the rotation is not seen."""
+class Solution:
+    """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
 
-    force: Tuned
-    moment: Tuned | None
+    tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
+    less noise than it was allowed; reasons: sentences for the verdict.
+    """
+
+    kinematics: Kinematics
+    deformation: Deformation
+    state: FlightState
+    engine: str
+    tuned: dict[str, float]
+    noise_at_limit: dict[str, bool]
+    reasons: tuple[str, ...] = ()
 
 
-def estimate_flight(
-    body: Body, motion: Motion, settings: Settings, gravity: Array, engine: Engine
-) -> tuple[Kinematics, Deformation, FlightState, Tuning]:
+def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so."""
     kin = kinematics(body, motion, settings)
     source = "position" if motion.position is not None else "center"
-    force = tune_force(kin, gravity, STATED if kin.stated[source] else UNSTATED)
+    force = tune_force(kin, motion.gravity, STATED if kin.stated[source] else UNSTATED)
+    at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
     causal = settings.method == "filter"
     deformation = smooth_deformation(kin, engine, causal)
     if not kin.attitude:
-        flight = flight_of(kin, deformation, gravity)
-        return kin, deformation, smooth_translation(flight, force, engine.smooth, causal), Tuning(force.tuned, None)
+        flight = flight_of(kin, deformation, motion.gravity)
+        state = smooth_translation(flight, force, engine.smooth, causal)
+        return Solution(kin, deformation, state, engine.name, named(kin, {"force": force.tuned}), at_limit)
     limits = (1.0, 1.0)
     if "orientation" in kin.noise:
         limits = STATED if kin.stated["orientation"] else UNSTATED
     moment = tune_moment(kin, deformation, limits)
     if "orientation" in kin.noise:
-        levels = scaled(kin, {"orientation": moment.tuned.noise})
-        kin = kinematics(body, motion, settings, levels)
-    state = smooth_flight(flight_of(kin, deformation, gravity), force, moment, engine.smooth, causal)
-    return kin, deformation, state, Tuning(force.tuned, moment.tuned)
+        at_limit["orientation"] = moment.tuned.noise_at_limit
+        kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
+    state = smooth_flight(flight_of(kin, deformation, motion.gravity), force, moment, engine.smooth, causal)
+    tuned = named(kin, {"force": force.tuned, "moment": moment.tuned})
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit)
+
+
+def named(kin: Kinematics, priors: dict[str, Tuned]) -> dict[str, float]:
+    """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found."""
+    found = {f"noise_std_{name}": level for name, level in kin.noise.items()}
+    for load, tuned in priors.items():
+        found[f"{load}_order"] = tuned.order
+        for i in range(3):
+            found[f"{load}_std_{i + 1}"] = float(tuned.std[i])
+            found[f"{load}_rate_{i + 1}"] = float(tuned.rate[i])
+    return found
 
 
 def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:

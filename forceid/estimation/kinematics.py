@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.errors import DataError
-from forceid.motion.derivative import noise_variance
 from forceid.motion.modes import (
     fit_amplitudes,
     mean_shape,
@@ -18,6 +17,7 @@ from forceid.motion.modes import (
     stretches,
 )
 from forceid.motion.pose import Pose, center_of_mass, fit_pose, fit_rotation, log, pose_rank
+from forceid.motion.window import noise_variance
 from forceid.principal.mass import mass_properties
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Body, Motion
@@ -100,7 +100,7 @@ def from_markers(
     assert body.position is not None
     X = body.position - inertia.center
     seen = np.isfinite(x).all(2).any(0)
-    sigma = noise.get("position") or float(np.sqrt(noise_variance(x.reshape(len(x), -1))))
+    sigma = noise.get("position") or marker_noise(motion.time, x)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x)])))
     known = {"position": "position" in stated}
     massive = seen & (inertia.weight > 0)
@@ -127,6 +127,12 @@ def from_markers(
     pose = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size) + flat.T @ (var[:, None] * flat))
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), sigma**2)
     return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, {"position": sigma}, known, True)
+
+
+def marker_noise(time: Array, x: Array) -> float:
+    """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
+    frames = np.isfinite(x).all(2).sum(0)
+    return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
 
 
 def rank_of(shape: Array, nodes: Array) -> int:
@@ -172,7 +178,7 @@ def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise
     assert motion.center is not None
     inertia = inertia_of(body)
     T, time = len(motion.time), motion.time
-    c_std = noise.get("center") or float(np.sqrt(noise_variance(motion.center)))
+    c_std = noise.get("center") or float(np.sqrt(noise_variance(motion.time, motion.center)))
     c_std = max(c_std, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
     cov = np.zeros((T, 6, 6))
     cov[:, :3, :3] = c_std**2 * np.eye(3)
@@ -185,7 +191,7 @@ def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise
         steps = np.zeros((T, 3))
         steps[1:][whole[1:] & whole[:-1]] = log((R[1:] @ R[:-1].swapaxes(1, 2))[whole[1:] & whole[:-1]])
         angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
-        r_std = noise.get("orientation") or float(np.sqrt(noise_variance(angle)))
+        r_std = noise.get("orientation") or float(np.sqrt(noise_variance(time, angle)))
         levels["orientation"] = max(r_std, ROUNDOFF)
         cov[:, 3:, 3:] = levels["orientation"] ** 2 * np.eye(3)
     empty = np.zeros((T, 0))

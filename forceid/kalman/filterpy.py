@@ -57,7 +57,10 @@ def log_likelihood(model: StateSpace, z: Array) -> Array:
 
 
 def smooth(model: StateSpace, z: Array) -> Smoothed:
-    """Rauch-Tung-Striebel smoother over z (time, channel) or (time,); NaN = missing."""
+    """Rauch-Tung-Striebel smoother over z (time, channel) or (time,); NaN = missing.
+
+    Raises EstimationError where a state is known exactly: filterpy inverts the predicted covariance.
+    """
     f = filter(model, z)
     x, P = f.x.copy(), f.P.copy()
     rts = KalmanFilter(dim_x=x.shape[1], dim_z=1).rts_smoother
@@ -66,6 +69,13 @@ def smooth(model: StateSpace, z: Array) -> Smoothed:
         # step from sample 0 to sample 1 at index 1
         later = x[k + 1] if model.u is None else x[k + 1] - model.at("u", k)
         F, Q = (np.stack([model.at(name, k)] * 2) for name in ("F", "Q"))
-        x_pair, P_pair, _, _ = rts(np.stack([f.x[k], later]), np.stack([f.P[k], P[k + 1]]), F, Q)
+        try:
+            x_pair, P_pair, _, _ = rts(np.stack([f.x[k], later]), np.stack([f.P[k], P[k + 1]]), F, Q)
+        except np.linalg.LinAlgError as e:
+            raise EstimationError(
+                f"knows a state exactly at sample {k + 1}, which filterpy's smoother cannot divide by",
+                "the linear model",
+                'choose engine = "numpy"',
+            ) from e
         x[k], P[k] = x_pair[0], P_pair[0]
     return Smoothed(x, 0.5 * (P + P.transpose(0, 2, 1)), f)

@@ -1,7 +1,7 @@
 """Smoothing of a free flight: poses in, force and moment out, with angular momentum as the state.
 
-State, world axes: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the
-mass center, moment chain. Only the rotation is nonlinear. It is linearized about a reference,
+State: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the mass
+center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is nonlinear. It is linearized about a reference,
 R = exp([theta]x) R_ref (error on the left), and the linear smoother is run again until the reference
 stands still: Gauss-Newton on SO(3), whose fixed point is the most probable flight. Source: principal
 equations 4b, 4d, 4f.
@@ -10,7 +10,7 @@ equations 4b, 4d, 4f.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -61,38 +61,46 @@ class LoadPrior:
 
 @dataclass(frozen=True)
 class Reference:
-    """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0."""
+    """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
+
+    axes (3, 3): of the chain, as columns in world axes.
+    """
 
     rotation: Array
     chain: Array
+    axes: Array = field(default_factory=lambda: np.eye(3))
 
 
-def world_chain(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
-    """F, Q (time - 1, state, state) and P0 of the chain of one load, three world components per order."""
+def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
+    """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, along its axes.
+
+    Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
+    """
     chain = load_chain(prior.tuned.order, prior.tuned.std, prior.tuned.rate, prior.start)
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
 
-    def to_world(a: Array) -> Array:
-        turned = np.einsum("ai,...ijl,bi->...jalb", prior.axes, a, prior.axes)
-        return turned.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1])
+    def interleave(a: Array) -> Array:
+        wide = np.einsum("...ijl,ab,bi->...jalb", a, np.eye(3), np.eye(3))
+        return wide.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1])
 
-    return to_world(F)[which], to_world(Q)[which], to_world(chain.P0)
+    return interleave(F)[which], interleave(Q)[which], interleave(chain.P0)
 
 
 def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
     """Linear model of the mass center under force and weight: c' = P / m, P' = F + m g."""
     step = np.diff(flight.time)
-    F, Q, P0 = world_chain(prior, step)
+    F, Q, P0 = chain_along(prior, step)
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
     F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
-    u = np.zeros((len(step), len(P0)))
-    u[:, :3] = 0.5 * step[:, None] ** 2 * flight.gravity
-    u[:, 3:6] = flight.mass * step[:, None] * flight.gravity
-    x0 = np.zeros(len(P0))
-    x0[:3] = flight.center[np.isfinite(flight.center).all(1)][0]
-    return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, :3, :3], x0, P0, u)
+    u, gravity = np.zeros((len(step), len(P0))), flight.gravity @ prior.axes
+    u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
+    u[:, 3:6] = flight.mass * step[:, None] * gravity
+    x0, H = np.zeros(len(P0)), np.zeros((3, len(P0)))
+    x0[:3] = flight.center[np.isfinite(flight.center).all(1)][0] @ prior.axes
+    H[:, :3] = prior.axes
+    return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
 
 def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
@@ -103,7 +111,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
     """
     time, step = flight.time, np.diff(flight.time)
     J_of, h_of = CubicSpline(time, flight.inertia), CubicSpline(time, flight.h)
-    H, T, dT = moments(reference.chain[:-1])
+    H, T, dT = along_world(reference.chain[:-1], reference.axes)
     R = reference.rotation[:-1]
 
     def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
@@ -137,10 +145,10 @@ def bend(phi: Array, omega: Array) -> Array:
 def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
-    F, Q, P0 = world_chain(prior, step)
+    F, Q, P0 = chain_along(prior, step)
     R, d_theta, d_H = turn(flight, reference)
     # the chain's first state is the integral of H; the rotation turns by J^-1 times it
-    B = d_H / step[:, None, None]
+    B = d_H / step[:, None, None] @ prior.axes
     F[:, :3, 3:] = B @ F[:, :3, 3:]
     F[:, :3, :3] = d_theta
     Q[:, :3] = B @ Q[:, :3]
@@ -208,9 +216,9 @@ def smooth_flight(
         path = smoother(model, np.concatenate([flight.center, theta], 1))
         turned = path.x[:, n : n + 3]
         previous = reference
-        reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]))
+        reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]), moment.axes)
         if np.abs(turned).max() < rest:
-            return read(flight, previous, path.filtered if causal else path, path.filtered, n)
+            return read(flight, previous, path.filtered if causal else path, path.filtered, n, force.axes)
     raise EstimationError(
         f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",
         "the smoother on rotations",
@@ -225,31 +233,35 @@ def smooth_translation(
     path = smoother(translation(flight, force), flight.center)
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
+    P_world, F, _ = along_world(x, force.axes)
     none = np.full((len(x), 3), np.nan)
-    read_out = np.tile(np.eye(3), 2)
     wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)
-    wrench_cov[:, :3, :3] = read_out @ P[:, 6:12, 6:12] @ read_out.T
-    pose_cov[:, :3, :3] = P[:, :3, :3]
-    rot = np.full((len(x), 3, 3), np.nan)
+    both = np.tile(force.axes, 2)
+    wrench_cov[:, :3, :3] = both @ P[:, 6:12, 6:12] @ both.T
+    pose_cov[:, :3, :3] = force.axes @ P[:, :3, :3] @ force.axes.T
     return FlightState(
-        x[:, :3], x[:, 3:6] / flight.mass, rot, none, none, moments(x)[1], none,
+        x[:, :3] @ force.axes.T, P_world / flight.mass, np.full((len(x), 3, 3), np.nan), none, none, F, none,
         wrench_cov, pose_cov, f.innovation, f.nis, f.log_likelihood,
     )  # fmt: skip
 
 
-def read(flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int) -> FlightState:
+def read(
+    flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, axes: Array
+) -> FlightState:
     """The physical quantities in the state of a path; its moment part starts at state n."""
     x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation
-    H, T, _ = moments(x[:, n:])
-    read_out = np.zeros((6, x.shape[1]))
-    for row, start in ((0, 6), (3, n + 6)):
-        read_out[row : row + 3, start : start + 6] = np.tile(np.eye(3), 2)
-    pose = np.r_[0:3, n : n + 3]
+    P, F, _ = along_world(x[:, :n], axes)
+    H, T, _ = along_world(x[:, n:], reference.axes)
+    read_wrench, read_pose = np.zeros((2, 6, x.shape[1]))
+    read_wrench[:3, 6:12] = np.tile(axes, 2)
+    read_wrench[3:, n + 6 : n + 12] = np.tile(reference.axes, 2)
+    read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0]
     return FlightState(
-        x[:, :3], x[:, 3:6] / flight.mass, rot, H, omega, moments(x[:, :n])[1], T,
-        read_out @ path.P @ read_out.T, path.P[:, pose[:, None], pose], f.innovation, f.nis, f.log_likelihood,
+        x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
+        read_wrench @ path.P @ read_wrench.T, read_pose @ path.P @ read_pose.T,
+        f.innovation, f.nis, f.log_likelihood,
     )  # fmt: skip
 
 
@@ -263,14 +275,15 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
     chain = np.zeros((len(time), 3 * (moment.tuned.order + 3)))
     h = (rot @ flight.h[..., None])[..., 0]
-    chain[:, 3:6] = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
-    return Reference(rot, chain)
+    H = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
+    chain[:, 3:6] = H @ moment.axes
+    return Reference(rot, chain, moment.axes)
 
 
-def moments(chain: Array) -> tuple[Array, Array, Array]:
-    """Momentum, load and rate of the load (time, 3) in the states of a chain (time, state)."""
+def along_world(chain: Array, axes: Array) -> tuple[Array, Array, Array]:
+    """Momentum, load and rate of the load (time, 3), world axes, in the states of a chain (time, state)."""
     rate = chain[:, 12:15] if chain.shape[1] > 12 else np.zeros((len(chain), 3))
-    return chain[:, 3:6], chain[:, 6:9] + chain[:, 9:12], rate
+    return chain[:, 3:6] @ axes.T, (chain[:, 6:9] + chain[:, 9:12]) @ axes.T, rate @ axes.T
 
 
 def at_rest(chain: Array) -> Array:

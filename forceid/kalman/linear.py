@@ -38,15 +38,17 @@ class StateSpace:
     def at(self, name: str, k: int) -> Array:
         """Matrix `name` of sample (or step) k."""
         a: Array = getattr(self, name)
-        if a.ndim == (1 if name == "u" else 2):
-            return a
-        return a[k] if len(a) > 1 else a[0]
+        if a.ndim > (1 if name == "u" else 2):
+            a = a[k] if len(a) > 1 else a[0]
+        return a
 
     def one(self, j: int) -> StateSpace:
         """Model j of many, by itself."""
-        shared = [a if a is None or a.ndim < 4 else a[:, min(j, a.shape[1] - 1)] for a in (self.F, self.Q, self.H, self.R)]
+        F, Q, H, R = (
+            a if a.ndim < 4 else a[:, min(j, a.shape[1] - 1)] for a in (self.F, self.Q, self.H, self.R)
+        )
         u = None if self.u is None else self.u[:, j]
-        return StateSpace(*shared, self.x0[j], self.P0[j], u)
+        return StateSpace(F, Q, H, R, self.x0[j], self.P0[j], u)
 
 
 @dataclass(frozen=True)
@@ -115,28 +117,51 @@ def log_likelihood(model: StateSpace, z: Array) -> Array:
 def smooth(model: StateSpace, z: Array) -> Smoothed:
     """Fixed-interval smoother over z (time, channel) or (time,); NaN = missing.
 
-    Rauch-Tung-Striebel's result in the form of Bryson and Frazier (1963): the adjoint variable carries
-    what later samples say, so that nothing is divided by the predicted covariance, which is singular in
-    all but name where a prior is smooth and its start unknown.
+    Rauch-Tung-Striebel's result, in a form that divides by no covariance of the state and takes no
+    difference of two: the predicted one is singular in all but name where a prior is smooth, and a
+    difference turns negative after a start as good as unknown. The state by the adjoint of Bryson and
+    Frazier (1963), the covariance by the information of later samples (Fraser and Potter 1969).
     """
     z = as_channels(z)
     f = filter(model, z)
-    x, P = f.x.copy(), f.P.copy()
-    later, information = np.zeros_like(model.x0), np.zeros_like(model.P0)
+    one = np.eye(len(model.x0))
+    x, adjoint, later = f.x.copy(), np.zeros(len(one)), np.zeros_like(f.P)
     for k in range(len(x) - 1, -1, -1):
         if k < len(x) - 1:
             F = model.at("F", k)
-            later, information = F.T @ later, F.T @ information @ F
-        x[k] += P[k] @ later
-        P[k] -= P[k] @ information @ P[k]
-        seen = np.isfinite(z[k])
+            adjoint = F.T @ adjoint
+            later[k] = F.T @ np.linalg.solve(one + told @ model.at("Q", k), told) @ F
+        x[k] += f.P[k] @ adjoint
+        told, seen = later[k], np.isfinite(z[k])
         if seen.any():
             H, L, K = gain(model, k, seen, f.P_pred[k])
-            I_KH, A = np.eye(len(later)) - K @ H, np.linalg.solve(L, H)
-            later = I_KH.T @ later + A.T @ f.innovation[k, seen]
-            information = I_KH.T @ information @ I_KH + A.T @ A
-            information = 0.5 * (information + information.T)
-    return Smoothed(x, 0.5 * (P + P.transpose(0, 2, 1)), f)
+            R = model.at("R", k)[np.ix_(seen, seen)]
+            adjoint = adjoint + H.T @ (np.linalg.solve(L.T, f.innovation[k, seen]) - K.T @ adjoint)
+            told = told + H.T @ np.linalg.solve(R, H)
+        told = 0.5 * (told + told.T)
+    return Smoothed(x, combine(f.P, later), f)
+
+
+def combine(P: Array, information: Array) -> Array:
+    """(P^-1 + information)^-1 of every sample (time, state, state), positive by construction.
+
+    With P = C C^T it is C (1 + C^T information C)^-1 C^T.
+    """
+    C = square_root(P)
+    known = np.eye(P.shape[-1]) + C.swapaxes(1, 2) @ information @ C
+    root = np.linalg.solve(square_root(0.5 * (known + known.swapaxes(1, 2))), C.swapaxes(1, 2))
+    return np.asarray(root.swapaxes(1, 2) @ root)
+
+
+def square_root(P: Array) -> Array:
+    """C with C C^T = P for each of many P (..., state, state)."""
+    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
+    correlation = P / (size * size.swapaxes(-1, -2))
+    try:
+        return np.asarray(size * np.linalg.cholesky(correlation))
+    except np.linalg.LinAlgError:  # semidefinite to rounding
+        spread, axes = np.linalg.eigh(correlation)
+        return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
 
 
 def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array]:
@@ -151,30 +176,37 @@ def update(
 ) -> tuple[Array, Array, Array, Array]:
     """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
     H, L, K = gain(model, k, seen, P)
-    white = np.linalg.solve(L, (z - (H @ x[..., None])[..., 0])[..., None])
-    x = x + (K @ L @ white)[..., 0]
+    innovation = (z - (H @ x[..., None])[..., 0])[..., None]
+    white = innovation / L if L.shape[-1] == 1 else np.linalg.solve(L, innovation)
+    x = x + (K @ innovation)[..., 0]
     I_KH, KR = np.eye(x.shape[-1]) - K @ H, K @ model.at("R", k)[..., seen, :][..., seen]
     P = I_KH @ P @ I_KH.swapaxes(-1, -2) + KR @ K.swapaxes(-1, -2)
     white = white[..., 0]
     gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
     gained = gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
-    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained
+    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained  # type: ignore[return-value]
 
 
 def gain(model: StateSpace, k: int, seen: NDArray[np.bool_], P: Array) -> tuple[Array, Array, Array]:
-    """H of the channels seen, the Cholesky factor L of their innovation covariance, and the gain K."""
+    """H of the channels seen, the Cholesky factor L of their innovation covariance, and the gain K.
+
+    Of many scalar models, those whose covariance has lost its sign go on as NaN; one model raises.
+    """
     H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     PHt = P @ H.swapaxes(-1, -2)
+    S = H @ PHt + R
     try:
-        L = np.linalg.cholesky(H @ PHt + R)
+        if S.ndim > 2 and S.shape[-1] == 1:
+            S = np.where(S > 0, S, np.nan)
+            return H, np.sqrt(S), PHt / S
+        L = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as e:
         raise EstimationError(
             f"gives an innovation covariance that is not positive definite at sample {k}",
             "the linear model",
             "state a measurement noise above zero",
         ) from e
-    K = np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
-    return H, L, K
+    return H, L, np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
 
 
 def as_channels(z: Array) -> Array:

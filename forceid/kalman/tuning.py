@@ -15,7 +15,7 @@ from forceid.records import Array
 ORDERS = (1, 2, 3, 4)
 PATIENCE = 5.0  # a smoother prior is kept until a rougher one is e^5 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
-ROUNDS, SHRINK = 7, 0.6  # grids after the first, and how much finer each is
+ROUNDS, SHRINK = 9, 0.5  # grids after the first, and how much finer each is
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,14 @@ def maximize(
         levels = np.clip(level + level_step * (near if turn else wide), *shared) if free else np.array([level])
         points = np.clip(at[:, None] + offset * step[:, None], lower[:, None], upper[:, None])
         points = np.broadcast_to(points, (len(levels), *points.shape))
-        value = objective(points, levels)
+        value = np.nan_to_num(objective(points, levels), nan=-np.inf)
         which = value.max(2).sum(1).argmax()
+        found = points[which, np.arange(len(at)), value[which].argmax(1)]
+        # a coordinate that still moves keeps its step
+        step = np.where((found != at) & (turn > 0), step, SHRINK * step)
         if value[which].max(1).sum() > best:
-            best, level = float(value[which].max(1).sum()), float(levels[which])
-            at = points[which, np.arange(len(at)), value[which].argmax(1)]
-        step, level_step = step * SHRINK, level_step / 2
+            best, level, at = float(value[which].max(1).sum()), float(levels[which]), found
+        level_step = level_step / 2
     return at, level, best
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of a measured record by difference, Savitzky-Golay or spline: linear maps of known noise gain."""
+"""Derivatives of a record by difference, Savitzky-Golay or spline: linear maps of known noise gain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
-from scipy.ndimage import correlate1d
+from scipy.signal import oaconvolve
 from scipy.sparse import block_diag, csr_array, diags_array, eye_array
 
 from forceid.motion.window import DEGREE, Window
@@ -46,17 +46,20 @@ def derivatives(time: Array, z: Array, window: Window) -> Derivatives:
     >>> derivatives(t, t[:, None] ** 2, Window("savgol", 2, 3, 0.3)).second[0].round(9)
     array([2.])
     """
-    patterns, which = np.unique(np.isfinite(z), axis=1, return_inverse=True)
-    out = np.full((3, *z.shape), np.nan)
-    gain = np.full((len(time), patterns.shape[1], 3, 3), np.nan)
+    seen = np.isfinite(z)
+    alike: dict[bytes, list[int]] = {}  # channels with the same gaps share one map
+    for channel, column in enumerate(seen.T):
+        alike.setdefault(column.tobytes(), []).append(channel)
+    out, gain = np.full((3, *z.shape), np.nan), np.full((len(time), len(alike), 3, 3), np.nan)
+    which = np.zeros(z.shape[1], dtype=int)
     fit = fit_spline if window.method == "spline" else fit_local
-    for i, seen in enumerate(patterns.T):
-        channels = which.ravel() == i
-        for part, whole in parts(time, seen, window):
+    for i, channels in enumerate(alike.values()):
+        which[channels] = i
+        for part, whole in parts(time, seen[:, channels[0]], window):
             fitted = fit(time[part], z[part][:, channels], time[whole], window)
             if fitted is not None:
                 out[:, whole, channels], gain[whole, i] = fitted
-    full = np.broadcast_to(gain, (*z.shape, 3, 3)) if gain.shape[1] == 1 else gain[:, which.ravel()]
+    full = np.broadcast_to(gain, (*z.shape, 3, 3)) if len(alike) == 1 else gain[:, which]
     return Derivatives(out[0], out[1], out[2], full)
 
 
@@ -74,37 +77,36 @@ def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Arr
     stencil = h * np.arange(-1, 2) if window.method == "difference" else np.arange(-h, h + 1)
     if h < 1 or len(stencil) <= window.order:
         return None
-    step = np.diff(t)
-    if len(at) == len(t) and np.ptp(step) < 1e-6 * step[0]:
-        weight, gain = local_weights(t[: 2 * h + 1], t[: 2 * h + 1], h + stencil[None], window.order)
+    last = len(t) - 1 - h
+    if len(at) == len(t) and np.ptp(np.diff(t)) < 1e-6 * (t[1] - t[0]):
+        E, X, C = local_basis(t, t[: 2 * h + 1], h + stencil[None], window.order)
         kernel = np.zeros((3, 2 * h + 1))
-        kernel[:, h + stencil] = weight[h]
-        out = np.stack([correlate1d(z, k, axis=0) for k in kernel])
-        out[:, :h] = np.einsum("tds,sc->dtc", weight[:h], z[h + stencil])
-        out[:, len(t) - h :] = np.einsum("tds,sc->dtc", weight[h + 1 :], z[len(t) - 1 - h + stencil])
+        kernel[:, h + stencil] = E[h] @ C[0] @ X[0].T
+        out = np.stack([oaconvolve(z, k[::-1, None], mode="same", axes=0) for k in kernel])
+        out[:, :h] = (E[:h] @ (C @ (X.mT @ z[h + stencil]))).swapaxes(0, 1)
+        out[:, last:] = (E[h:] @ (C @ (X.mT @ z[last + stencil]))).swapaxes(0, 1)
         place = np.arange(len(t))
-        return out, gain[np.minimum(place, h) + np.maximum(place - (len(t) - 1 - h), 0)]
-    nearest = np.searchsorted((t[1:] + t[:-1]) / 2, at)
-    index = np.clip(nearest, h, len(t) - 1 - h)[:, None] + stencil
+        return out, (E @ C @ E.mT)[np.minimum(place, h) + np.maximum(place - last, 0)]
+    index = np.clip(np.searchsorted((t[1:] + t[:-1]) / 2, at), h, last)[:, None] + stencil
     out, gain = np.empty((3, len(at), z.shape[1])), np.empty((len(at), 3, 3))
     rows = max(BLOCK // (len(stencil) * max(window.order + 1, z.shape[1])), 1)
     for k in range(0, len(at), rows):
         some = slice(k, k + rows)
-        weight, gain[some] = local_weights(t, at[some], index[some], window.order)
-        out[:, some] = (weight @ z[index[some]]).swapaxes(0, 1)
+        E, X, C = local_basis(t, at[some], index[some], window.order)
+        out[:, some] = (E @ (C @ (X.mT @ z[index[some]]))).swapaxes(0, 1)
+        gain[some] = E @ C @ E.mT
     return out, gain
 
 
-def local_weights(t: Array, at: Array, index: Index, order: int) -> tuple[Array, Array]:
-    """Weights (time, 3, stencil) of the polynomial over t[index] and its derivatives at `at`; their Gram."""
+def local_basis(t: Array, at: Array, index: Index, order: int) -> tuple[Array, Array, Array]:
+    """Polynomials and two derivatives (time, 3, order + 1) at `at`, at t[index], and their (X^T X)^-1."""
     ends = t[index[:, [0, -1]]]
     middle, half = ends.mean(1), np.diff(ends)[:, 0] / 2
     X = legendre.legvander((t[index] - middle[:, None]) / half[:, None], order)
     s, unit = (at - middle) / half, np.eye(order + 1)
     E = np.stack([legendre.legvander(s, order - d) @ legendre.legder(unit, d) for d in range(3)], 1)
-    E /= half[:, None, None] ** np.arange(3)[:, None]
-    weight = E @ np.linalg.solve(X.mT @ X, X.mT)
-    return weight, weight @ weight.mT
+    scaled = np.asarray(E / half[:, None, None] ** np.arange(3)[:, None])
+    return scaled, X, np.linalg.inv(X.mT @ X)
 
 
 def fit_spline(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Array] | None:
@@ -123,12 +125,14 @@ def fit_spline(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Ar
     for k in range(DEGREE + 1):
         band[k, : G.shape[0] - k] = G.diagonal(k)
     coefficients = solveh_banded(band, np.asarray(B.T @ z), lower=True)
-    E, rise = [], eye_array(G.shape[0]).tocsr()  # rise: from coefficients to those of the derivative
+    E, rise = [], csr_array(eye_array(G.shape[0]))  # rise: from coefficients to those of the derivative
     for degree in (DEGREE, DEGREE - 1, DEGREE - 2):
         E.append(BSpline.design_matrix(at, knots, degree) @ rise)
         knots = knots[1:-1]
         slope = degree / (knots[degree:] - knots[:-degree])
-        rise = diags_array([-slope, slope], offsets=[0, 1], shape=(len(slope), len(slope) + 1)) @ rise
+        rise = csr_array(
+            diags_array([-slope, slope], offsets=[0, 1], shape=(len(slope), len(slope) + 1)) @ rise
+        )
     C = inverse_band(G)
     gain = np.array([[(Ea @ C).multiply(Eb).sum(1) for Eb in E] for Ea in E])
     return np.stack([Ed @ coefficients for Ed in E]), np.moveaxis(gain, 2, 0)
@@ -153,4 +157,4 @@ def inverse_band(G: csr_array) -> csr_array:
         U[i] = -gain @ D[i + 1]
         D[i] -= U[i] @ gain.T
     Z.data[across == 0], Z.data[across == 1], Z.data[across == -1] = D, U, U.mT
-    return Z.tocsr()[:n, :n]
+    return csr_array(Z.tocsr()[:n, :n])

@@ -124,8 +124,9 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
         return float(np.median(v[np.isfinite(v)])) if np.isfinite(v).any() else np.inf
 
     order = max(w.order for w in candidates)
-    pilots = [i for i, w in enumerate(candidates) if w.order == order and np.isfinite(noise(i))]
-    if not pilots:
+    pilots = [i for i, w in enumerate(candidates) if w.order == order]
+    first = next((i for i in pilots if noise(i) < np.inf), None)
+    if first is None:
         raise EstimationError(
             "is too short, or too broken by gaps, for any window",
             "record",
@@ -134,7 +135,7 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
 
     def shorter(best: int, ratio: float) -> int:
         fit = [i for i in pilots if candidates[i].count <= candidates[best].count]
-        return max((i for i in fit if noise(i) >= ratio * noise(best)), default=pilots[0])
+        return max((i for i in fit if ratio * noise(best) <= noise(i) < np.inf), default=first)
 
     def best_after(pilot: int, scale: int) -> tuple[int, float]:
         """Best candidate as the pilot sees it, and its squared bias over its noise variance."""
@@ -159,13 +160,12 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
         best = min(risk, key=risk.__getitem__)
         return best, ratio[best]
 
-    pilot = best = pilots[0]
-    while True:
-        ahead, _ = best_after(pilot, best)
-        higher = max(shorter(ahead, CLIMB), pilot)
-        if (higher, ahead) == (pilot, best):
-            break
-        pilot, best = higher, ahead
+    pilot = -1
+    best = higher = first
+    while higher > pilot:
+        pilot = higher
+        best, _ = best_after(pilot, best)
+        higher = shorter(best, CLIMB)
     pilot = shorter(best, PILOT)
     best, ratio = best_after(pilot, best)
     chosen, power = candidates[best], candidates[best].bias_power

@@ -22,17 +22,26 @@ def prior(std, rate, order=2, first=1.0, second=1.0, mean=1e-8, axes=None):
     return LoadPrior(tuned, axes, Start(second, first, mean))
 
 
-def tumble(time, R0, H, inertia=INERTIA):
-    """Rotations (time, 3, 3) of R' = [J^-1 H]x R under the angular momentum H(t), world axes, by DOP853."""
-    J_inv = np.linalg.inv(inertia)
+def tumble(time, R0, H, rtol=1e-12):
+    """Rotations (time, 3, 3) of R' = [J^-1 H]x R under the angular momentum H(t), world axes, by DOP853.
+
+    In unit quaternions: q' = q Omega / 2, Omega = J^-1 (q* H q) in body axes.
+    """
+    J = np.diag(INERTIA)
 
     def rate(t, q):
-        R = Rotation.from_quat(q)
-        omega = R.apply(J_inv @ R.inv().apply(H(t)))
-        return 0.5 * np.append(omega * q[3] + np.cross(omega, q[:3]), -omega @ q[:3])
+        x, y, z, w = q
+        a, b, c = H(t)
+        # R^T H, row by row
+        p = ((1 - 2 * (y * y + z * z)) * a + 2 * (x * y + z * w) * b + 2 * (x * z - y * w) * c) / J[0]
+        q = (2 * (x * y - z * w) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z + x * w) * c) / J[1]
+        r = (2 * (x * z + y * w) * a + 2 * (y * z - x * w) * b + (1 - 2 * (x * x + y * y)) * c) / J[2]
+        return 0.5 * np.array(
+            [w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p, -x * p - y * q - z * r]
+        )
 
     start = Rotation.from_matrix(R0).as_quat()
-    q = solve_ivp(rate, time[[0, -1]], start, "DOP853", time, rtol=1e-12, atol=1e-13).y.T
+    q = solve_ivp(rate, time[[0, -1]], start, "DOP853", time, rtol=rtol, atol=rtol / 10).y.T
     return Rotation.from_quat(q).as_matrix()
 
 
@@ -58,7 +67,7 @@ def free_top(rng, count=150, step=0.005, scale=1.0):
     return seen(time, center, tumble(time, R0, lambda t: H), rng, scale)
 
 
-def drawn_flight(force, moment, rng, count=120, step=0.005, fine=8):
+def drawn_flight(force, moment, rng, count=120, step=0.005, fine=4):
     """A flight whose loads are drawn from their priors: as measured, and its true wrench (time, 6)."""
     time = step / fine * np.arange(fine * (count - 1) + 1)
 
@@ -77,8 +86,8 @@ def drawn_flight(force, moment, rng, count=120, step=0.005, fine=8):
     _, H, T = chains(moment)
     R0 = Rotation.random(random_state=int(rng.integers(1 << 31))).as_matrix()
     H = H + R0 @ INERTIA @ SPIN
-    rotation = tumble(time, R0, CubicHermiteSpline(time, H, T))
-    t = time[:, None]
-    center = moment_of_mass / MASS + t * [3.0, 0.5, 2.0] + 0.5 * t**2 * GRAVITY
-    flight = seen(time[::fine], center[::fine], rotation[::fine], rng)
+    rotation = tumble(time[::fine], R0, CubicHermiteSpline(time, H, T), rtol=1e-9)
+    t = time[::fine, None]
+    center = moment_of_mass[::fine] / MASS + t * [3.0, 0.5, 2.0] + 0.5 * t**2 * GRAVITY
+    flight = seen(time[::fine], center, rotation, rng)
     return flight, np.hstack([F, T])[::fine]

@@ -98,10 +98,12 @@ def test_the_causal_filter_pays_its_known_price_for_the_acceleration(n, worse):
 def test_constant_acceleration_has_the_error_of_a_parabola_fit(count, factor):
     """std(a) = sigma sqrt(factor / N) / T^2 over N samples in T, nothing known before."""
     noise, step = 1e-3, 0.01
+    span = (count - 1) * step
     still = integrated_white(3, q=0.0)
     F, Q = kalman.discretize(still, step)
-    model = StateSpace(F, Q, still.output[None], np.array([[noise**2]]), np.zeros(3), 1e4 * np.eye(3))
+    start = np.diag((1e4 * noise / span ** np.arange(3.0)) ** 2)
+    model = StateSpace(F, Q, still.output[None], np.array([[noise**2]]), np.zeros(3), start)
     smoothed = kalman.smooth(model, np.zeros((count, 1)))
     std = np.sqrt(smoothed.P[:, 2, 2])
     np.testing.assert_allclose(std, std[0], rtol=1e-6)  # a constant is known equally well at every time
-    assert round(count * (std[0] * ((count - 1) * step) ** 2 / noise) ** 2) == factor
+    assert round(count * (std[0] * span**2 / noise) ** 2) == factor

@@ -142,6 +142,20 @@ def test_many_models_at_once_are_each_model_by_itself(engine):
     np.testing.assert_allclose(kalman.log_likelihood(many, z, engine=engine), each, rtol=1e-8)
 
 
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_variances_stay_positive_after_a_start_as_good_as_unknown(order):
+    """A micrometer of noise, and a start known to ten meters: thirteen decades of variance."""
+    prior = kalman.with_mean(kalman.matern(order, std=1.0, rate=10.0), var=1e4)
+    chain = kalman.integrate(kalman.integrate(prior, var=1e2), var=1e2)
+    F, Q = kalman.discretize(chain, 1e-3)
+    model = kalman.StateSpace(F, Q, 10 * chain.output[None], np.array([[1e-12]]), np.zeros(len(F)), chain.P0)
+    ours, reference = (kalman.smooth(model, np.zeros(150), engine=name).P for name in ENGINES)
+    size = np.sqrt(np.diagonal(ours, axis1=1, axis2=2))
+    assert np.linalg.eigvalsh(ours / size[:, :, None] / size[:, None]).min() > 0
+    late = slice(20, None)  # where the reference has its digits back
+    np.testing.assert_allclose(ours[late, 3, 3], reference[late, 3, 3], rtol=1e-3)
+
+
 def test_covariances_stay_symmetric_and_positive_over_twenty_thousand_samples():
     prior = kalman.matern(3, std=1.0, rate=30.0)
     chain = kalman.integrate(kalman.integrate(prior, var=1.0), var=1.0)
@@ -156,6 +170,26 @@ def test_covariances_stay_symmetric_and_positive_over_twenty_thousand_samples():
         scaled = P / size[:, :, None] / size[:, None, :]
         np.testing.assert_allclose(scaled, scaled.transpose(0, 2, 1), atol=1e-9)
         assert np.linalg.eigvalsh(scaled).min() > 0
+
+
+def known_offset():
+    """A random walk plus a constant 2 that is known exactly."""
+    F, Q, P0 = np.eye(2), np.diag([0.1, 0.0]), np.diag([1.0, 0.0])
+    return kalman.StateSpace(F, Q, np.ones((1, 2)), np.eye(1), np.array([0.0, 2.0]), P0)
+
+
+def test_a_state_known_exactly_is_as_good_as_left_out():
+    walk = kalman.StateSpace(*(np.array([[a]]) for a in (1.0, 0.1, 1.0, 1.0)), np.zeros(1), np.eye(1))
+    z = np.random.default_rng(3).standard_normal(30)
+    both, alone = kalman.smooth(known_offset(), z + 2), kalman.smooth(walk, z)
+    np.testing.assert_allclose(both.x, np.hstack([alone.x, np.full((30, 1), 2.0)]), atol=1e-12)
+    np.testing.assert_allclose(both.P[:, 0, 0], alone.P[:, 0, 0], rtol=1e-12)
+    assert np.abs(both.P[:, 1]).max() == 0
+
+
+def test_the_reference_engine_says_that_it_cannot_smooth_a_state_known_exactly():
+    with pytest.raises(EstimationError, match=r'knows a state exactly at sample 4.* choose engine = "numpy"'):
+        kalman.smooth(known_offset(), np.zeros(5), engine="filterpy")
 
 
 def test_smoothing_never_widens_what_the_filter_knew(engine):

@@ -1,0 +1,69 @@
+"""What the wrench is asked to say: about which point, and split into which loads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.config import LoadSetting, Settings
+from forceid.errors import ConfigError
+from forceid.kalman.flight import FlightState
+from forceid.principal.loads import solve_loads
+from forceid.principal.wrench import transport, transport_cov
+from forceid.records import Array, Body, Loads
+
+
+def about_point(settings: Settings, body: Body, state: FlightState, shape: Array, wrench: Array) -> tuple[Array, Array]:
+    """The wrench (time, 6) and its covariance (time, 6, 6) about the point that the settings name."""
+    if settings.moment_about == "mass_center":
+        return wrench, state.wrench_cov
+    point = place(settings.moment_about, "moment_about", body, state, shape)
+    arm = state.center - point
+    return transport(wrench, arm), transport_cov(state.wrench_cov, arm)
+
+
+def applied_loads(
+    settings: Settings, body: Body, origin: Array, state: FlightState, shape: Array, wrench: Array, length: float
+) -> Loads | None:
+    """Least-squares loads of the pattern in the settings, None where they name none.
+
+    origin (3,): the mass center in the axes of the reference shape, in which body points are given.
+    """
+    if not settings.load:
+        return None
+    columns = [column(load, body, origin, state, shape) for load in settings.load]
+    names = tuple(load.name for load in settings.load)
+    return solve_loads(wrench, state.wrench_cov, np.stack(columns, -1), length, names)
+
+
+def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, shape: Array) -> Array:
+    """Wrench (time, 6) about the mass center of one newton, or newton meter, of a load."""
+    direction = np.array(load.direction) / np.linalg.norm(load.direction)
+    turned = np.tile(direction, (len(state.center), 1))
+    if load.axes == "body":
+        turned = np.einsum("tab,b->ta", state.rotation, direction)
+    none = np.zeros_like(turned)
+    if load.kind == "moment":
+        return np.concatenate([none, turned], 1)
+    if isinstance(load.point, str):
+        point = place(load.point, f"load {load.name}", body, state, shape)
+    elif load.axes == "body":
+        point = state.center + np.einsum("tab,b->ta", state.rotation, np.array(load.point) - origin)
+    else:
+        point = np.tile(np.array(load.point), (len(turned), 1))
+    return transport(np.concatenate([turned, none], 1), point - state.center)
+
+
+def place(point: str | tuple[float, float, float], where: str, body: Body, state: FlightState, shape: Array) -> Array:
+    """World position (time, 3) of a node, of the mass center, or of a point fixed in space."""
+    if not isinstance(point, str):
+        return np.tile(np.array(point), (len(state.center), 1))
+    if point == "mass_center":
+        return state.center
+    if point not in body.node:
+        raise ConfigError(
+            f"names the point '{point}', expected mass_center, three coordinates or a node",
+            where,
+            f"the nodes are {', '.join(body.node[:8])}",
+        )
+    node = shape[:, body.node.index(point)]
+    return state.center + np.einsum("tab,tb->ta", state.rotation, node)

@@ -1,0 +1,150 @@
+"""What a recording holds and what can be identified from it, before anything is estimated."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.kinematics import Kinematics, kinematics
+from forceid.estimation.run import check_stiffness, with_gravity
+from forceid.estimation.verdict import judge_recording, judge_shape, largest_turn
+from forceid.kalman.tuning import lags, second_difference
+from forceid.motion.first_moment import angular_channel
+from forceid.motion.pose import pose_rank
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Recording
+
+RESOLVED = 0.1  # of a load: error at which it counts as followed
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Contents and prospects of a recording.
+
+    force_rms N and moment_rms N m: sizes seen in a rough look, per axis; force_bandwidth, moment_bandwidth (Hz):
+    up to which a load of that size is followed to a tenth, None where nothing of it is seen;
+    warnings: sentences that the verdict will hold.
+    """
+
+    title: str
+    frames: int
+    duration_s: float
+    rate_hz: float
+    regular: bool
+    nodes: int
+    seen_nodes: int
+    missing_percent: float
+    mass_kg: float
+    gravity: tuple[float, ...]
+    noise_std: dict[str, float]
+    noise_stated: dict[str, bool]
+    rank: int
+    turn_deg_per_frame: float
+    shapes: int
+    force: bool
+    moment: bool
+    force_bandwidth_hz: float | None
+    moment_bandwidth_hz: float | None
+    has_truth: bool
+    warnings: tuple[str, ...]
+
+    @property
+    def summary(self) -> list[str]:
+        """The same for people, a line each."""
+        clock = "" if self.regular else ", irregular clock"
+        noise = ", ".join(
+            f"{name} {level:.2g} {'rad' if name == 'orientation' else 'm'} ({'stated' if self.noise_stated[name] else 'from the data'})"
+            for name, level in self.noise_std.items()
+        )
+        lines = [
+            f"holds    {self.title or 'untitled'}: {self.frames} frames over {self.duration_s:.4g} s, "
+            f"{self.rate_hz:.4g} Hz{clock}",
+            f"body     {self.mass_kg:.4g} kg, {self.nodes} nodes, {self.seen_nodes} with markers, "
+            f"{self.missing_percent:.2g} % of their samples missing",
+            f"noise    {noise}",
+            f"turn     {self.turn_deg_per_frame:.3g} degrees a frame at most",
+            f"shapes   {self.shapes} stand out of the noise beside the rigid motion",
+            f"force    {wording(self.force, self.force_bandwidth_hz)}",
+            f"moment   {wording(self.moment, self.moment_bandwidth_hz)}",
+        ]
+        return lines + [f"note     {w}" for w in self.warnings]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for machines."""
+        return asdict(self)
+
+
+def wording(identifiable: bool, bandwidth: float | None) -> str:
+    """How far a component can be followed, in words."""
+    if not identifiable:
+        return "cannot be identified"
+    if bandwidth is None:
+        return "identifiable; none stands out of the noise"
+    return f"identifiable, all three axes; followed to a tenth of its size up to about {bandwidth:.2g} Hz"
+
+
+def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
+    """What the recording holds, which wrench components it determines, and up to which frequency."""
+    recording = with_gravity(recording, settings)
+    body, motion = recording.body, recording.motion
+    check_stiffness(body)
+    kin = kinematics(body, motion, settings)
+    findings = judge_recording(kin)
+    step = np.diff(motion.time)
+    x = motion.position[:, kin.seen] if motion.position is not None else motion.center
+    assert x is not None
+    force = np.isfinite(kin.pose.center).any() and not any(f.refuses for f in findings)
+    rank = pose_rank(summation_operator(kin.shape[kin.seen])) if kin.seen.any() else 6 * kin.attitude
+    return Inspection(
+        title=recording.title, frames=len(motion.time), duration_s=float(np.ptp(motion.time)),
+        rate_hz=float(1 / np.median(step)), regular=bool(np.ptp(step) < 1e-3 * np.median(step)),
+        nodes=len(body.node), seen_nodes=int(kin.seen.sum()),
+        missing_percent=float(100 * np.isnan(x).mean()), mass_kg=kin.inertia.mass,
+        gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise, noise_stated=kin.stated, rank=int(rank),
+        turn_deg_per_frame=float(np.degrees(largest_turn(kin.pose.rotation))), shapes=len(kin.shapes),
+        force=bool(force), moment=kin.attitude,
+        force_bandwidth_hz=bandwidth(*force_channel(kin, motion.gravity)) if force else None,
+        moment_bandwidth_hz=bandwidth(*moment_channel(kin)) if kin.attitude else None,
+        has_truth="force" in recording.truth,
+        warnings=tuple(f.text for f in [*findings, *judge_shape(kin)]),
+    )  # fmt: skip
+
+
+def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
+    """Times, mass center with the fall removed (time, 3), and its noise variance."""
+    seen = np.isfinite(kin.pose.center).all(1)
+    time = kin.time[seen]
+    var = np.trace(kin.pose.cov[seen, :3, :3], axis1=1, axis2=2).mean() / 3
+    return time, kin.pose.center[seen] - 0.5 * (time - time[0])[:, None] ** 2 * gravity, float(var)
+
+
+def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
+    """Frequency Hz up to which a tenth of the second derivative of z (time, 3) stands above the noise.
+
+    White noise of density r = sigma^2 dt gives z'' an error of sqrt(2 r (2 pi)^4 f^5 / 5) in the band up
+    to f; the size of z'' is what second differences show at the lag where it stands out most.
+    """
+    step = float(np.median(np.diff(time)))
+    sizes = [0.0]
+    for lag in lags(z):
+        d = second_difference(time, z, lag)
+        noise = 6 * noise_var / (lag * step) ** 4
+        power = float((d**2).mean()) if len(d) else 0.0
+        if power > noise * (1 + 4 / np.sqrt(max(len(d), 1))):
+            sizes.append(power - noise)
+    size = float(np.sqrt(max(sizes)))
+    if size == 0.0:
+        return None
+    f = (5 * (RESOLVED * size) ** 2 / (2 * noise_var * step * (2 * np.pi) ** 4)) ** 0.2
+    return min(f, 0.5 / step)
+
+
+def moment_channel(kin: Kinematics) -> tuple[Array, Array, float]:
+    """Times, integrated angular momentum and its noise variance, for the mean shape."""
+    T = len(kin.time)
+    J = np.tile(kin.inertia.tensor, (T, 1, 1))
+    ch = angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], J, np.zeros((T, 3)))
+    return ch.time, ch.Y, float(np.trace(ch.noise_cov, axis1=1, axis2=2).mean() / 3)

@@ -1,0 +1,156 @@
+"""One recording in, one estimate out: kinematics, method, moment point, loads, verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Settings, load_settings, to_toml
+from forceid.errors import DataError
+from forceid.estimation.applied import about_point, applied_loads
+from forceid.estimation.classic import estimate_classic
+from forceid.estimation.flight_smoother import Solution, estimate_flight
+from forceid.estimation.kinematics import kinematics, shape_at
+from forceid.estimation.verdict import (
+    Finding,
+    judge,
+    judge_innovations,
+    judge_recording,
+    judge_shape,
+    judge_tuning,
+)
+from forceid.kalman.engines import engine
+from forceid.motion.modes import gauge_weight
+from forceid.motion.pose import fit_rotation
+from forceid.principal.objectivity import objectivity
+from forceid.records import Array, Body, Estimate, Recording
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarray.DataTree:
+    """Applied force and moment of a motion, with everything that stands behind them.
+
+    tree: from `open_motion`, or built alike; config: a TOML file; settings: single keys that override it.
+    Returns a DataTree with /estimate (and /load where loads are asked for), as in a result file. Raises
+    DataError, ConfigError; an estimate that cannot be defended comes back as NaN with verdict "refused".
+    """
+    from forceid.files.tree import recording_from_tree, tree_from_estimate
+
+    merged = load_settings(config, **settings)
+    recording = recording_from_tree(tree, merged.gravity)
+    return tree_from_estimate(estimate_recording(recording, merged), recording)
+
+
+def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
+    """Applied wrench (weight excluded), mean motion and deformation of a recording."""
+    began = perf_counter()
+    recording = with_gravity(recording, settings)
+    check_stiffness(recording.body)
+    first = kinematics(recording.body, recording.motion, settings)
+    findings = judge_recording(first)
+    if any(f.refuses for f in findings):
+        result = refused(recording, settings, findings)
+    else:
+        solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
+        solution = solve(recording.body, recording.motion, settings, engine(settings.engine))
+        result = assemble(recording, settings, solution, findings)
+    return replace(
+        result,
+        settings=to_toml(settings),
+        input_sha256=recording.sha256,
+        runtime_s=perf_counter() - began,
+    )
+
+
+def with_gravity(recording: Recording, settings: Settings) -> Recording:
+    """The recording under the gravity of the settings, where they name one."""
+    if settings.gravity is None:
+        return recording
+    return replace(recording, motion=replace(recording.motion, gravity=np.array(settings.gravity)))
+
+
+def check_stiffness(body: Body) -> None:
+    """A DataError where the stiffness of a body leaves a mechanism or holds a rigid motion."""
+    if body.stiffness is not None and body.position is not None:
+        check = objectivity(body.stiffness, body.position)
+        if check.reasons:
+            raise DataError(check.reasons[0], "/body/stiffness")
+
+
+def assemble(recording: Recording, settings: Settings, solution: Solution, findings: list[Finding]) -> Estimate:
+    """The estimate that a solved flight amounts to."""
+    kin, state = solution.kinematics, solution.state
+    motion = recording.motion
+    shape = shape_at(kin, solution.deformation.amplitude)
+    rotation, deformation = in_gauge(settings.gauge, kin.inertia.weight, kin.seen, kin.shape, shape, state.rotation)
+    findings = [
+        *findings,
+        *judge_shape(kin),
+        *judge_tuning(kin, solution.noise_at_limit),
+        *judge_innovations(motion.time, state.innovation, state.nis),
+        *(Finding(text) for text in solution.reasons),
+    ]
+    length = float(np.sqrt(np.trace(kin.inertia.tensor) / (2 * kin.inertia.mass)))
+    wrench = np.concatenate([state.force, state.moment], 1)
+    loads = applied_loads(settings, recording.body, kin.inertia.center, state, shape, wrench, length)
+    wrench, cov = about_point(settings, recording.body, state, shape, wrench)
+    stretch = None
+    if kin.model == "affine":
+        stretch = stretch_of(kin.shape, shape)
+    return Estimate(
+        time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
+        velocity=state.velocity, orientation=quaternion(rotation), angular_velocity=state.omega,
+        angular_momentum=state.H, deformation=deformation, mean_shape=kin.shape, nis=state.nis,
+        innovation=state.innovation, node=recording.body.node, method=settings.method, model=kin.model,
+        engine=solution.engine, log_likelihood=state.log_likelihood,
+        moment_about=str(settings.moment_about), verdict=judge(findings),
+        mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None, stretch=stretch,
+        loads=loads, tuned=solution.tuned,
+    )  # fmt: skip
+
+
+def in_gauge(
+    gauge: str, mass: Array, seen: Array, mean: Array, shape: Array, rotation: Array
+) -> tuple[Array, Array]:
+    """Rotation (time, 3, 3) and deformation (time, node, 3) under the complement that `gauge` names.
+
+    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees.
+    """
+    if gauge == "mass" or not len(mean):
+        return rotation, shape - mean
+    _, turned = fit_rotation(shape, mean, gauge_weight(gauge, mass, seen))
+    return rotation @ turned, np.einsum("tba,tnb->tna", turned, shape) - mean
+
+
+def stretch_of(mean: Array, shape: Array) -> Array:
+    """Symmetric stretch U (time, 3, 3) that takes the mean shape to `shape` (time, node, 3), body axes."""
+    strain = np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
+    return np.eye(3) + 0.5 * (strain + strain.swapaxes(1, 2))
+
+
+def quaternion(rotation: Array) -> Array:
+    """Quaternions (time, 4) [x y z w] with w >= 0 of rotation matrices; NaN stays NaN."""
+    q = np.full((len(rotation), 4), np.nan)
+    seen = np.isfinite(rotation).all((1, 2))
+    if seen.any():
+        q[seen] = Rotation.from_matrix(rotation[seen]).as_quat(canonical=True)
+    return q
+
+
+def refused(recording: Recording, settings: Settings, findings: list[Finding]) -> Estimate:
+    """An estimate that says nothing but why."""
+    T, nodes = len(recording.motion.time), len(recording.body.node)
+    v3, v4 = np.full((T, 3), np.nan), np.full((T, 4), np.nan)
+    return Estimate(
+        time=recording.motion.time, force=v3, moment=v3, wrench_cov=np.full((T, 6, 6), np.nan), center=v3,
+        velocity=v3, orientation=v4, angular_velocity=v3, angular_momentum=v3,
+        deformation=np.full((T, nodes, 3), np.nan), mean_shape=np.full((nodes, 3), np.nan), nis=v3[:, 0],
+        innovation=np.zeros((T, 0)), node=recording.body.node, method=settings.method, model="rigid",
+        engine="none", log_likelihood=np.nan, moment_about=str(settings.moment_about), verdict=judge(findings),
+    )  # fmt: skip

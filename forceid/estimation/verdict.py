@@ -1,0 +1,188 @@
+"""Accurate, degraded or refused, and why: every reason one sentence of physics with a next step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation.kinematics import Kinematics
+from forceid.motion.pose import log
+from forceid.records import Array, Verdict
+
+FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
+NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
+COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
+LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
+RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence, and whether it costs the verdict `ok` or everything."""
+
+    text: str
+    refuses: bool = False
+
+
+def judge(findings: list[Finding]) -> Verdict:
+    """The verdict that findings add up to.
+
+    >>> judge([Finding("the markers lie on a line")]).level
+    'degraded'
+    """
+    level = "refused" if any(f.refuses for f in findings) else "degraded" if findings else "ok"
+    return Verdict(level, tuple(f.text for f in findings))  # type: ignore[arg-type]
+
+
+def judge_recording(kin: Kinematics) -> list[Finding]:
+    """What the recording alone does not allow, before any force is computed."""
+    found = []
+    if not np.isfinite(kin.pose.center).any():
+        text = "no frame shows the mass center: the markers seen do not span it; mark every node that carries mass"
+        return [Finding(text, refuses=True)]
+    found += [Finding(text) for text in unseen(kin)]
+    turn = largest_turn(kin.pose.rotation)
+    if turn > FAST:
+        text = (
+            f"the body turns {np.degrees(turn):.0f} degrees between frames, near or past the half turn at which "
+            "the sense and number of turns are lost; record faster or add a gyro"
+        )
+        found.append(Finding(text))
+    return found
+
+
+def unseen(kin: Kinematics) -> list[str]:
+    """Sentences on motions that the markers do not show."""
+    found = []
+    marked = int(kin.seen.sum())
+    if not kin.attitude and np.isfinite(kin.pose.rotation).any():
+        found.append("the inertia tensor is not given: force only; add /body/inertia for the moment")
+    elif not kin.attitude and marked == 0:
+        found.append("no orientation was measured: force only; add /motion/orientation for the moment")
+    elif not kin.attitude and marked == 1:
+        found.append("one marker is a particle: rotation and moment are not seen; add two markers off a line")
+    elif not kin.attitude:
+        found.append(
+            f"the {marked} markers lie on a line, and a turn about it is not seen: force only; "
+            "add a marker off the line"
+        )
+    hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
+    if marked and hidden and len(kin.shapes):
+        found.append(
+            f"{hidden} nodes carry mass but no marker, and the body deforms: their share of force and moment "
+            "is that of the undeformed shape; mark them, or give mode shapes"
+        )
+    lost = ~np.isfinite(kin.pose.center).all(1)
+    if lost.any():
+        span = longest_run(lost)
+        found.append(
+            f"{lost.sum()} of {len(lost)} frames show no pose, the longest run {span} frames: there the "
+            "estimate rests on the prior; expect detail only outside"
+        )
+    return found
+
+
+def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Finding]:
+    """Noise that the likelihood drove to its floor: the record is smoother than white noise allows."""
+    return [
+        Finding(
+            f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record was "
+            "smoothed before, or its errors are not white, and the claimed errors are too small; "
+            f"state noise_std.{name}"
+        )
+        for name, limit in noise_at_limit.items()
+        if limit and not kin.stated[name]
+    ]
+
+
+def judge_shape(kin: Kinematics) -> list[Finding]:
+    """A residual shape that the model chosen leaves unexplained."""
+    dof = kin.pose.dof > 0
+    if not kin.attitude or not dof.any():
+        return []
+    ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
+    if len(kin.shapes) or ratio < RIGID_LIMIT:
+        return []
+    size = np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)) * 1e3
+    return [
+        Finding(
+            f"the markers leave the rigid shape by {size:.2g} mm rms, chi-square {ratio:.1f} per degree of "
+            "freedom: the moment is limited by the model; use --model auto"
+        )
+    ]
+
+
+def judge_innovations(time: Array, innovation: Array, nis: Array) -> list[Finding]:
+    """Whether the innovations (time, channel) are white and as large as they were predicted to be."""
+    if innovation.shape[1] == 0 or not np.isfinite(nis).any():
+        return []
+    found = []
+    level = float(np.nanmean(nis))
+    if not NIS_BAND[0] < level < NIS_BAND[1]:
+        word = "larger" if level > 1 else "smaller"
+        found.append(
+            f"the innovations are {np.sqrt(level):.2f} times as large as predicted, {word} than the model "
+            "allows: claimed errors are off by about that; check noise_std and the model"
+        )
+    color, channel = colored(innovation)
+    if color:
+        found.append(
+            f"the innovations of {channel} are correlated ({color:+.2f} from one frame to the next): "
+            "the errors of the markers are not white, or the load changes faster than the prior; "
+            "claimed errors are too small"
+        )
+    line, channel = strongest_line(time, innovation)
+    if line:
+        found.append(
+            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or twice "
+            "the spin, is followed only in part"
+        )
+    return [Finding(text) for text in found]
+
+
+CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
+
+
+def colored(innovation: Array) -> tuple[float, str]:
+    """Largest lag-one autocorrelation of whitened innovations and its channel, if it is not chance."""
+    worst, where = 0.0, ""
+    for j, v in enumerate(innovation.T):
+        pair = np.isfinite(v[1:]) & np.isfinite(v[:-1])
+        if pair.sum() < 20:
+            continue
+        r = float(np.mean(v[1:][pair] * v[:-1][pair]) / np.mean(v[np.isfinite(v)] ** 2))
+        if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
+            worst, where = r, CHANNELS[j]
+    return worst, where
+
+
+def strongest_line(time: Array, innovation: Array) -> tuple[float, str]:
+    """Frequency Hz and channel of a line in the periodogram of the innovations, zero where there is none."""
+    best, at, where = LINE, 0.0, ""
+    frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
+    for j, v in enumerate(np.nan_to_num(innovation).T):
+        power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
+        if len(power) > 8 and (ratio := power.max() / max(power.mean(), 1e-300)) > best:
+            best, at, where = ratio, float(frequency[power.argmax()]), CHANNELS[j]
+    return at, where
+
+
+def largest_turn(rotation: Array) -> float:
+    """Largest rotation between neighboring frames that both show one, rad; zero where there is none."""
+    seen = np.isfinite(rotation).all((1, 2))
+    pair = seen[1:] & seen[:-1]
+    if not pair.any():
+        return 0.0
+    turned = log(rotation[1:][pair] @ rotation[:-1][pair].swapaxes(1, 2))
+    return float(np.linalg.norm(turned, axis=1).max())
+
+
+def longest_run(flag: Array) -> int:
+    """Length of the longest run of true entries.
+
+    >>> longest_run(np.array([0, 1, 1, 0, 1], bool))
+    2
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
