@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.deformation import Deformation, smooth_deformation
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
+from forceid.estimation.verdict import colored
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight, FlightState, LoadPrior, smooth_flight, smooth_translation
 from forceid.kalman.tuning import Tuned, load_axes, start_of, tune_loads
@@ -18,6 +19,12 @@ from forceid.records import Array, Body, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
+SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
+SHARED = (
+    "the tracks are smoother than independent errors of the stated size allow: the errors are taken as common to "
+    "all markers, and slow errors pass for force; the claimed errors are too small where markers slide or "
+    "were smoothed"
+)
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
@@ -46,12 +53,17 @@ def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engi
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
+    reasons: tuple[str, ...] = ()
+    if kin.stated[source] and errors_shared(kin, force, motion.gravity, engine):
+        reasons = (SHARED,)
+        kin = with_shared_error(kin)
+        force = tune_force(kin, motion.gravity, (1.0, 1.0))
     causal = settings.method == "filter"
     deformation = smooth_deformation(kin, engine, causal)
     if not kin.attitude:
         flight = flight_of(kin, deformation, motion.gravity)
         state = smooth_translation(flight, force, engine.smooth, causal)
-        return Solution(kin, deformation, state, engine.name, named(kin, {"force": force.tuned}), at_limit)
+        return Solution(kin, deformation, state, engine.name, named(kin, {"force": force.tuned}), at_limit, reasons)
     limits = (1.0, 1.0)
     if "orientation" in kin.noise:
         limits = STATED if kin.stated["orientation"] else UNSTATED
@@ -61,7 +73,26 @@ def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engi
         kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
     state = smooth_flight(flight_of(kin, deformation, motion.gravity), force, moment, engine.smooth, causal)
     tuned = named(kin, {"force": force.tuned, "moment": moment.tuned})
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
+
+
+def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:
+    """Whether the mass center moves far more smoothly than independent errors of its markers would let it.
+
+    Tracks that were smoothed at the source, or a skin or segment model, have errors that are common to the
+    markers and slow: innovations small and correlated. Averaging over the markers then helps nobody.
+    """
+    still = np.zeros((len(kin.time), 3))
+    flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
+    path = smooth_translation(flight, force, engine.smooth)
+    return bool(np.nanmean(path.nis) < SMALL and colored(path.innovation)[0] > CORRELATED)
+
+
+def with_shared_error(kin: Kinematics) -> Kinematics:
+    """The same with the stated error taken as common to all markers: it does not average out at the center."""
+    cov = kin.pose.cov.copy()
+    cov[:, :3, :3] += max(kin.noise.values()) ** 2 * np.eye(3)
+    return replace(kin, pose=replace(kin.pose, cov=cov))
 
 
 def named(kin: Kinematics, priors: dict[str, Tuned]) -> dict[str, float]:

@@ -28,6 +28,7 @@ from forceid.records import Array
 SUBSTEP = 0.1  # rad that one integration step may turn
 ITERATIONS = 12
 STANDSTILL = 1e-3  # of the standard deviation of a measured rotation
+SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
 
 @dataclass(frozen=True)
@@ -218,12 +219,14 @@ def smooth_flight(
         previous = reference
         reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]), moment.axes)
         if np.abs(turned).max() < rest:
-            return read(flight, previous, path.filtered if causal else path, path.filtered, n, force.axes)
-    raise EstimationError(
-        f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",
-        "the smoother on rotations",
-        "raise the sample rate, or state a noise_std nearer to the truth",
-    )
+            break
+    if np.abs(turned).max() > SETTLED:
+        raise EstimationError(
+            f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",
+            "the smoother on rotations",
+            "raise the sample rate, or state a noise_std nearer to the truth",
+        )
+    return read(flight, previous, path.filtered if causal else path, path.filtered, n, force.axes)
 
 
 def smooth_translation(

@@ -15,7 +15,7 @@ from forceid.records import Array
 ORDERS = (1, 2, 3, 4)
 PATIENCE = 5.0  # a smoother prior is kept until a rougher one is e^5 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
-ROUNDS, SHRINK = 9, 0.5  # grids after the first, and how much finer each is
+ROUNDS, SHRINK = 13, 0.5  # grids after the first, and how much finer each is
 
 
 @dataclass(frozen=True)

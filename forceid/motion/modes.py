@@ -53,6 +53,7 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
     ever = seen.any(0)
     whole = seen[:, ever & (weight > 0)].all(1)
     frames = position[whole] if whole.sum() >= 3 else position
+    ever = np.isfinite(frames).all(2).any(0)
     mean = shape.copy()
     for _ in range(3):
         center, R = fit_rotation(frames, mean, weight)
@@ -64,14 +65,16 @@ def principal_deformations(residual: Array, noise_var: float, most: int | None =
     """Orthonormal shapes (mode, node, 3) that a residual (time, node, 3) takes, and their variances (mode,).
 
     Only shapes that stand out of white marker noise: above the largest eigenvalue that noise alone
-    gives (Marchenko and Pastur 1967), with a margin of two standard deviations; at most `most`, if given.
+    gives (Johnstone 2001), exceeded by chance in one record of a hundred; the first `most`, if given.
     """
     frames = residual[np.isfinite(residual).all((1, 2))].reshape(-1, residual.shape[1] * 3)
     if len(frames) < 2:
         return np.zeros((0, *residual.shape[1:])), np.zeros(0)
     variance, shapes = np.linalg.eigh(frames.T @ frames / len(frames))
-    edge = noise_var * (1 + np.sqrt(frames.shape[1] / len(frames))) ** 2
-    count = int((variance > edge * (1 + 2 * len(frames) ** (-2 / 3))).sum())
+    root_n, root_p = np.sqrt(frames.shape)
+    edge = (root_n + root_p) ** 2
+    width = (root_n + root_p) * (1 / root_n + 1 / root_p) ** (1 / 3)
+    count = int((len(frames) * variance > noise_var * (edge + 2 * width)).sum())
     if most is not None:
         count = min(most, frames.shape[1])
     top = np.arange(len(variance))[::-1][:count]

@@ -63,7 +63,8 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
     deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
     neither center nor rotation. Source: principal equations 2.5, 4b.
     """
-    center, R = fit_rotation(position, shape, weight)
+    # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
+    center, R = fit_rotation(position, shape, weight + weight.max())
     seen = np.isfinite(position).all(2)
     T = len(position)
     S = summation_operator(shape)

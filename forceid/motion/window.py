@@ -17,7 +17,7 @@ from forceid.records import Array
 Route = Literal["difference", "savgol", "spline"]
 DEGREE = 5  # of the spline: its second derivative is a smooth cubic
 ORDER = 6  # of the differences that tell noise from motion
-CLIMB, PILOT = 3.0, 5.0  # variance of the pilot over that of the best window: on the way up, at the end
+PILOT = 4.0  # variance of the pilot over that of the best window: quiet enough, and still less biased
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
     The cross term is v_h because among unbiased combinations of the samples in its window T_h has the least
     noise (Gauss and Markov), so the pilot correlates with it as it does with itself. Squared bias plus v_h
     (Mallows 1973), weighted by 1/v and tapered over the outer eighths, is least at the window chosen.
-    The pilot climbs, always a few times noisier than the best window so far: much shorter ones drown
-    the bias in their own noise. The variance returned includes the squared bias, in proportion to the
+    The pilot climbs, always a few times noisier than the best window so far: a much shorter one drowns
+    the bias in its own noise. The variance returned includes the squared bias, in proportion to the
     noise variance, and no less of it than the best window has in theory.
     Raises EstimationError where no window fits the record.
     """
@@ -133,9 +133,9 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
             "use a longer record, or the smoother",
         )
 
-    def shorter(best: int, ratio: float) -> int:
+    def shorter(best: int) -> int:
         fit = [i for i in pilots if candidates[i].count <= candidates[best].count]
-        return max((i for i in fit if ratio * noise(best) <= noise(i) < np.inf), default=first)
+        return max((i for i in fit if PILOT * noise(best) <= noise(i) < np.inf), default=first)
 
     def best_after(pilot: int, scale: int) -> tuple[int, float]:
         """Best candidate as the pilot sees it, and its squared bias over its noise variance."""
@@ -165,8 +165,8 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
     while higher > pilot:
         pilot = higher
         best, _ = best_after(pilot, best)
-        higher = shorter(best, CLIMB)
-    pilot = shorter(best, PILOT)
+        higher = shorter(best)
+    pilot = shorter(best)
     best, ratio = best_after(pilot, best)
     chosen, power = candidates[best], candidates[best].bias_power
     if chosen.order == order and chosen.count > candidates[pilot].count:

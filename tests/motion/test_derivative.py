@@ -139,8 +139,8 @@ def test_channels_with_their_own_gaps_do_not_touch_each_other(window):
 
 def test_record_too_short_for_its_polynomial_is_unknown():
     z = np.full((30, 1), np.nan)
-    z[10:13] = 1.0
-    for window in WINDOWS[1:]:
+    z[10:12] = 1.0
+    for window in WINDOWS:
         assert np.isnan(derivatives(REGULAR[:30], z, window).second).all()
 
 

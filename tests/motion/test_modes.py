@@ -1,0 +1,193 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from forceid.errors import ConfigError
+from forceid.motion.modes import (
+    GAUGES,
+    fit_amplitudes,
+    gauge_weight,
+    mean_shape,
+    principal_deformations,
+    split,
+    stretches,
+)
+from forceid.motion.pose import exp
+from forceid.principal.operator import summation_operator
+from forceid.principal.wrench import resultant
+
+free = settings(deadline=None, derandomize=True, max_examples=30)
+MASS = np.array([0.2, 0.1, 0.15, 0.05, 0.12, 0.08, 0.1])
+SEEN = np.array([True, True, True, True, False, True, False])
+RNG = np.random.default_rng(12)
+SHAPE = 0.3 * RNG.standard_normal((7, 3))
+SHAPE -= MASS @ SHAPE / MASS.sum()
+SIGMA = 1e-3
+field = arrays(float, (7, 3), elements=st.floats(-1, 1))
+
+
+@pytest.mark.parametrize("gauge", GAUGES)
+@free
+@given(u=field)
+def test_deformation_is_orthogonal_to_rigid_motion_in_its_gauge(gauge, u):
+    W = gauge_weight(gauge, MASS, SEEN)
+    R = summation_operator(SHAPE)
+    alpha, u_d = split(u, SHAPE, W)
+    np.testing.assert_allclose(R.T @ (np.repeat(W, 3) * u_d.ravel()), 0, atol=1e-12)
+    np.testing.assert_allclose(R @ alpha + u_d.ravel(), u.ravel(), atol=1e-12)
+    np.testing.assert_allclose(split(u_d, SHAPE, W)[0], 0, atol=1e-11)
+
+
+def test_gauges_disagree_on_the_mean_motion_of_the_same_displacement():
+    u = RNG.standard_normal((7, 3))
+    alpha = [split(u, SHAPE, gauge_weight(g, MASS, SEEN))[0] for g in GAUGES]
+    assert min(abs(a - b).max() for a, b in zip(alpha, alpha[1:] + alpha[:1], strict=True)) > 0.01
+
+
+def test_unknown_gauge_is_refused_with_the_known_ones():
+    with pytest.raises(ConfigError, match="mass, euclidean, sensor"):
+        gauge_weight("lagrange", MASS, SEEN)
+
+
+@free
+@given(acceleration=field)
+def test_in_the_mass_gauge_the_mean_motion_alone_gives_the_resultant(acceleration):
+    """S^T M u'' = M_alpha alpha'': principal equations 2.5."""
+    alpha, _ = split(acceleration, SHAPE, MASS)
+    S = summation_operator(SHAPE)
+    M_alpha = S.T @ (np.repeat(MASS, 3)[:, None] * S)
+    wanted = resultant(MASS, SHAPE, acceleration, about=np.zeros(3))
+    np.testing.assert_allclose(M_alpha @ alpha, wanted, atol=1e-12)
+
+
+def test_in_the_other_gauges_the_mean_motion_alone_misses_the_resultant():
+    acceleration = np.random.default_rng(0).standard_normal((7, 3))
+    S = summation_operator(SHAPE)
+    M_alpha = S.T @ (np.repeat(MASS, 3)[:, None] * S)
+    wanted = resultant(MASS, SHAPE, acceleration, about=np.zeros(3))
+    for gauge in ("euclidean", "sensor"):
+        alpha, _ = split(acceleration, SHAPE, gauge_weight(gauge, MASS, SEEN))
+        assert abs(M_alpha @ alpha - wanted).max() > 0.05 * abs(wanted).max()
+
+
+def test_split_takes_a_whole_record_as_it_takes_each_frame():
+    u = RNG.standard_normal((5, 7, 3))
+    alpha, u_d = split(u, SHAPE, MASS)
+    for k in range(5):
+        one = split(u[k], SHAPE, MASS)
+        np.testing.assert_allclose(alpha[k], one[0], atol=1e-13)
+        np.testing.assert_allclose(u_d[k], one[1], atol=1e-13)
+
+
+def planted():
+    shape = split(np.random.default_rng(2).standard_normal((7, 3)), SHAPE, np.ones(7))[1]
+    return shape / np.linalg.norm(shape)
+
+
+def test_planted_mode_is_found_with_its_variance():
+    rng = np.random.default_rng(0)
+    q = 5 * SIGMA * rng.standard_normal(800)
+    residual = q[:, None, None] * planted() + SIGMA * rng.standard_normal((800, 7, 3))
+    residual[rng.random((800, 7)) < 0.02] = np.nan
+    shapes, variance = principal_deformations(residual, SIGMA**2)
+    assert len(shapes) == 1
+    assert abs(np.vdot(shapes[0], planted())) > 0.995
+    assert abs(variance[0] / (5 * SIGMA) ** 2 - 1) < 0.2
+
+
+@pytest.mark.parametrize("frames", [60, 400, 3000])
+def test_white_noise_shows_no_mode_in_nineteen_of_twenty_records(frames):
+    found = [
+        len(principal_deformations(SIGMA * rng.standard_normal((frames, 7, 3)), SIGMA**2)[0])
+        for rng in map(np.random.default_rng, range(100))
+    ]
+    assert np.mean(np.array(found) == 0) >= 0.95
+
+
+def test_record_without_a_whole_frame_shows_no_mode():
+    residual = np.full((10, 7, 3), np.nan)
+    assert principal_deformations(residual, 1.0)[0].shape == (0, 7, 3)
+
+
+@pytest.mark.parametrize(("extent", "count"), [([1, 1, 1], 6), ([1, 1, 0], 3), ([1, 0, 0], 1)])
+def test_solid_plane_and_line_can_stretch_in_six_three_and_one_ways(extent, count):
+    turn = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_matrix()
+    body = (SHAPE * extent) @ turn.T
+    patterns = stretches(body)
+    assert patterns.shape == (count, 7, 3)
+    assert np.linalg.matrix_rank(patterns.reshape(count, -1)) == count
+    for pattern in patterns:  # each is E X with E symmetric
+        E = np.linalg.lstsq(body, pattern, rcond=1e-9)[0]
+        np.testing.assert_allclose(body @ E, pattern, atol=1e-12)
+        moment = np.cross(body, pattern).sum(0) if count == 1 else np.zeros(3)
+        np.testing.assert_allclose(moment, 0, atol=1e-12)
+
+
+def test_affine_motion_of_a_solid_is_rigid_motion_and_stretches():
+    G = np.random.default_rng(6).standard_normal((3, 3))
+    basis = np.column_stack([summation_operator(SHAPE), stretches(SHAPE).reshape(6, -1).T])
+    field = (SHAPE @ G.T + [1.0, 2.0, 3.0]).ravel()
+    left = field - basis @ np.linalg.lstsq(basis, field, rcond=None)[0]
+    np.testing.assert_allclose(left, 0, atol=1e-12)
+
+
+def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
+    rng = np.random.default_rng(9)
+    q = 0.01 * rng.standard_normal((300, 1))
+    R = summation_operator(SHAPE)
+    rigid = (R @ (1e-3 * rng.standard_normal((6, 300)))).T.reshape(300, 7, 3)
+    residual = q[..., None] * planted() + rigid
+    residual[:100, 3] = np.nan
+    residual[100:200, 2:] = np.nan
+    fitted, var = fit_amplitudes(residual, planted()[None], R, SIGMA**2)
+    known = np.r_[0:100, 200:300]
+    np.testing.assert_allclose(fitted[known], q[known], atol=1e-12)
+    assert np.isnan(fitted[100:200]).all()
+    assert np.isnan(var[100:200]).all()
+    assert var[0, 0] > var[250, 0]  # fewer markers, more noise
+
+
+def test_variance_of_amplitudes_is_what_monte_carlo_finds():
+    residual = SIGMA * np.random.default_rng(1).standard_normal((5000, 7, 3))
+    residual[:, 5] = np.nan
+    shapes = np.stack([planted(), stretches(SHAPE)[0]])
+    q, var = fit_amplitudes(residual, shapes, summation_operator(SHAPE), SIGMA**2)
+    np.testing.assert_allclose(q.var(axis=0) / var[0], 1, atol=0.08)
+
+
+def spinning(shape, count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0, 1, count)
+    R = exp(time[:, None] * np.array([1.0, -2.0, 40.0]))
+    return np.einsum("tab,nb->tna", R, shape) + rng.standard_normal((count, 1, 3))
+
+
+def test_changed_spinning_shape_is_recovered():
+    changed = SHAPE + split(0.01 * RNG.standard_normal((7, 3)), SHAPE, MASS)[1]
+    x = spinning(changed) + 1e-4 * np.random.default_rng(5).standard_normal((200, 7, 3))
+    x[::3, 2] = np.nan
+    found = mean_shape(x, SHAPE, MASS)
+    _, off = split(found - changed, SHAPE, MASS)  # up to a rotation of the body axes, of second order
+    assert abs(off).max() < 5 * 1e-4 / np.sqrt(130)
+
+
+def test_node_never_seen_keeps_its_reference_position():
+    x = spinning(SHAPE)
+    x[:, 4] = np.nan
+    weight = np.where(np.arange(7) == 4, 0.0, MASS)
+    found = mean_shape(x, SHAPE, weight)
+    np.testing.assert_array_equal(found[4], SHAPE[4])
+    np.testing.assert_allclose(found, SHAPE, atol=1e-9)
+
+
+def test_marker_seen_only_while_another_is_lost_does_not_poison_the_mean_shape():
+    x = spinning(SHAPE)
+    x[:100, 0] = np.nan
+    x[100:, 4] = np.nan
+    weight = np.where(np.arange(7) == 4, 0.0, MASS)
+    found = mean_shape(x, SHAPE, weight)
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(found, SHAPE, atol=1e-9)
