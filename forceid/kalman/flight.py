@@ -26,7 +26,7 @@ from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
-ITERATIONS = 12
+ITERATIONS = 40
 STANDSTILL = 1e-3  # of the standard deviation of a measured rotation
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
@@ -122,7 +122,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
         return np.einsum("tij,tj->ti", J_inv, H_s - h), J_inv, H_s
 
     turned = np.linalg.norm(omega(R, 0 * step)[0], axis=1) * step
-    n = int(np.ceil(turned.max() / SUBSTEP))
+    n = max(1, int(np.ceil(turned.max() / SUBSTEP)))
     h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((len(step), 3, 3))
     for i in range(n):
         s, hv = i * h, h[:, None]

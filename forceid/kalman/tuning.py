@@ -13,7 +13,7 @@ from forceid.kalman.process import Process, discretize, integrate, matern, with_
 from forceid.records import Array
 
 ORDERS = (1, 2, 3, 4)
-PATIENCE = 5.0  # a smoother prior is kept until a rougher one is e^5 times as likely
+PATIENCE = 5.0  # a simpler prior is kept until a rougher one is e^5 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
 ROUNDS, SHRINK = 13, 0.5  # grids after the first, and how much finer each is
 
@@ -108,13 +108,14 @@ def tune_loads(
 
     time (time,) s; z (time, axis), NaN = missing; gain: 1/kg for forces and a mass center; noise_var (time,
     axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on the stated
-    standard deviation. Of the orders, the smoothest that no rougher one beats by e^PATIENCE.
+    standard deviation. Of the orders, the smoothest that no rougher one beats by e^PATIENCE; on an axis where
+    a varying load is not e^PATIENCE times as likely as a constant one, the constant.
     """
     stretches, axes = stretch(z), z.shape[1]
 
     def objective(points: Array, levels: Array, order: int) -> Array:
         shape = points.shape[:-1]
-        std, rate = np.exp(points.reshape(-1, 2).T)
+        std, rate = natural(points.reshape(-1, 2), order)
         axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
         noise = np.broadcast_to(np.exp(2 * levels)[:, None, None], shape).ravel()
         total = np.zeros(len(std))
@@ -125,27 +126,46 @@ def tune_loads(
             total += log_likelihood(model, y[:, axis, None])
         return total.reshape(shape)
 
-    lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain))
+    def search(order: int, shared: tuple[float, float], start: Array | None = None) -> tuple[Array, float, float]:
+        lower, upper = search_box(time, z, gain, order)
+        edges = np.tile(lower, (axes, 1)), np.tile(upper, (axes, 1))
+        return maximize(lambda p, s: objective(p, s, order), *edges, shared, start)
+
+    def tuned(order: int, at: Array, level: float, value: float) -> Tuned:
+        at_limit = limits[1] > limits[0] and level - limits[0] < 0.05
+        return Tuned(order, *natural(at, order), float(np.exp(level)), at_limit, value)
+
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level = limits[0]
     if limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
-        _, level, _ = maximize(lambda p, s: objective(p, s, 2), lower, upper, limits)
-    found = []
-    for order in orders:
-        at, _, value = maximize(lambda p, s, n=order: objective(p, s, n), lower, upper, (level, level))  # type: ignore[misc]
-        found.append((Tuned(order, *np.exp(at.T), float(np.exp(level)), False, value), at))
-    tuned = smoothest([t for t, _ in found])
-    if limits[1] > limits[0]:
-        at = next(at for t, at in found if t is tuned)
-        at, level, value = maximize(lambda p, s: objective(p, s, tuned.order), lower, upper, limits, at)
-        tuned = Tuned(tuned.order, *np.exp(at.T), float(np.exp(level)), level - limits[0] < 0.05, value)
-    return tuned
+        _, level, _ = search(2, limits)
+    found = {order: search(order, (level, level)) for order in orders}
+    order = smoothest({order: value for order, (_, _, value) in found.items()})
+    at, level, value = search(order, limits, found[order][0]) if limits[1] > limits[0] else found[order]
+    none = np.tile(search_box(time, z, gain, order)[0], (axes, 1))
+    quiet = maximize(lambda p, s: objective(p, s, order), none, none, limits, none)
+    if value - quiet[2] < PATIENCE * axes:
+        return tuned(order, *quiet)
+    each = objective(np.stack([at, none], 1)[None], np.array([level]), order)[0]
+    return tuned(order, np.where(each[:, :1] - each[:, 1:] < PATIENCE, none, at), level, value)
 
 
-def smoothest(found: list[Tuned]) -> Tuned:
-    """The highest order whose evidence is within PATIENCE of the best."""
-    best = max(t.log_likelihood for t in found)
-    return max((t for t in found if t.log_likelihood > best - PATIENCE), key=lambda t: t.order)
+def natural(points: Array, order: int) -> tuple[Array, Array]:
+    """std and rate (...) of search points (..., 2): log of std * rate^(order - 1/2), and log rate.
+
+    The first is the level at high frequency, which a record fixes far better than std and rate alone.
+    """
+    rate = np.exp(points[..., 1])
+    return np.exp(points[..., 0]) / rate ** (order - 0.5), rate
+
+
+def smoothest(evidence: dict[int, float]) -> int:
+    """The highest order whose evidence is within PATIENCE of the best.
+
+    >>> smoothest({1: -10.0, 2: 0.0, 3: -4.0, 4: -9.0})
+    3
+    """
+    return max(order for order, value in evidence.items() if value > max(evidence.values()) - PATIENCE)
 
 
 def stretch(z: Array) -> list[slice]:
@@ -183,12 +203,16 @@ def second_difference(time: Array, z: Array, lag: int) -> Array:
     return d[np.isfinite(d).all(1)]
 
 
-def search_box(time: Array, z: Array, gain: float) -> tuple[Array, Array]:
-    """Smallest and largest log std and log rate (2,) worth a look, from second differences at many lags."""
+def search_box(time: Array, z: Array, gain: float, order: int) -> tuple[Array, Array]:
+    """Smallest and largest search point (2,) worth a look, from second differences at many lags.
+
+    The first is a load that no record shows; a rate beyond half a turn a sample would pass noise for load.
+    """
     sizes = [np.sqrt(np.mean(d**2)) / gain for lag in lags(z) if len(d := second_difference(time, z, lag))]
-    high = max([10 * max(sizes, default=0.0), 1e-12])
-    low = max(1e-3 * min(sizes, default=0.0), 1e-9 * high)
-    return np.log([low, 1.0 / (time[-1] - time[0])]), np.log([high, 1.5 / np.median(np.diff(time))])
+    rate = np.log([1.0 / (time[-1] - time[0]), 0.5 / np.median(np.diff(time))])
+    high = np.log(max(10 * max(sizes, default=0.0), 1e-12)) + (order - 0.5) * rate[1]
+    low = np.log(max(1e-3 * min(sizes, default=0.0), 1e-9 * 10 * max(sizes, default=1e-3))) + (order - 0.5) * rate[0]
+    return np.array([low, rate[0]]), np.array([high, rate[1]])
 
 
 def load_axes(time: Array, z: Array) -> Array:

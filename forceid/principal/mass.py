@@ -121,22 +121,6 @@ def principal_inertia(inertia: ArrayLike) -> tuple[Array, Array]:
     return moments, axes
 
 
-def equimomental_points(mass: float, inertia: Array) -> tuple[Array, Array]:
-    """Six equal point masses (6,) kg with positions (6, 3) m that move like a rigid body does.
-
-    inertia (3, 3) kg m2 about the mass center; the points lie on its principal axes, in its axes. Same
-    mass, center and inertia, so the same momenta and resultants (Routh's equimomental system).
-
-    >>> m, x = equimomental_points(2.0, np.diag([1.0, 2.0, 2.5]))
-    >>> mass_properties(m, x).inertia.round(9).diagonal().tolist()
-    [1.0, 2.0, 2.5]
-    """
-    moments, axes = principal_inertia(inertia)
-    second = 0.5 * moments.sum() - moments
-    arms = axes * np.sqrt(3 * np.maximum(second, 0.0) / mass)
-    return np.full(6, mass / 6), np.concatenate([arms.T, -arms.T])
-
-
 def mass_center(mass: ArrayLike | SparseMatrix, position: ArrayLike) -> Array:
     """Instantaneous mass center (..., 3) m of nodes at (..., node, 3) m; mass as in `mass_properties`.
 
