@@ -123,7 +123,8 @@ class Estimate:
     angular_velocity (time, 3) rad/s and angular_momentum (time, 3) kg m2/s, world axes;
     deformation (time, node, 3) m, body axes, about mean_shape (node, 3) m; nis (time,) normalized
     innovation squared per degree of freedom, NaN where the method has no innovations; innovation
-    (time, channel) whitened innovations, unit variance if the model is right. What cannot be
+    (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
+    that the force was computed with. What cannot be
     identified is NaN. settings: the merged configuration as TOML text.
     """
 
@@ -140,6 +141,8 @@ class Estimate:
     mean_shape: Array
     nis: Array
     innovation: Array
+    mass: float
+    gravity: Array
     node: tuple[str, ...]
     method: str
     model: str

@@ -107,7 +107,7 @@ def assemble(recording: Recording, settings: Settings, solution: Solution, findi
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=quaternion(rotation), angular_velocity=state.omega,
         angular_momentum=state.H, deformation=deformation, mean_shape=kin.shape, nis=state.nis,
-        innovation=state.innovation, node=recording.body.node, method=settings.method, model=kin.model,
+        innovation=state.innovation, mass=kin.inertia.mass, gravity=motion.gravity, node=recording.body.node, method=settings.method, model=kin.model,
         engine=solution.engine, log_likelihood=state.log_likelihood,
         moment_about=str(settings.moment_about), verdict=judge(findings),
         mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None, stretch=stretch,
@@ -151,6 +151,6 @@ def refused(recording: Recording, settings: Settings, findings: list[Finding]) -
         time=recording.motion.time, force=v3, moment=v3, wrench_cov=np.full((T, 6, 6), np.nan), center=v3,
         velocity=v3, orientation=v4, angular_velocity=v3, angular_momentum=v3,
         deformation=np.full((T, nodes, 3), np.nan), mean_shape=np.full((nodes, 3), np.nan), nis=v3[:, 0],
-        innovation=np.zeros((T, 0)), node=recording.body.node, method=settings.method, model="rigid",
+        innovation=np.zeros((T, 0)), mass=np.nan, gravity=recording.motion.gravity, node=recording.body.node, method=settings.method, model="rigid",
         engine="none", log_likelihood=np.nan, moment_about=str(settings.moment_about), verdict=judge(findings),
     )  # fmt: skip

@@ -100,8 +100,12 @@ def filter(model: StateSpace, z: Array) -> Filtered:
     return Filtered(x, P, x_pred, P_pred, innovation, mean_square(innovation), total)
 
 
-def log_likelihood(model: StateSpace, z: Array) -> Array:
-    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel)."""
+def log_likelihood(model: StateSpace, z: Array, limit: float = np.inf) -> Array:
+    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel).
+
+    limit: whitened innovations beyond it are taken for outliers of just that size, and their sample is
+    believed accordingly less (Huber's filter); for models of one channel.
+    """
     z = as_channels(z)
     x, P, total = model.x0, model.P0, np.zeros(model.x0.shape[:-1])
     present = np.isfinite(z if z.ndim == 2 else z[:, 0])
@@ -109,7 +113,7 @@ def log_likelihood(model: StateSpace, z: Array) -> Array:
         if k > 0:
             x, P = predict(model, k - 1, x, P)
         if seen.any():
-            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen])
+            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen], limit)
             total = total + gained
     return total
 
@@ -125,7 +129,7 @@ def smooth(model: StateSpace, z: Array) -> Smoothed:
     z = as_channels(z)
     f = filter(model, z)
     one = np.eye(len(model.x0))
-    x, adjoint, later = f.x.copy(), np.zeros(len(one)), np.zeros_like(f.P)
+    x, adjoint, later, told = f.x.copy(), np.zeros(len(one)), np.zeros_like(f.P), np.zeros_like(one)
     for k in range(len(x) - 1, -1, -1):
         if k < len(x) - 1:
             F = model.at("F", k)
@@ -134,8 +138,8 @@ def smooth(model: StateSpace, z: Array) -> Smoothed:
         x[k] += f.P[k] @ adjoint
         told, seen = later[k], np.isfinite(z[k])
         if seen.any():
-            H, L, K = gain(model, k, seen, f.P_pred[k])
-            R = model.at("R", k)[np.ix_(seen, seen)]
+            H, R = model.at("H", k)[seen], model.at("R", k)[np.ix_(seen, seen)]
+            L, K = gain(f.P_pred[k], H, R, k)
             adjoint = adjoint + H.T @ (np.linalg.solve(L.T, f.innovation[k, seen]) - K.T @ adjoint)
             told = told + H.T @ np.linalg.solve(R, H)
         told = 0.5 * (told + told.T)
@@ -172,33 +176,36 @@ def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array
 
 
 def update(
-    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array
+    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array, limit: float = np.inf
 ) -> tuple[Array, Array, Array, Array]:
     """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
-    H, L, K = gain(model, k, seen, P)
+    H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     innovation = (z - (H @ x[..., None])[..., 0])[..., None]
+    if np.isfinite(limit):
+        S = H @ P @ H.swapaxes(-1, -2) + R
+        R = R + np.maximum((innovation / limit) ** 2 - S, 0.0)
+    L, K = gain(P, H, R, k)
     white = innovation / L if L.shape[-1] == 1 else np.linalg.solve(L, innovation)
     x = x + (K @ innovation)[..., 0]
-    I_KH, KR = np.eye(x.shape[-1]) - K @ H, K @ model.at("R", k)[..., seen, :][..., seen]
-    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + KR @ K.swapaxes(-1, -2)
+    I_KH = np.eye(x.shape[-1]) - K @ H
+    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
     white = white[..., 0]
     gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
     gained = gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
-    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained  # type: ignore[return-value]
+    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained
 
 
-def gain(model: StateSpace, k: int, seen: NDArray[np.bool_], P: Array) -> tuple[Array, Array, Array]:
-    """H of the channels seen, the Cholesky factor L of their innovation covariance, and the gain K.
+def gain(P: Array, H: Array, R: Array, k: int) -> tuple[Array, Array]:
+    """Cholesky factor L of the innovation covariance of sample k, and the gain K.
 
     Of many scalar models, those whose covariance has lost its sign go on as NaN; one model raises.
     """
-    H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     PHt = P @ H.swapaxes(-1, -2)
     S = H @ PHt + R
+    if S.ndim > 2 and S.shape[-1] == 1:
+        S = np.where(S > 0, S, np.nan)
+        return np.sqrt(S), PHt / S
     try:
-        if S.ndim > 2 and S.shape[-1] == 1:
-            S = np.where(S > 0, S, np.nan)
-            return H, np.sqrt(S), PHt / S
         L = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as e:
         raise EstimationError(
@@ -206,7 +213,7 @@ def gain(model: StateSpace, k: int, seen: NDArray[np.bool_], P: Array) -> tuple[
             "the linear model",
             "state a measurement noise above zero",
         ) from e
-    return H, L, np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
+    return L, np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
 
 
 def as_channels(z: Array) -> Array:

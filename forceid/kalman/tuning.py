@@ -13,8 +13,9 @@ from forceid.kalman.process import Process, discretize, integrate, matern, with_
 from forceid.records import Array
 
 ORDERS = (1, 2, 3, 4)
-PATIENCE = 5.0  # a simpler prior is kept until a rougher one is e^5 times as likely
+PATIENCE = 7.0  # a simpler prior is kept until a rougher one is e^7 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
+OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
 ROUNDS, SHRINK = 13, 0.5  # grids after the first, and how much finer each is
 
 
@@ -123,7 +124,7 @@ def tune_loads(
             y, t = z[s] - z[s][np.isfinite(z[s]).all(1)][0], time[s]
             chain = load_chain(order, std, rate, start_of(t, y, gain))
             model = driven(chain, gain, noise_var[s][:, axis] * noise, drift[axis] * noise, np.diff(t))
-            total += log_likelihood(model, y[:, axis, None])
+            total += log_likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
     def search(order: int, shared: tuple[float, float], start: Array | None = None) -> tuple[Array, float, float]:
