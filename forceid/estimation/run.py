@@ -93,7 +93,7 @@ def assemble(recording: Recording, settings: Settings, solution: Solution, findi
         *findings,
         *judge_shape(kin),
         *judge_tuning(kin, solution.noise_at_limit),
-        *judge_innovations(motion.time, state.innovation, state.nis),
+        *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
         *(Finding(text) for text in solution.reasons),
     ]
     length = float(np.sqrt(np.trace(kin.inertia.tensor) / (2 * kin.inertia.mass)))
@@ -113,6 +113,14 @@ def assemble(recording: Recording, settings: Settings, solution: Solution, findi
         mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None, stretch=stretch,
         loads=loads, tuned=solution.tuned,
     )  # fmt: skip
+
+
+def reach(solution: Solution) -> Array:
+    """Load per claimed standard deviation (6,) that one standard deviation of a pose takes at 1 rad/s."""
+    inertia = solution.kinematics.inertia
+    moved = np.sqrt(np.nanmean(np.diagonal(solution.kinematics.pose.cov, axis1=1, axis2=2), axis=0))
+    claimed = np.sqrt(np.nanmean(np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2), axis=0))
+    return np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3) * moved / claimed
 
 
 def in_gauge(

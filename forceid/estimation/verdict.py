@@ -14,6 +14,7 @@ FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
+MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
 
 
@@ -113,8 +114,12 @@ def judge_shape(kin: Kinematics) -> list[Finding]:
     ]
 
 
-def judge_innovations(time: Array, innovation: Array, nis: Array) -> list[Finding]:
-    """Whether the innovations (time, channel) are white and as large as they were predicted to be."""
+def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) -> list[Finding]:
+    """Whether the innovations (time, channel) are white and as large as they were predicted to be.
+
+    reach (channel,): load, over its claimed standard deviation, that moves a channel by one standard
+    deviation of its measurement at 1 rad/s.
+    """
     if innovation.shape[1] == 0 or not np.isfinite(nis).any():
         return []
     found = []
@@ -132,7 +137,7 @@ def judge_innovations(time: Array, innovation: Array, nis: Array) -> list[Findin
             "the errors of the markers are not white, or the load changes faster than the prior; "
             "claimed errors are too small"
         )
-    line, channel = strongest_line(time, innovation)
+    line, channel = strongest_line(time, innovation, reach)
     if line:
         found.append(
             f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or twice "
@@ -157,14 +162,18 @@ def colored(innovation: Array) -> tuple[float, str]:
     return worst, where
 
 
-def strongest_line(time: Array, innovation: Array) -> tuple[float, str]:
-    """Frequency Hz and channel of a line in the periodogram of the innovations, zero where there is none."""
-    best, at, where = LINE, 0.0, ""
+def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float, str]:
+    """Frequency Hz and channel of the line in the innovations that hides most load, zero where none does."""
+    most, at, where = MISSED, 0.0, ""
     frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
     for j, v in enumerate(np.nan_to_num(innovation).T):
         power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
-        if len(power) > 8 and (ratio := power.max() / max(power.mean(), 1e-300)) > best:
-            best, at, where = ratio, float(frequency[power.argmax()]), CHANNELS[j]
+        if len(power) < 8:
+            continue
+        k = int(power.argmax())
+        hidden = 2 * np.sqrt(power[k]) / len(v) * (2 * np.pi * frequency[k]) ** 2 * reach[j]
+        if power[k] > LINE * max(power.mean(), 1e-300) and hidden > most:
+            most, at, where = hidden, float(frequency[k]), CHANNELS[j]
     return at, where
 
 

@@ -100,12 +100,8 @@ def filter(model: StateSpace, z: Array) -> Filtered:
     return Filtered(x, P, x_pred, P_pred, innovation, mean_square(innovation), total)
 
 
-def log_likelihood(model: StateSpace, z: Array, limit: float = np.inf) -> Array:
-    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel).
-
-    limit: whitened innovations beyond it are taken for outliers of just that size, and their sample is
-    believed accordingly less (Huber's filter); for models of one channel.
-    """
+def log_likelihood(model: StateSpace, z: Array) -> Array:
+    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel)."""
     z = as_channels(z)
     x, P, total = model.x0, model.P0, np.zeros(model.x0.shape[:-1])
     present = np.isfinite(z if z.ndim == 2 else z[:, 0])
@@ -113,8 +109,36 @@ def log_likelihood(model: StateSpace, z: Array, limit: float = np.inf) -> Array:
         if k > 0:
             x, P = predict(model, k - 1, x, P)
         if seen.any():
-            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen], limit)
+            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen])
             total = total + gained
+    return np.asarray(total)
+
+
+def robust_log_likelihood(model: StateSpace, z: Array, limit: float) -> Array:
+    """Log-likelihood (model,) of many models of one channel, z (time, model); no known input.
+
+    Whitened innovations beyond `limit` count as outliers of just that size, and their sample is believed
+    accordingly less (Huber's filter). Three times as quick as `log_likelihood`, without its Joseph form:
+    for tuning, where models that lose their sign to rounding may go as NaN.
+    """
+    x, P, total = model.x0.copy(), model.P0.copy(), np.zeros(len(model.x0))
+    seen, FP = np.isfinite(z[:, 0]), np.empty_like(model.P0)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for k in range(len(z)):
+            if k > 0:
+                F = model.at("F", k - 1)
+                x = (F @ x[..., None])[..., 0]
+                np.matmul(F, P, out=FP)
+                np.matmul(FP, F.swapaxes(-1, -2), out=P)
+                P += model.at("Q", k - 1)
+            if seen[k]:
+                h = model.at("H", k)[0, 0]
+                PHt, error = P @ h, z[k] - x @ h
+                S = np.maximum(PHt @ h + model.at("R", k)[:, 0, 0], (error / limit) ** 2)
+                K = PHt / S[:, None]
+                x += K * error[:, None]
+                P -= K[:, :, None] * PHt[:, None, :]
+                total -= 0.5 * (error**2 / S + np.log(S) + LOG_2PI)
     return total
 
 
@@ -176,14 +200,11 @@ def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array
 
 
 def update(
-    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array, limit: float = np.inf
+    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array
 ) -> tuple[Array, Array, Array, Array]:
     """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
     H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     innovation = (z - (H @ x[..., None])[..., 0])[..., None]
-    if np.isfinite(limit):
-        S = H @ P @ H.swapaxes(-1, -2) + R
-        R = R + np.maximum((innovation / limit) ** 2 - S, 0.0)
     L, K = gain(P, H, R, k)
     white = innovation / L if L.shape[-1] == 1 else np.linalg.solve(L, innovation)
     x = x + (K @ innovation)[..., 0]

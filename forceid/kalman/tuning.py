@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.kalman.linear import StateSpace, log_likelihood
+from forceid.kalman.linear import StateSpace, robust_log_likelihood
 from forceid.kalman.process import Process, discretize, integrate, matern, with_mean
 from forceid.records import Array
 
@@ -16,7 +16,8 @@ ORDERS = (1, 2, 3, 4)
 PATIENCE = 7.0  # a simpler prior is kept until a rougher one is e^7 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
-ROUNDS, SHRINK = 13, 0.5  # grids after the first, and how much finer each is
+ROUNDS, SHRINK = 15, 0.5  # grids after the first at most, and how much finer each is
+ENOUGH = 0.02  # gain in log-likelihood; three grids in a row with less end the search
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def maximize(
     dims, free = lower.shape[-1], shared[1] > shared[0]
     wide, near = np.arange(-3.0, 4.0), np.arange(-1.0, 2.0)
     at, step = 0.5 * (lower + upper), (upper - lower) / 6
-    level, level_step, best = 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
+    idle, level, level_step, best = 0, 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
     if start is not None:
         at, step = start, step / 4
     for turn in range(ROUNDS + 1):
@@ -68,9 +69,14 @@ def maximize(
         found = points[which, np.arange(len(at)), value[which].argmax(1)]
         # a coordinate that still moves keeps its step
         step = np.where((found != at) & (turn > 0), step, SHRINK * step)
-        if value[which].max(1).sum() > best:
+        gained, idle = value[which].max(1).sum() - best, idle + 1
+        if gained > ENOUGH:
+            idle = 0
+        if gained > 0:
             best, level, at = float(value[which].max(1).sum()), float(levels[which]), found
         level_step = level_step / 2
+        if idle == 3:
+            break
     return at, level, best
 
 
@@ -124,7 +130,7 @@ def tune_loads(
             y, t = z[s] - z[s][np.isfinite(z[s]).all(1)][0], time[s]
             chain = load_chain(order, std, rate, start_of(t, y, gain))
             model = driven(chain, gain, noise_var[s][:, axis] * noise, drift[axis] * noise, np.diff(t))
-            total += log_likelihood(model, y[:, axis, None], OUTLIER)
+            total += robust_log_likelihood(model, y[:, axis], OUTLIER)
         return total.reshape(shape)
 
     def search(order: int, shared: tuple[float, float], start: Array | None = None) -> tuple[Array, float, float]:
