@@ -9,8 +9,8 @@ class ForceIdError(Exception):
     `what` is one sentence: what was found and what was expected. `where` names the file, variable or
     key. `next_step` tells the user what to do. `exit_code` is that of the command line.
 
-    >>> print(DataError("holds 3 NaN where every entry must be finite", "toss.h5:/motion/time", "drop those rows"))
-    toss.h5:/motion/time holds 3 NaN where every entry must be finite; drop those rows
+    >>> print(DataError("holds 3 NaN, expected finite values", "toss.h5:/motion/time", "drop those rows"))
+    toss.h5:/motion/time holds 3 NaN, expected finite values; drop those rows
     """
 
     exit_code = 1

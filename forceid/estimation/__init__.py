@@ -1,0 +1,1 @@
+"""Where the method is put together: a recording in, the applied wrench and a verdict out."""

@@ -12,7 +12,9 @@ from forceid.principal.wrench import transport, transport_cov
 from forceid.records import Array, Body, Loads
 
 
-def about_point(settings: Settings, body: Body, state: FlightState, shape: Array, wrench: Array) -> tuple[Array, Array]:
+def about_point(
+    settings: Settings, body: Body, state: FlightState, shape: Array, wrench: Array
+) -> tuple[Array, Array]:
     """The wrench (time, 6) and its covariance (time, 6, 6) about the point that the settings name."""
     if settings.moment_about == "mass_center":
         return wrench, state.wrench_cov
@@ -66,4 +68,4 @@ def place(point: str | tuple[float, float, float], where: str, body: Body, state
             f"the nodes are {', '.join(body.node[:8])}",
         )
     node = shape[:, body.node.index(point)]
-    return state.center + np.einsum("tab,tb->ta", state.rotation, node)
+    return np.asarray(state.center + np.einsum("tab,tb->ta", state.rotation, node))

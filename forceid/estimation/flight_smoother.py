@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ SHARED = (
     "all markers, and slow errors pass for force; the claimed errors are too small where markers slide or "
     "were smoothed"
 )
+WILD, MOST_WILD = 5.0, 0.02  # innovation in standard deviations; part of the frames that may be dropped for it
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
@@ -62,8 +64,9 @@ def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engi
     deformation = smooth_deformation(kin, engine, causal)
     if not kin.attitude:
         flight = flight_of(kin, deformation, motion.gravity)
-        state = smooth_translation(flight, force, engine.smooth, causal)
-        return Solution(kin, deformation, state, engine.name, named(kin, {"force": force.tuned}), at_limit, reasons)
+        state, rejected = without_outliers(flight, lambda f: smooth_translation(f, force, engine.smooth, causal))
+        tuned = named(kin, {"force": force.tuned})
+        return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons + rejected)
     limits = (1.0, 1.0)
     if "orientation" in kin.noise:
         limits = STATED if kin.stated["orientation"] else UNSTATED
@@ -71,9 +74,38 @@ def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engi
     if "orientation" in kin.noise:
         at_limit["orientation"] = moment.tuned.noise_at_limit
         kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
-    state = smooth_flight(flight_of(kin, deformation, motion.gravity), force, moment, engine.smooth, causal)
+    flight = flight_of(kin, deformation, motion.gravity)
+    state, rejected = without_outliers(flight, lambda f: smooth_flight(f, force, moment, engine.smooth, causal))
+    reasons += rejected
     tuned = named(kin, {"force": force.tuned, "moment": moment.tuned})
     return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
+
+
+def without_outliers(flight: Flight, solve: Callable[[Flight], FlightState]) -> tuple[FlightState, tuple[str, ...]]:
+    """The flight solved, without the few frames that nothing else agrees with; and a sentence on them.
+
+    A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
+    wildness stays, it is not the frames but the motion: an impact, or markers that changed places.
+    """
+    first = state = solve(flight)
+    dropped = np.zeros(len(flight.time), bool)
+    while (wild := (np.abs(state.innovation) > WILD).any(1)).any():
+        dropped |= wild
+        if dropped.sum() > max(2, MOST_WILD * len(dropped)):
+            when, size = flight.time[dropped][0], np.nanmax(np.abs(first.innovation))
+            return first, (
+                f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact faster than the "
+                "prior follows, or markers that changed places; force and moment are blurred around such times",
+            )
+        kept = np.where(dropped[:, None], np.nan, 1.0)
+        state = solve(replace(flight, center=flight.center * kept, rotation=flight.rotation * kept[..., None]))
+    if not dropped.any():
+        return state, ()
+    when, size = flight.time[dropped][0], np.nanmax(np.abs(first.innovation))
+    return state, (
+        f"{dropped.sum()} frames were rejected as outliers, the first at {when:.4g} s, up to {size:.0f} sigma off: "
+        "look at the markers there",
+    )
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:

@@ -9,13 +9,13 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.hdf5 import open_hdf5, source_group, write_groups
-from forceid.files.parse import Source, read_variables, real_attr, text
+from forceid.files.parse import Source, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import ESTIMATE, ESTIMATE_ATTRS, LOAD, TRUTH, estimate_groups
 from forceid.records import Array, Estimate, Loads, Recording, Verdict
 
 _DERIVED = ("force_std", "moment_std")
 _OPTIONAL = (*_DERIVED, "mode_amplitude", "stretch", "deformation", "mean_shape", "innovation")
-_NUMBERS = ("log_likelihood", "runtime_s")
+_NUMBERS = ("log_likelihood", "mass", "runtime_s")
 _SIZES = {"axis": 3, "quaternion": 4, "wrench": 6}
 
 
@@ -47,6 +47,7 @@ def read_result(path: str | Path) -> Estimate:
         }
         stated: dict[str, Any] = {name: text(group.attrs[name]) for name in ESTIMATE_ATTRS}
         stated |= {name: real_attr(group.attrs[name], where, name) for name in _NUMBERS}
+        stated["gravity"] = read_gravity(group.attrs, where, None)
         reasons = text(group.attrs["reasons"])
         return Estimate(
             **{k: v for k, v in (empty | values).items() if k not in _DERIVED},

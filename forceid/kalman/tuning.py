@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from forceid.records import Array
 ORDERS = (1, 2, 3, 4)
 PATIENCE = 7.0  # a simpler prior is kept until a rougher one is e^7 times as likely
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
+LEAK = 0.01  # of the load on the strongest axis
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
 ROUNDS, SHRINK = 15, 0.5  # grids after the first at most, and how much finer each is
 ENOUGH = 0.02  # gain in log-likelihood; three grids in a row with less end the search
@@ -154,7 +155,14 @@ def tune_loads(
     if value - quiet[2] < PATIENCE * axes:
         return tuned(order, *quiet)
     each = objective(np.stack([at, none], 1)[None], np.array([level]), order)[0]
-    return tuned(order, np.where(each[:, :1] - each[:, 1:] < PATIENCE, none, at), level, value)
+    best = tuned(order, at, level, value)
+    still = each[:, 0] - each[:, 1] < PATIENCE
+    if still.any():
+        # the axes are known to about a hundredth, and by that much of it a load leaks to a still one
+        strong = np.where(still, 0.0, best.std).argmax()
+        std, rate = np.where(still, LEAK * best.std[strong], best.std), np.where(still, best.rate[strong], best.rate)
+        best = replace(best, std=std, rate=rate)
+    return best
 
 
 def natural(points: Array, order: int) -> tuple[Array, Array]:

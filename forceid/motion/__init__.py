@@ -1,0 +1,1 @@
+"""Mean motion of a deforming body: pose, shapes that deform, derivatives by the classic routes."""

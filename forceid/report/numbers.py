@@ -17,7 +17,9 @@ class Numbers:
 
     mean and rms over time; `std` is the mean claimed standard deviation; `error` is the rms error
     against truth and `score` the rms of error over claimed deviation, about 1 when the claim is honest.
-    moment_closure N m s: change of angular momentum minus the time integral of the moment.
+    force_closure N s: change of momentum minus the time integral of force and weight; moment_closure
+    N m s: change of angular momentum minus that of the moment. `closure_limit` is the largest standard
+    deviation that the impulse can have by the claim: a closure far beyond it contradicts the claim.
     """
 
     samples: int
@@ -27,12 +29,15 @@ class Numbers:
     force_std: Array
     force_error: Array
     force_score: Array
+    force_closure: Array
+    force_closure_limit: Array
     moment_mean: Array
     moment_rms: Array
     moment_std: Array
     moment_error: Array
     moment_score: Array
     moment_closure: Array
+    moment_closure_limit: Array
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, NaN kept."""
@@ -43,6 +48,7 @@ def summarize(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> N
     """What to quote of `estimate`; errors are NaN without `truth`."""
     e, truth = estimate, truth or {}
     force_error, moment_error = (wrench_error(e, truth, name) for name in ("force", "moment"))
+    (force_gap, force_limit), (moment_gap, moment_limit) = force_closure(e), moment_closure(e)
     return Numbers(
         samples=len(e.time),
         duration_s=float(e.time[-1] - e.time[0]),
@@ -51,12 +57,15 @@ def summarize(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> N
         force_std=mean(e.force_std),
         force_error=rms(force_error),
         force_score=rms(force_error / positive(e.force_std)),
+        force_closure=force_gap,
+        force_closure_limit=force_limit,
         moment_mean=mean(e.moment),
         moment_rms=rms(e.moment),
         moment_std=mean(e.moment_std),
         moment_error=rms(moment_error),
         moment_score=rms(moment_error / positive(e.moment_std)),
-        moment_closure=moment_closure(e),
+        moment_closure=moment_gap,
+        moment_closure_limit=moment_limit,
     )
 
 
@@ -79,14 +88,41 @@ def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array
     return np.stack(columns, axis=-1)
 
 
-def moment_closure(estimate: Estimate) -> Array:
-    """Change of angular momentum minus the integral of the moment (3,) N m s, over the intervals known."""
-    if estimate.moment_about != "mass_center":
-        return np.full(3, np.nan)
-    impulse = 0.5 * (estimate.moment[1:] + estimate.moment[:-1]) * np.diff(estimate.time)[:, None]
-    gap: Array = np.diff(estimate.angular_momentum, axis=0) - impulse
-    known = np.isfinite(gap)
-    return np.where(known.any(axis=0), np.sum(gap, axis=0, where=known), np.nan)
+def force_closure(estimate: Estimate) -> tuple[Array, Array]:
+    """Change of momentum minus the impulse of force and weight (3,) N s, and its limit."""
+    e = estimate
+    return closure(e.time, e.mass * e.velocity, e.force + e.mass * e.gravity, e.force_std)
+
+
+def moment_closure(estimate: Estimate) -> tuple[Array, Array]:
+    """Change of angular momentum minus the impulse of the moment (3,) N m s, and its limit.
+
+    NaN where the moment is not about the mass center: the angular momentum is.
+    """
+    e = estimate
+    moment = e.moment if e.moment_about == "mass_center" else np.full_like(e.moment, np.nan)
+    return closure(e.time, e.angular_momentum, moment, e.moment_std)
+
+
+def closure(time: Array, momentum: Array, load: Array, std: Array) -> tuple[Array, Array]:
+    """Change of momentum (time, 3) minus the impulse of the load (time, 3), and its limit; each (3,).
+
+    Over the intervals known. The limit is the integral of the deviation `std`: that of the impulse can be
+    no larger, and is reached where errors never change.
+    """
+    gap = np.diff(momentum, axis=0) - impulses(time, load)
+    return total(gap), total(np.where(np.isfinite(gap), impulses(time, std), np.nan))
+
+
+def impulses(time: Array, load: Array) -> Array:
+    """Impulse of each interval (time - 1, 3), by the trapezoid rule."""
+    return 0.5 * (load[1:] + load[:-1]) * np.diff(time)[:, None]
+
+
+def total(values: Array) -> Array:
+    """Sum over time of what is known, NaN where nothing is."""
+    known = np.isfinite(values)
+    return np.where(known.any(axis=0), np.sum(values, axis=0, where=known), np.nan)
 
 
 def mean(values: Array) -> Array:
@@ -97,8 +133,7 @@ def mean(values: Array) -> Array:
     """
     known = np.isfinite(values)
     count = known.sum(axis=0)
-    total = np.sum(values, axis=0, where=known)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return np.where(count > 0, total(values) / np.maximum(count, 1), np.nan)
 
 
 def rms(values: Array) -> Array:

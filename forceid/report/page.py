@@ -104,7 +104,7 @@ def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
 def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
     """Rows of the table of numbers: name, unit, one text an axis; rows that nobody knows are left out."""
     rows = []
-    for name, unit in (("force", "N"), ("moment", "N m")):
+    for name, unit, momentum in (("force", "N", "momentum"), ("moment", "N m", "angular momentum")):
         title = name.capitalize()
         rows += [
             (f"{title}, mean", unit, getattr(quoted, f"{name}_mean")),
@@ -112,8 +112,9 @@ def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
             (f"{title}, mean sigma", unit, getattr(quoted, f"{name}_std")),
             (f"{title}, rms error against truth", unit, getattr(quoted, f"{name}_error")),
             (f"{title}, rms of error over sigma", "1", getattr(quoted, f"{name}_score")),
+            (f"Change of {momentum} less impulse", f"{unit} s", getattr(quoted, f"{name}_closure")),
+            ("Sigma of that impulse at most", f"{unit} s", getattr(quoted, f"{name}_closure_limit")),
         ]
-    rows.append(("Change of angular momentum less impulse of moment", "N m s", quoted.moment_closure))
     known = [row for row in rows if np.isfinite(row[2]).any()]
     return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
 

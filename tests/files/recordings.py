@@ -75,6 +75,8 @@ def estimate(n=20, nodes=4, modes=2, loads=True, seed=2):
         mean_shape=r(nodes, 3),
         nis=np.where(np.arange(n) < 2, np.nan, r(n) ** 2),
         innovation=r(n, 3 * nodes),
+        mass=0.35,
+        gravity=np.array([0.0, 0.0, -9.81]),
         node=tuple(f"marker_{k}" for k in range(nodes)),
         method="smoother",
         model="modal",

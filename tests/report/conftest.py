@@ -32,6 +32,9 @@ def make_estimate(
     center = np.stack(
         [9 * np.sin(w * t / 1.4), 6 * (1 - np.cos(w * t / 1.4)), 1.7 + 2 * t - 0.6 * t**2], axis=-1
     )
+    mass, gravity = 0.15, np.array([0.0, 0.0, -9.81])
+    impulse = [np.sin(w * t) / w, np.cos(2 * w * t) / (2 * w), 1.2 * t + 0.4 * np.sin(3 * w * t) / (3 * w)]
+    velocity = np.stack(impulse, axis=-1) / mass + gravity * t[:, None]
     error = rng.normal(size=(samples, 6)) * TRUE_STD
     deformation = rng.normal(size=(samples, 8, 3)) * 2e-4
     deformation[..., 2] += 2e-3 * np.sin(2 * np.pi * 8 * t)[:, None] * np.linspace(-1, 1, 8)
@@ -42,7 +45,7 @@ def make_estimate(
         "moment": moment + error[:, 3:],
         "wrench_cov": np.broadcast_to(np.diag(TRUE_STD**2), (samples, 6, 6)),
         "center": center,
-        "velocity": np.gradient(center, t, axis=0),
+        "velocity": velocity,
         "orientation": np.tile([0.0, 0.0, 0.0, 1.0], (samples, 1)),
         "angular_velocity": momentum / 0.02,
         "angular_momentum": momentum,
@@ -50,6 +53,8 @@ def make_estimate(
         "mean_shape": rng.normal(size=(8, 3)),
         "nis": np.mean(white**2, axis=1),
         "innovation": white,
+        "mass": mass,
+        "gravity": gravity,
         "node": tuple(f"m{k}" for k in range(8)),
         "method": "smoother",
         "model": "modal",
