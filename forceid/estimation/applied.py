@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.config import LoadSetting, Settings
+from forceid.config import LoadSetting, Settings, Vector
 from forceid.errors import ConfigError
+from forceid.estimation.kinematics import Inertia
 from forceid.kalman.flight import FlightState
 from forceid.principal.loads import solve_loads
 from forceid.principal.wrench import transport, transport_cov
@@ -24,21 +25,22 @@ def about_point(
 
 
 def applied_loads(
-    settings: Settings, body: Body, origin: Array, state: FlightState, shape: Array, wrench: Array, length: float
+    settings: Settings, body: Body, inertia: Inertia, state: FlightState, shape: Array, wrench: Array
 ) -> Loads | None:
-    """Least-squares loads of the pattern in the settings, None where they name none.
-
-    origin (3,): the mass center in the axes of the reference shape, in which body points are given.
-    """
+    """Least-squares loads of the pattern in the settings, None where they name none."""
     if not settings.load:
         return None
-    columns = [column(load, body, origin, state, shape) for load in settings.load]
+    columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
+    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass)))
     names = tuple(load.name for load in settings.load)
-    return solve_loads(wrench, state.wrench_cov, np.stack(columns, -1), length, names)
+    return solve_loads(wrench, state.wrench_cov, np.stack(columns, -1), gyration, names)
 
 
 def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, shape: Array) -> Array:
-    """Wrench (time, 6) about the mass center of one newton, or newton meter, of a load."""
+    """Wrench (time, 6) about the mass center of one newton, or newton meter, of a load.
+
+    origin (3,): the mass center in the axes of the reference shape, in which body points are given.
+    """
     direction = np.array(load.direction) / np.linalg.norm(load.direction)
     turned = np.tile(direction, (len(state.center), 1))
     if load.axes == "body":
@@ -55,7 +57,7 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
     return transport(np.concatenate([turned, none], 1), point - state.center)
 
 
-def place(point: str | tuple[float, float, float], where: str, body: Body, state: FlightState, shape: Array) -> Array:
+def place(point: str | Vector, where: str, body: Body, state: FlightState, shape: Array) -> Array:
     """World position (time, 3) of a node, of the mass center, or of a point fixed in space."""
     if not isinstance(point, str):
         return np.tile(np.array(point), (len(state.center), 1))

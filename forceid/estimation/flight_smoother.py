@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -18,6 +19,7 @@ from forceid.kalman.tuning import Tuned, load_axes, start_of, tune_loads
 from forceid.motion.first_moment import angular_channel
 from forceid.records import Array, Body, Motion
 
+Flags = NDArray[np.bool_]
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
@@ -47,65 +49,86 @@ class Solution:
     reasons: tuple[str, ...] = ()
 
 
-def estimate_flight(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
-    """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so."""
+def estimate_flight(
+    body: Body, motion: Motion, settings: Settings, engine: Engine, reasons: tuple[str, ...] = ()
+) -> Solution:
+    """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
+
+    reasons: sentences from a first pass that rejected frames.
+    """
     kin = kinematics(body, motion, settings)
     source = "position" if motion.position is not None else "center"
     force = tune_force(kin, motion.gravity, STATED if kin.stated[source] else UNSTATED)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
-    reasons: tuple[str, ...] = ()
     if kin.stated[source] and errors_shared(kin, force, motion.gravity, engine):
-        reasons = (SHARED,)
+        reasons = (*reasons, SHARED)
         kin = with_shared_error(kin)
         force = tune_force(kin, motion.gravity, (1.0, 1.0))
     causal = settings.method == "filter"
     deformation = smooth_deformation(kin, engine, causal)
-    if not kin.attitude:
-        flight = flight_of(kin, deformation, motion.gravity)
-        state, rejected = without_outliers(flight, lambda f: smooth_translation(f, force, engine.smooth, causal))
-        tuned = named(kin, {"force": force.tuned})
-        return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons + rejected)
-    limits = (1.0, 1.0)
-    if "orientation" in kin.noise:
-        limits = STATED if kin.stated["orientation"] else UNSTATED
-    moment = tune_moment(kin, deformation, limits)
-    if "orientation" in kin.noise:
-        at_limit["orientation"] = moment.tuned.noise_at_limit
-        kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
+    tuned = {"force": force.tuned}
+    if kin.attitude:
+        limits = (1.0, 1.0)
+        if "orientation" in kin.noise:
+            limits = STATED if kin.stated["orientation"] else UNSTATED
+        moment = tune_moment(kin, deformation, limits)
+        tuned["moment"] = moment.tuned
+        if "orientation" in kin.noise:
+            at_limit["orientation"] = moment.tuned.noise_at_limit
+            kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
+
+    def solve(flight: Flight) -> FlightState:
+        if not kin.attitude:
+            return smooth_translation(flight, force, engine.smooth, causal)
+        return smooth_flight(flight, force, moment, engine.smooth, causal)
+
     flight = flight_of(kin, deformation, motion.gravity)
-    state, rejected = without_outliers(flight, lambda f: smooth_flight(f, force, moment, engine.smooth, causal))
-    reasons += rejected
-    tuned = named(kin, {"force": force.tuned, "moment": moment.tuned})
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
+    state = solve(flight)
+    dropped, sentence = wild_frames(flight, state, solve)
+    if dropped.any():
+        return estimate_flight(body, without_frames(motion, dropped), settings, engine, (*reasons, sentence))
+    reasons = (*reasons, sentence) if sentence else reasons
+    return Solution(kin, deformation, state, engine.name, named(kin, tuned), at_limit, reasons)
 
 
-def without_outliers(flight: Flight, solve: Callable[[Flight], FlightState]) -> tuple[FlightState, tuple[str, ...]]:
-    """The flight solved, without the few frames that nothing else agrees with; and a sentence on them.
+def wild_frames(flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]) -> tuple[Flags, str]:
+    """Frames (time,) that nothing else agrees with, and a sentence on them.
 
     A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
-    wildness stays, it is not the frames but the motion: an impact, or markers that changed places.
+    wildness stays, it is not the frames but the motion: then none is dropped.
     """
-    first = state = solve(flight)
-    dropped = np.zeros(len(flight.time), bool)
+    state, dropped = first, np.zeros(len(flight.time), bool)
+    size = float(np.nanmax(np.abs(first.innovation)))
     while (wild := (np.abs(state.innovation) > WILD).any(1)).any():
-        dropped |= wild
+        # the first of each run: the ones behind it suffer from what it did to the state
+        dropped |= wild & ~np.concatenate([[False], wild[:-1]])
+        when = flight.time[dropped][0]
         if dropped.sum() > max(2, MOST_WILD * len(dropped)):
-            when, size = flight.time[dropped][0], np.nanmax(np.abs(first.innovation))
-            return first, (
+            return np.zeros_like(dropped), (
                 f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact faster than the "
-                "prior follows, or markers that changed places; force and moment are blurred around such times",
+                "prior follows, or markers that changed places; force and moment are blurred around such times"
             )
         kept = np.where(dropped[:, None], np.nan, 1.0)
         state = solve(replace(flight, center=flight.center * kept, rotation=flight.rotation * kept[..., None]))
     if not dropped.any():
-        return state, ()
-    when, size = flight.time[dropped][0], np.nanmax(np.abs(first.innovation))
-    return state, (
-        f"{dropped.sum()} frames were rejected as outliers, the first at {when:.4g} s, up to {size:.0f} sigma off: "
-        "look at the markers there",
+        return dropped, ""
+    return dropped, (
+        f"frames rejected as outliers: {dropped.sum()}, the first at {flight.time[dropped][0]:.4g} s, up to {size:.0f} "
+        "sigma off; look at the markers there"
     )
+
+
+def without_frames(motion: Motion, dropped: Flags) -> Motion:
+    """The motion with nothing seen in some frames."""
+    kept = np.where(dropped, np.nan, 1.0)
+    gone = {
+        name: value * kept.reshape(-1, *[1] * (value.ndim - 1))
+        for name in ("position", "center", "orientation")
+        if (value := getattr(motion, name)) is not None
+    }
+    return replace(motion, **gone)
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:

@@ -24,9 +24,9 @@ RESOLVED = 0.1  # of a load: error at which it counts as followed
 class Inspection:
     """Contents and prospects of a recording.
 
-    force_rms N and moment_rms N m: sizes seen in a rough look, per axis; force_bandwidth, moment_bandwidth (Hz):
-    up to which a load of that size is followed to a tenth, None where nothing of it is seen;
-    warnings: sentences that the verdict will hold.
+    force, moment: whether they can be identified; force_bandwidth_hz, moment_bandwidth_hz: up to which a
+    load of the size seen in a rough look is followed to a tenth, None where nothing of it is seen; shapes:
+    that stand out of the noise; warnings: sentences that the verdict will hold.
     """
 
     title: str
@@ -56,7 +56,8 @@ class Inspection:
         """The same for people, a line each."""
         clock = "" if self.regular else ", irregular clock"
         noise = ", ".join(
-            f"{name} {level:.2g} {'rad' if name == 'orientation' else 'm'} ({'stated' if self.noise_stated[name] else 'from the data'})"
+            f"{name} {level:.2g} {'rad' if name == 'orientation' else 'm'} "
+            f"({'stated' if self.noise_stated[name] else 'from the data'})"
             for name, level in self.noise_std.items()
         )
         lines = [
@@ -139,7 +140,7 @@ def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
     if size == 0.0:
         return None
     f = (5 * (RESOLVED * size) ** 2 / (2 * noise_var * step * (2 * np.pi) ** 4)) ** 0.2
-    return min(f, 0.5 / step)
+    return float(min(f, 0.5 / step))
 
 
 def moment_channel(kin: Kinematics) -> tuple[Array, Array, float]:

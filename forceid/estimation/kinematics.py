@@ -20,7 +20,7 @@ from forceid.motion.pose import Pose, center_of_mass, fit_pose, fit_rotation, lo
 from forceid.motion.window import noise_variance
 from forceid.principal.mass import mass_properties
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Flags, Motion
 
 SHIFT = 4.0  # standard errors by which a mean shape must leave the reference shape to replace it
 ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
@@ -54,7 +54,7 @@ class Kinematics:
     time: Array
     inertia: Inertia
     shape: Array
-    seen: Array
+    seen: Flags
     pose: Pose
     shapes: Array
     amplitude: Array
@@ -70,7 +70,8 @@ def inertia_of(body: Body) -> Inertia:
     nodes = len(body.node)
     if body.mass is not None or body.mass_matrix is not None:
         nodal = body.mass if body.mass is not None else body.mass_matrix
-        assert nodal is not None and body.position is not None
+        assert nodal is not None
+        assert body.position is not None
         p = mass_properties(nodal, body.position)
         weight = nodal if nodal.ndim == 1 else nodal.reshape(nodes, 3, nodes, 3)[:, 0, :, 0].sum(1)
         return Inertia(p.mass, p.center, p.inertia, nodal, weight)
@@ -81,7 +82,9 @@ def inertia_of(body: Body) -> Inertia:
     return Inertia(body.total_mass, center, tensor, None, np.zeros(nodes))
 
 
-def kinematics(body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None) -> Kinematics:
+def kinematics(
+    body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None
+) -> Kinematics:
     """Poses and deformation of a recording.
 
     noise: standard deviations by variable that replace those of the file, from an earlier tuning.
@@ -93,28 +96,34 @@ def kinematics(body: Body, motion: Motion, settings: Settings, noise: dict[str, 
 
 
 def from_markers(
-    body: Body, motion: Motion, x: Array, settings: Settings, stated: dict[str, float], noise: dict[str, float]
+    body: Body,
+    motion: Motion,
+    x: Array,
+    settings: Settings,
+    stated: dict[str, float],
+    noise: dict[str, float],
 ) -> Kinematics:
     """Kinematics of marker tracks x (time, node, 3)."""
     inertia = inertia_of(body)
     assert body.position is not None
     X = body.position - inertia.center
-    seen = np.isfinite(x).all(2).any(0)
+    seen = np.any(np.isfinite(x).all(2), axis=0)
     sigma = noise.get("position") or marker_noise(motion.time, x)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x)])))
-    known = {"position": "position" in stated}
+    level, known = {"position": sigma}, {"position": "position" in stated}
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
     none = np.zeros((0, *X.shape))
     if rank_of(X, seen) < 6:
-        center, cov = center_of_mass(x, X, inertia.weight, sigma**2)
+        center, var = center_of_mass(x, X, inertia.weight, sigma**2)
         T = len(x)
-        pose = Pose(center, np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan), np.full_like(x, np.nan),
-                    np.full(T, np.nan), np.zeros(T))  # fmt: skip
-        pose.cov[:, :3, :3] = cov[:, None, None] * np.eye(3)
-        empty = np.zeros((T, 0))
-        return Kinematics(motion.time, inertia, X, seen, pose, none, empty, empty, "rigid",
-                          {"position": sigma}, known, False)  # fmt: skip
+        cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
+        cov[:, :3, :3] = var[:, None, None] * np.eye(3)
+        unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
+        pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
+        return Kinematics(
+            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, False
+        )
     shape = spinning_shape(x, X, weight, sigma)
     residual = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size)).residual
     if settings.model != "rigid":
@@ -126,7 +135,9 @@ def from_markers(
     flat = shapes.reshape(len(shapes), X.size)
     pose = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size) + flat.T @ (var[:, None] * flat))
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), sigma**2)
-    return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, {"position": sigma}, known, True)
+    return Kinematics(
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True
+    )
 
 
 def marker_noise(time: Array, x: Array) -> float:
@@ -135,7 +146,7 @@ def marker_noise(time: Array, x: Array) -> float:
     return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
 
 
-def rank_of(shape: Array, nodes: Array) -> int:
+def rank_of(shape: Array, nodes: Flags) -> int:
     """Rank of the rigid-body modes that the named nodes see."""
     return pose_rank(summation_operator(shape[nodes])) if nodes.any() else 0
 
@@ -149,7 +160,7 @@ def spinning_shape(x: Array, X: Array, weight: Array, sigma: float) -> Array:
 
 
 def deformation_shapes(
-    body: Body, residual: Array, shape: Array, weight: Array, seen: Array, sigma: float, settings: Settings
+    body: Body, residual: Array, shape: Array, weight: Array, seen: Flags, sigma: float, settings: Settings
 ) -> tuple[Array, Array]:
     """Orthonormal shapes (mode, node, 3) of the model asked for, and the variances of their amplitudes."""
     none = np.zeros((0, *shape.shape)), np.zeros(0)
@@ -173,7 +184,9 @@ def deformation_shapes(
     return shapes, var
 
 
-def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, float]) -> Kinematics:
+def from_mean_motion(
+    body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, float]
+) -> Kinematics:
     """Kinematics of a measured mean motion: center and, where given, orientation."""
     assert motion.center is not None
     inertia = inertia_of(body)
@@ -186,10 +199,10 @@ def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise
     R = np.full((T, 3, 3), np.nan)
     attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
     if motion.orientation is not None:
-        whole = np.isfinite(motion.orientation).all(1)
+        whole = np.all(np.isfinite(motion.orientation), axis=1)
         R[whole] = Rotation.from_quat(motion.orientation[whole]).as_matrix()
-        steps = np.zeros((T, 3))
-        steps[1:][whole[1:] & whole[:-1]] = log((R[1:] @ R[:-1].swapaxes(1, 2))[whole[1:] & whole[:-1]])
+        pair, steps = whole[1:] & whole[:-1], np.zeros((T, 3))
+        steps[1:][pair] = log((R[1:] @ R[:-1].swapaxes(1, 2))[pair])
         angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
         r_std = noise.get("orientation") or float(np.sqrt(noise_variance(time, angle)))
         levels["orientation"] = max(r_std, ROUNDOFF)
@@ -198,8 +211,10 @@ def from_mean_motion(body: Body, motion: Motion, stated: dict[str, float], noise
     nodes = len(body.node)
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
     pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
-    return Kinematics(time, inertia, X, np.zeros(nodes, bool), pose, np.zeros((0, nodes, 3)), empty, empty, "rigid",
-                      levels, {k: k in stated for k in levels}, attitude)  # fmt: skip
+    known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
+    return Kinematics(
+        time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude
+    )
 
 
 def scaled(kin: Kinematics, factor: dict[str, float]) -> dict[str, float]:
@@ -209,4 +224,4 @@ def scaled(kin: Kinematics, factor: dict[str, float]) -> dict[str, float]:
 
 def shape_at(kin: Kinematics, amplitude: Array) -> Array:
     """Shape (time, node, 3) about the mass center, body axes, at mode amplitudes (time, mode)."""
-    return kin.shape + np.einsum("tk,kna->tna", amplitude, kin.shapes)
+    return np.asarray(kin.shape + np.einsum("tk,kna->tna", amplitude, kin.shapes))

@@ -14,7 +14,7 @@ from forceid.errors import DataError
 from forceid.estimation.applied import about_point, applied_loads
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.flight_smoother import Solution, estimate_flight
-from forceid.estimation.kinematics import kinematics, shape_at
+from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.verdict import (
     Finding,
     judge,
@@ -83,12 +83,14 @@ def check_stiffness(body: Body) -> None:
             raise DataError(check.reasons[0], "/body/stiffness")
 
 
-def assemble(recording: Recording, settings: Settings, solution: Solution, findings: list[Finding]) -> Estimate:
+def assemble(
+    recording: Recording, settings: Settings, solution: Solution, findings: list[Finding]
+) -> Estimate:
     """The estimate that a solved flight amounts to."""
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
     shape = shape_at(kin, solution.deformation.amplitude)
-    rotation, deformation = in_gauge(settings.gauge, kin.inertia.weight, kin.seen, kin.shape, shape, state.rotation)
+    rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
     findings = [
         *findings,
         *judge_shape(kin),
@@ -96,21 +98,18 @@ def assemble(recording: Recording, settings: Settings, solution: Solution, findi
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
         *(Finding(text) for text in solution.reasons),
     ]
-    length = float(np.sqrt(np.trace(kin.inertia.tensor) / (2 * kin.inertia.mass)))
     wrench = np.concatenate([state.force, state.moment], 1)
-    loads = applied_loads(settings, recording.body, kin.inertia.center, state, shape, wrench, length)
+    loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
-    stretch = None
-    if kin.model == "affine":
-        stretch = stretch_of(kin.shape, shape)
     return Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=quaternion(rotation), angular_velocity=state.omega,
         angular_momentum=state.H, deformation=deformation, mean_shape=kin.shape, nis=state.nis,
-        innovation=state.innovation, mass=kin.inertia.mass, gravity=motion.gravity, node=recording.body.node, method=settings.method, model=kin.model,
-        engine=solution.engine, log_likelihood=state.log_likelihood,
+        innovation=state.innovation, mass=kin.inertia.mass, gravity=motion.gravity, node=recording.body.node,
+        method=settings.method, model=kin.model, engine=solution.engine, log_likelihood=state.log_likelihood,
         moment_about=str(settings.moment_about), verdict=judge(findings),
-        mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None, stretch=stretch,
+        mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None,
+        stretch=stretch_of(kin.shape, shape) if kin.model == "affine" else None,
         loads=loads, tuned=solution.tuned,
     )  # fmt: skip
 
@@ -120,26 +119,25 @@ def reach(solution: Solution) -> Array:
     inertia = solution.kinematics.inertia
     moved = np.sqrt(np.nanmean(np.diagonal(solution.kinematics.pose.cov, axis1=1, axis2=2), axis=0))
     claimed = np.sqrt(np.nanmean(np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2), axis=0))
-    return np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3) * moved / claimed
+    return np.asarray(np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3) * moved / claimed)
 
 
-def in_gauge(
-    gauge: str, mass: Array, seen: Array, mean: Array, shape: Array, rotation: Array
-) -> tuple[Array, Array]:
+def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tuple[Array, Array]:
     """Rotation (time, 3, 3) and deformation (time, node, 3) under the complement that `gauge` names.
 
     The estimator works in the mass gauge; another one turns the mean axes by what its fit sees.
     """
+    mean = kin.shape
     if gauge == "mass" or not len(mean):
         return rotation, shape - mean
-    _, turned = fit_rotation(shape, mean, gauge_weight(gauge, mass, seen))
+    _, turned = fit_rotation(shape, mean, gauge_weight(gauge, kin.inertia.weight, kin.seen))
     return rotation @ turned, np.einsum("tba,tnb->tna", turned, shape) - mean
 
 
 def stretch_of(mean: Array, shape: Array) -> Array:
     """Symmetric stretch U (time, 3, 3) that takes the mean shape to `shape` (time, node, 3), body axes."""
     strain = np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
-    return np.eye(3) + 0.5 * (strain + strain.swapaxes(1, 2))
+    return np.asarray(np.eye(3) + 0.5 * (strain + strain.swapaxes(1, 2)))
 
 
 def quaternion(rotation: Array) -> Array:
@@ -159,6 +157,7 @@ def refused(recording: Recording, settings: Settings, findings: list[Finding]) -
         time=recording.motion.time, force=v3, moment=v3, wrench_cov=np.full((T, 6, 6), np.nan), center=v3,
         velocity=v3, orientation=v4, angular_velocity=v3, angular_momentum=v3,
         deformation=np.full((T, nodes, 3), np.nan), mean_shape=np.full((nodes, 3), np.nan), nis=v3[:, 0],
-        innovation=np.zeros((T, 0)), mass=np.nan, gravity=recording.motion.gravity, node=recording.body.node, method=settings.method, model="rigid",
-        engine="none", log_likelihood=np.nan, moment_about=str(settings.moment_about), verdict=judge(findings),
+        innovation=np.zeros((T, 0)), mass=np.nan, gravity=recording.motion.gravity,
+        node=recording.body.node, method=settings.method, model="rigid", engine="none",
+        log_likelihood=np.nan, moment_about=str(settings.moment_about), verdict=judge(findings),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
 from forceid.motion.pose import log
-from forceid.records import Array, Verdict
+from forceid.records import Array, Flags, Verdict
 
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
@@ -38,16 +38,15 @@ def judge(findings: list[Finding]) -> Verdict:
 
 def judge_recording(kin: Kinematics) -> list[Finding]:
     """What the recording alone does not allow, before any force is computed."""
-    found = []
     if not np.isfinite(kin.pose.center).any():
-        text = "no frame shows the mass center: the markers seen do not span it; mark every node that carries mass"
+        text = "no frame shows the mass center: the markers seen do not span it; mark every node with mass"
         return [Finding(text, refuses=True)]
-    found += [Finding(text) for text in unseen(kin)]
+    found = [Finding(text) for text in unseen(kin)]
     turn = largest_turn(kin.pose.rotation)
     if turn > FAST:
         text = (
-            f"the body turns {np.degrees(turn):.0f} degrees between frames, near or past the half turn at which "
-            "the sense and number of turns are lost; record faster or add a gyro"
+            f"the body turns {np.degrees(turn):.0f} degrees between frames, near or past the half turn at "
+            "which the sense and number of turns are lost; record faster or add a gyro"
         )
         found.append(Finding(text))
     return found
@@ -74,7 +73,7 @@ def unseen(kin: Kinematics) -> list[str]:
             f"{hidden} nodes carry mass but no marker, and the body deforms: their share of force and moment "
             "is that of the undeformed shape; mark them, or give mode shapes"
         )
-    lost = ~np.isfinite(kin.pose.center).all(1)
+    lost = ~np.all(np.isfinite(kin.pose.center), axis=1)
     if lost.any():
         span = longest_run(lost)
         found.append(
@@ -140,8 +139,8 @@ def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) 
     line, channel = strongest_line(time, innovation, reach)
     if line:
         found.append(
-            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or twice "
-            "the spin, is followed only in part"
+            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or "
+            "twice the spin, is followed only in part; take its amplitude as a lower bound"
         )
     return [Finding(text) for text in found]
 
@@ -179,7 +178,7 @@ def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float,
 
 def largest_turn(rotation: Array) -> float:
     """Largest rotation between neighboring frames that both show one, rad; zero where there is none."""
-    seen = np.isfinite(rotation).all((1, 2))
+    seen = np.all(np.isfinite(rotation), axis=(1, 2))
     pair = seen[1:] & seen[:-1]
     if not pair.any():
         return 0.0
@@ -187,7 +186,7 @@ def largest_turn(rotation: Array) -> float:
     return float(np.linalg.norm(turned, axis=1).max())
 
 
-def longest_run(flag: Array) -> int:
+def longest_run(flag: Flags) -> int:
     """Length of the longest run of true entries.
 
     >>> longest_run(np.array([0, 1, 1, 0, 1], bool))

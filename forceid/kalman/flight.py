@@ -1,10 +1,10 @@
 """Smoothing of a free flight: poses in, force and moment out, with angular momentum as the state.
 
 State: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the mass
-center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is nonlinear. It is linearized about a reference,
-R = exp([theta]x) R_ref (error on the left), and the linear smoother is run again until the reference
-stands still: Gauss-Newton on SO(3), whose fixed point is the most probable flight. Source: principal
-equations 4b, 4d, 4f.
+center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is
+nonlinear. It is linearized about a reference, R = exp([theta]x) R_ref (error on the left), and the linear
+smoother is run again until the reference stands still: Gauss-Newton on SO(3), whose fixed point is the
+most probable flight. Source: principal equations 4b, 4d, 4f.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Reference:
 
 
 def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
-    """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, along its axes.
+    """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, on its axes.
 
     Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
     """
@@ -83,7 +83,7 @@ def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
 
     def interleave(a: Array) -> Array:
         wide = np.einsum("...ijl,ab,bi->...jalb", a, np.eye(3), np.eye(3))
-        return wide.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1])
+        return np.asarray(wide.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1]))
 
     return interleave(F)[which], interleave(Q)[which], interleave(chain.P0)
 
@@ -117,7 +117,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
 
     def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
         H_s = H + T * s[:, None] + 0.5 * dT * s[:, None] ** 2
-        J_inv = np.linalg.inv(R @ J_of(time[:-1] + s) @ R.swapaxes(1, 2))
+        J_inv = np.asarray(np.linalg.inv(R @ J_of(time[:-1] + s) @ R.swapaxes(1, 2)))
         h = (R @ h_of(time[:-1] + s)[..., None])[..., 0]
         return np.einsum("tij,tj->ti", J_inv, H_s - h), J_inv, H_s
 
@@ -211,7 +211,7 @@ def smooth_flight(
     rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[:, 3:, 3:], axis1=1, axis2=2))))
     for _ in range(ITERATIONS):
         model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
-        seen = np.isfinite(flight.rotation).all((1, 2))
+        seen = np.all(np.isfinite(flight.rotation), axis=(1, 2))
         theta = np.full((len(seen), 3), np.nan)
         theta[seen] = log(flight.rotation[seen] @ reference.rotation[seen].swapaxes(1, 2))
         path = smoother(model, np.concatenate([flight.center, theta], 1))
@@ -260,7 +260,7 @@ def read(
     read_wrench[3:, n + 6 : n + 12] = np.tile(reference.axes, 2)
     read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
-    omega = np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0]
+    omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ path.P @ read_wrench.T, read_pose @ path.P @ read_pose.T,

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from forceid.errors import EstimationError
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -200,13 +199,13 @@ def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array
 
 
 def update(
-    model: StateSpace, k: int, seen: NDArray[np.bool_], x: Array, P: Array, z: Array
+    model: StateSpace, k: int, seen: Flags, x: Array, P: Array, z: Array
 ) -> tuple[Array, Array, Array, Array]:
     """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
     H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
     innovation = (z - (H @ x[..., None])[..., 0])[..., None]
     L, K = gain(P, H, R, k)
-    white = innovation / L if L.shape[-1] == 1 else np.linalg.solve(L, innovation)
+    white: Array = innovation / L if L.shape[-1] == 1 else np.asarray(np.linalg.solve(L, innovation))
     x = x + (K @ innovation)[..., 0]
     I_KH = np.eye(x.shape[-1]) - K @ H
     P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
@@ -234,7 +233,8 @@ def gain(P: Array, H: Array, R: Array, k: int) -> tuple[Array, Array]:
             "the linear model",
             "state a measurement noise above zero",
         ) from e
-    return L, np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
+    K = np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
+    return np.asarray(L), np.asarray(K)
 
 
 def as_channels(z: Array) -> Array:

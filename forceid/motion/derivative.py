@@ -13,7 +13,7 @@ from scipy.signal import oaconvolve
 from scipy.sparse import block_diag, csr_array, diags_array, eye_array
 
 from forceid.motion.window import DEGREE, Window
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 Index = NDArray[np.intp]
 BLOCK = 2**21  # numbers held at once by a batch of local fits
@@ -63,7 +63,7 @@ def derivatives(time: Array, z: Array, window: Window) -> Derivatives:
     return Derivatives(out[0], out[1], out[2], full)
 
 
-def parts(time: Array, seen: NDArray[np.bool_], window: Window) -> list[tuple[Index, slice]]:
+def parts(time: Array, seen: Flags, window: Window) -> list[tuple[Index, slice]]:
     """Stretches of the record without a long gap: indices of the samples seen, and all samples they span."""
     at = np.flatnonzero(seen)
     longest = max(window.seconds, 2 * np.median(np.diff(time))) * (1 + 1e-6)

@@ -7,12 +7,12 @@ import numpy as np
 from forceid.errors import ConfigError
 from forceid.motion.pose import body_axes, fit_rotation
 from forceid.principal.operator import summation_operator
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 GAUGES = ("mass", "euclidean", "sensor")
 
 
-def gauge_weight(gauge: str, mass: Array, seen: Array) -> Array:
+def gauge_weight(gauge: str, mass: Array, seen: Flags) -> Array:
     """Weight (node,) of the complement that `gauge` names: R^T W Phi = 0.
 
     mass: W = M, the momentum-averaged motion; euclidean: W = I over all nodes; sensor: W = I over the nodes
@@ -50,10 +50,10 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
     show every weighted node enter, where there are any. Source: principal equations 4d.
     """
     seen = np.isfinite(position).all(2)
-    ever = seen.any(0)
-    whole = seen[:, ever & (weight > 0)].all(1)
+    ever = np.any(seen, axis=0)
+    whole = np.all(seen[:, ever & (weight > 0)], axis=1)
     frames = position[whole] if whole.sum() >= 3 else position
-    ever = np.isfinite(frames).all(2).any(0)
+    ever = np.any(np.isfinite(frames).all(2), axis=0)
     mean = shape.copy()
     for _ in range(3):
         center, R = fit_rotation(frames, mean, weight)

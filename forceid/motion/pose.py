@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from forceid.principal.operator import summation_operator
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2
 
@@ -69,7 +68,8 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
     T = len(position)
     S = summation_operator(shape)
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
-    out = Pose(center, R, np.full((T, 6, 6), np.nan), np.empty_like(position), np.full(T, np.nan), np.zeros(T))
+    cov6, chi_square = np.full((T, 6, 6), np.nan), np.full(T, np.nan)
+    out = Pose(center, R, cov6, np.empty_like(position), chi_square, np.zeros(T))
     gains = [pose_gain(S, pattern, cov) for pattern in patterns]
     for i, (pattern, gain) in enumerate(zip(patterns, gains, strict=True)):
         at = which.ravel() == i
@@ -91,15 +91,15 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
     return out
 
 
-def pose_gain(S: Array, seen: NDArray[np.bool_], cov: Array) -> tuple[Array, Array, Array] | None:
-    """Gain (6, channel), covariance (6, 6) and weight of the six pose errors; None where the rank is below 6."""
+def pose_gain(S: Array, seen: Flags, cov: Array) -> tuple[Array, Array, Array] | None:
+    """Gain (6, channel), covariance (6, 6) and weight of the pose errors; None where their rank is below 6."""
     rows = np.repeat(seen, 3)
     Ss = S[rows]
     if not seen.any() or pose_rank(Ss) < 6:
         return None
     V_inv = np.linalg.inv(cov[np.ix_(rows, rows)])
     C = np.linalg.inv(Ss.T @ V_inv @ Ss)
-    return C @ Ss.T @ V_inv, C, V_inv
+    return C @ Ss.T @ V_inv, np.asarray(C), np.asarray(V_inv)
 
 
 def pose_rank(S: Array) -> int:
@@ -142,7 +142,7 @@ def center_of_mass(position: Array, shape: Array, weight: Array, noise_var: floa
 
 def body_axes(position: Array, center: Array, R: Array) -> Array:
     """R^T (x - c) of every node: (time, node, 3)."""
-    return np.einsum("tab,tna->tnb", R, position - center[:, None])
+    return np.asarray(np.einsum("tab,tna->tnb", R, position - center[:, None]))
 
 
 def exp(phi: Array) -> Array:
