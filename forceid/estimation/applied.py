@@ -13,15 +13,31 @@ from forceid.principal.wrench import transport, transport_cov
 from forceid.records import Array, Body, Loads
 
 
+def check_points(settings: Settings, body: Body) -> None:
+    """A ConfigError where the settings name a node that the body lacks, or a load without a direction."""
+    named = {f"load {load.name}": load.point for load in settings.load}
+    for where, point in ({"moment_about": settings.moment_about} | named).items():
+        if isinstance(point, str) and point not in ("mass_center", *body.node):
+            raise ConfigError(
+                f"names the point '{point}', expected mass_center, three coordinates or a node",
+                where,
+                f"the nodes are {', '.join(body.node[:8])}" if body.node else "this body has no nodes",
+            )
+    for load in settings.load:
+        if not any(load.direction):
+            raise ConfigError("has direction 0 0 0", f"load {load.name}", "give it a direction")
+
+
 def about_point(
     settings: Settings, body: Body, state: FlightState, shape: Array, wrench: Array
 ) -> tuple[Array, Array]:
     """The wrench (time, 6) and its covariance (time, 6, 6) about the point that the settings name."""
     if settings.moment_about == "mass_center":
         return wrench, state.wrench_cov
-    point = place(settings.moment_about, "moment_about", body, state, shape)
-    arm = state.center - point
-    return transport(wrench, arm), transport_cov(state.wrench_cov, arm)
+    arm = state.center - place(settings.moment_about, body, state, shape)
+    cov = transport_cov(state.wrench_cov, arm)
+    cov[:, :3, :3] = state.wrench_cov[:, :3, :3]  # the force is known where the moment is not
+    return transport(wrench, arm), cov
 
 
 def applied_loads(
@@ -31,7 +47,7 @@ def applied_loads(
     if not settings.load:
         return None
     columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
-    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass)))
+    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
     return solve_loads(wrench, state.wrench_cov, np.stack(columns, -1), gyration, names)
 
@@ -49,7 +65,7 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
     if load.kind == "moment":
         return np.concatenate([none, turned], 1)
     if isinstance(load.point, str):
-        point = place(load.point, f"load {load.name}", body, state, shape)
+        point = place(load.point, body, state, shape)
     elif load.axes == "body":
         point = state.center + np.einsum("tab,b->ta", state.rotation, np.array(load.point) - origin)
     else:
@@ -57,17 +73,11 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
     return transport(np.concatenate([turned, none], 1), point - state.center)
 
 
-def place(point: str | Vector, where: str, body: Body, state: FlightState, shape: Array) -> Array:
+def place(point: str | Vector, body: Body, state: FlightState, shape: Array) -> Array:
     """World position (time, 3) of a node, of the mass center, or of a point fixed in space."""
     if not isinstance(point, str):
         return np.tile(np.array(point), (len(state.center), 1))
     if point == "mass_center":
         return state.center
-    if point not in body.node:
-        raise ConfigError(
-            f"names the point '{point}', expected mass_center, three coordinates or a node",
-            where,
-            f"the nodes are {', '.join(body.node[:8])}",
-        )
     node = shape[:, body.node.index(point)]
     return np.asarray(state.center + np.einsum("tab,tb->ta", state.rotation, node))

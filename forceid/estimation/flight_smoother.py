@@ -24,8 +24,8 @@ STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
 SHARED = (
-    "the tracks are smoother than independent errors of the stated size allow: the errors are taken as common to "
-    "all markers, and slow errors pass for force; the claimed errors are too small where markers slide or "
+    "the tracks are smoother than independent errors of the stated size allow: half of their variance is taken "
+    "as common to all markers, and slow errors pass for force; the claimed errors are too small where markers slide or "
     "were smoothed"
 )
 WILD, MOST_WILD = 5.0, 0.02  # innovation in standard deviations; part of the frames that may be dropped for it
@@ -144,9 +144,12 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
 
 
 def with_shared_error(kin: Kinematics) -> Kinematics:
-    """The same with the stated error taken as common to all markers: it does not average out at the center."""
+    """The same with half the variance of the stated error common to all markers: it does not average out.
+
+    How much of it is shared nobody states; a half is the middle of what is possible.
+    """
     cov = kin.pose.cov.copy()
-    cov[:, :3, :3] += max(kin.noise.values()) ** 2 * np.eye(3)
+    cov[:, :3, :3] += 0.5 * max(kin.noise.values()) ** 2 * np.eye(3)
     return replace(kin, pose=replace(kin.pose, cov=cov))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from forceid.config import Settings
+from forceid.estimation.applied import check_points
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.verdict import judge_recording, judge_shape, largest_turn
@@ -92,6 +93,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     recording = with_gravity(recording, settings)
     body, motion = recording.body, recording.motion
     check_stiffness(body)
+    check_points(settings, body)
     kin = kinematics(body, motion, settings)
     findings = judge_recording(kin)
     step = np.diff(motion.time)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError
-from forceid.estimation.applied import about_point, applied_loads
+from forceid.estimation.applied import about_point, applied_loads, check_points
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
@@ -52,6 +52,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     began = perf_counter()
     recording = with_gravity(recording, settings)
     check_stiffness(recording.body)
+    check_points(settings, recording.body)
     first = kinematics(recording.body, recording.motion, settings)
     findings = judge_recording(first)
     if any(f.refuses for f in findings):
@@ -115,11 +116,12 @@ def assemble(
 
 
 def reach(solution: Solution) -> Array:
-    """Load per claimed standard deviation (6,) that one standard deviation of a pose takes at 1 rad/s."""
-    inertia = solution.kinematics.inertia
-    moved = np.sqrt(np.nanmean(np.diagonal(solution.kinematics.pose.cov, axis1=1, axis2=2), axis=0))
-    claimed = np.sqrt(np.nanmean(np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2), axis=0))
-    return np.asarray(np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3) * moved / claimed)
+    """Load per claimed standard deviation (channel,) that one of a pose takes to be followed at 1 rad/s."""
+    inertia, channels = solution.kinematics.inertia, solution.state.innovation.shape[1]
+    covs = (solution.kinematics.pose.cov, solution.state.wrench_cov)
+    var = [np.diagonal(cov, axis1=1, axis2=2)[:, :channels] for cov in covs]
+    moved, claimed = (np.sqrt(np.nanmean(v, axis=0)) for v in var)
+    return np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3)[:channels] * moved / claimed
 
 
 def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tuple[Array, Array]:

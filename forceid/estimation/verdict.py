@@ -78,7 +78,7 @@ def unseen(kin: Kinematics) -> list[str]:
         span = longest_run(lost)
         found.append(
             f"{lost.sum()} of {len(lost)} frames show no pose, the longest run {span} frames: there the "
-            "estimate rests on the prior; expect detail only outside"
+            "estimate is bridged or missing; expect detail only outside"
         )
     return found
 

@@ -1,10 +1,9 @@
-"""The figures of a result: path with forces, wrench, mean motion against deformation, loads."""
+"""The figures over time: wrench, mean motion, deformation, loads."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -12,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
 from forceid.records import Array, Estimate, Loads
 from forceid.report.numbers import mean, truth_at
@@ -24,8 +22,6 @@ from forceid.report.style import (
     INK,
     PURPLE,
     STYLE,
-    VERMILION,
-    bins,
     draw_band,
     draw_columns,
     draw_line,
@@ -35,73 +31,6 @@ from forceid.report.style import (
 )
 
 AXES = ("x", "y", "z")
-ARROWS = 24
-
-
-@rc_context(STYLE)
-def draw_path(estimate: Estimate) -> Figure:
-    """The path of the center in world axes at equal scale, with arrows for the applied force."""
-    seen = np.isfinite(estimate.center).all(axis=1)
-    if not seen.any():
-        figure, axes = panels(1, 1, (9.0, 2.0))
-        label(axes[0, 0], "Path of the mass center", "z (m)", "x (m)")
-        say(axes[0, 0], "not identifiable")
-        return figure
-    path = estimate.center[bins(estimate.time)]
-    low, high = estimate.center[seen].min(axis=0), estimate.center[seen].max(axis=0)
-    span = max(float((high - low).max()), 1e-9)
-    size = np.maximum(high - low, 0.3 * span) * 1.15  # a thin box would squeeze its tick labels together
-    where = np.flatnonzero(seen & np.isfinite(estimate.force).all(axis=1))
-    where = where[np.linspace(0, len(where) - 1, min(ARROWS, len(where))).astype(int)]
-    length = np.linalg.norm(estimate.force[where], axis=1)
-    longest = float(length.max(initial=0.0))
-
-    figure = Figure(figsize=(10.0, 5.4))
-    ax: Any = figure.add_axes((0.0, 0.02, 1.0, 0.94), projection="3d", computed_zorder=False)
-    ax.plot(*path.T, color=INK, lw=1.6, zorder=2)
-    shadow = path.copy()
-    shadow[:, 2] = (low[2] + high[2] - size[2]) / 2
-    ax.plot(*shadow.T, color="#C9CCD2", lw=1.2, zorder=1)
-    if longest > 0:
-        arrows = estimate.force[where] * (0.22 * span / longest)
-        ax.quiver(
-            *estimate.center[where].T,
-            *arrows.T,
-            color=VERMILION,
-            lw=1.2,
-            arrow_length_ratio=0.25,
-            zorder=3,
-        )
-    first, last = path[np.isfinite(path).all(axis=1)][[0, -1]]
-    ax.scatter(*first, color=BLUE, s=36, depthshade=False, zorder=4)
-    ax.scatter(*last, color=BLUE, s=36, marker="s", depthshade=False, zorder=4)
-    for name, lo, hi, width in zip(AXES, low, high, size, strict=True):
-        middle = (lo + hi) / 2
-        getattr(ax, f"set_{name}lim")(middle - width / 2, middle + width / 2)
-        axis = getattr(ax, f"{name}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(6 * width / size.max())), min_n_ticks=2))
-        axis.set_pane_color("#F7F8FA")
-        axis.line.set_color("#B8BCC4")
-        getattr(ax, f"set_{name}label")(f"{name} (m)", labelpad=4)
-    ax.set_box_aspect(size, zoom=1.3)
-    ax.view_init(elev=24, azim=-58)
-    figure.text(0.02, 0.955, "Path of the mass center, world axes at equal scale", fontsize=10, weight="bold")
-    handles = [
-        Line2D([], [], color=INK, lw=1.6, label="path, its shadow below"),
-        Line2D(
-            [],
-            [],
-            color=VERMILION,
-            lw=1.2,
-            marker=">",
-            ms=5,
-            label=f"applied force, longest {longest:.3g} N",
-        ),
-        Line2D([], [], color=BLUE, lw=0, marker="o", ms=5, label="start"),
-        Line2D([], [], color=BLUE, lw=0, marker="s", ms=5, label="end"),
-    ]
-    figure.legend(handles=handles, loc="lower center", ncols=4)
-    return figure
 
 
 @rc_context(STYLE)
@@ -150,21 +79,25 @@ def draw_estimate(ax: Axes, time: Array, values: Array, std: Array) -> None:
 
 @rc_context(STYLE)
 def draw_motion(estimate: Estimate) -> Figure:
-    """Mean motion on the left, deformation and angular momentum on the right."""
+    """Translation on the left, rotation on the right; below them the deformation, if there is any."""
     e = estimate
-    figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
+    deforms = bool(np.nan_to_num(e.deformation).any())
+    figure, axes = panels(2 + deforms, 2, (10.0, 4.4 + 2.0 * deforms), sharex=True)
     moving = e.center - e.center[np.argmax(np.isfinite(e.center).all(axis=1))]
     histories = (
         (axes[0, 0], moving, "Center, from its start", "$x - x_0$ (m)"),
         (axes[1, 0], e.velocity, "Velocity of the center", "$v$ (m/s)"),
-        (axes[2, 0], e.angular_velocity, "Angular velocity", "$\\omega$ (rad/s)"),
-        (axes[2, 1], e.angular_momentum, "Angular momentum", "$H$ (kg m²/s)"),
+        (axes[0, 1], e.angular_velocity, "Angular velocity", "$\\omega$ (rad/s)"),
+        (axes[1, 1], e.angular_momentum, "Angular momentum", "$H$ (kg m²/s)"),
     )
     for ax, values, title, y in histories:
-        label(ax, title, y, "time (s)" if ax in axes[2] else "")
+        label(ax, title, y, "")
         draw_columns(ax, e.time, values, AXES, list(AXIS_COLOR.values()))
-    draw_deformation(e, axes[0, 1])
-    draw_shape(e, axes[1, 1])
+    if deforms:
+        draw_deformation(e, axes[2, 0])
+        draw_shape(e, axes[2, 1])
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
     figure.align_ylabels()
     return figure
 
@@ -172,29 +105,25 @@ def draw_motion(estimate: Estimate) -> Figure:
 def draw_deformation(estimate: Estimate, ax: Axes) -> None:
     """Deformation, rms over the nodes, in millimeters."""
     label(ax, "Deformation, rms over the nodes", "$u$ (mm)", "")
-    if not np.isfinite(estimate.deformation).any():
-        say(ax, "not measured: no nodes seen")
-        return
     size = 1e3 * np.sqrt(mean(np.moveaxis(np.sum(estimate.deformation**2, axis=-1), 1, 0)))
     draw_line(ax, estimate.time, size, color=PURPLE)
+    ax.margins(x=0.01)
     ax.set_ylim(bottom=0)
 
 
 def draw_shape(estimate: Estimate, ax: Axes) -> None:
-    """What the model says of the shape: mode amplitudes, or stretch minus one, or nothing."""
-    if estimate.mode_amplitude is not None and estimate.mode_amplitude.size:
-        label(ax, "Mode amplitudes", "$q$ (mm)", "")
-        count = min(estimate.mode_amplitude.shape[1], len(CYCLE))
-        names = [f"{k + 1}" for k in range(count)]
-        draw_columns(ax, estimate.time, 1e3 * estimate.mode_amplitude[:, :count], names, CYCLE)
-    elif estimate.stretch is not None:
+    """What the model says of the shape: stretch minus one, or mode amplitudes."""
+    if estimate.stretch is not None:
         label(ax, "Stretch less one, body axes", "$U - 1$ (1)", "")
         pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         strain = np.stack([estimate.stretch[:, i, j] - (i == j) for i, j in pairs], axis=-1)
         draw_columns(ax, estimate.time, strain, [AXES[i] + AXES[j] for i, j in pairs], CYCLE)
-    else:
-        label(ax, "Mode amplitudes", "$q$ (mm)", "")
-        say(ax, "the model is rigid: no modes")
+        return
+    q = np.zeros((len(estimate.time), 0)) if estimate.mode_amplitude is None else estimate.mode_amplitude
+    shown = min(q.shape[1], len(CYCLE))
+    most = f", the first {shown} of {q.shape[1]}" if q.shape[1] > shown else ""
+    label(ax, f"Mode amplitudes{most}", "$q$ (mm)", "")
+    draw_columns(ax, estimate.time, 1e3 * q[:, :shown], [f"{k + 1}" for k in range(shown)], CYCLE)
 
 
 @rc_context(STYLE)

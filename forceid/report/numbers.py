@@ -146,6 +146,16 @@ def positive(std: Array) -> Array:
     return np.where(std > 0, std, np.nan)
 
 
+def plain(value: float, count: int) -> str:
+    """A number at `count` significant digits, with an exponent only where it is far from one.
+
+    >>> plain(441.7, 2), plain(1963.0, 3), plain(2.7e-6, 2)
+    ('440', '1960', '2.7e-06')
+    """
+    rounded = float(f"{value:.{count}g}")
+    return f"{rounded:.0f}" if 10**count <= abs(rounded) < 1e6 else f"{rounded:.{count}g}"
+
+
 def plus_minus(values: Array, std: Array, unit: str) -> str:
     """The length of a vector with its claimed deviation, or that it is not known.
 
@@ -154,7 +164,8 @@ def plus_minus(values: Array, std: Array, unit: str) -> str:
     >>> plus_minus(np.full(3, np.nan), np.zeros(3), "N m")
     'not identifiable'
     """
-    size, spread = np.linalg.norm(values), np.linalg.norm(std)
+    size, spread = float(np.linalg.norm(values)), float(np.linalg.norm(std))
     if not np.isfinite(size):
         return "not identifiable"
-    return f"{size:.3g} ± {spread:.2g} {unit}" if np.isfinite(spread) else f"{size:.3g} {unit}"
+    claim = f" ± {plain(spread, 2)}" if np.isfinite(spread) else ""
+    return f"{plain(size, 3)}{claim} {unit}"

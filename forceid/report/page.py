@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -14,12 +15,13 @@ from matplotlib.figure import Figure
 
 from forceid import __version__
 from forceid.records import Array, Estimate
-from forceid.report.figures import draw_loads, draw_motion, draw_path, draw_wrench
-from forceid.report.numbers import Numbers, plus_minus, summarize
+from forceid.report.figures import draw_loads, draw_motion, draw_wrench
+from forceid.report.numbers import Numbers, plain, plus_minus, summarize
+from forceid.report.path import draw_path
 from forceid.report.whiteness import draw_innovations
 
 HEADLINE = {
-    "ok": "Accurate: the forces and their sigma can be believed.",
+    "ok": "Accurate: force, moment and their sigma can be believed.",
     "degraded": "Degraded: usable with the cautions below.",
     "refused": "Refused: no estimate can be defended from these data.",
 }
@@ -49,6 +51,7 @@ def render_page(estimate: Estimate, truth: Mapping[str, Array] | None = None, ti
         facts=facts(estimate, quoted),
         rows=table(quoted),
         pictures=pictures(estimate, truth),
+        tuned=tuned(estimate),
         provenance=provenance(estimate),
     )
 
@@ -68,8 +71,8 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
         ),
         (
             draw_motion(estimate),
-            "Mean motion and deformation",
-            "World axes for the mean motion, body axes for the deformation about the mean shape.",
+            "Motion",
+            "World axes; the deformation, where the model has any, is about the mean shape in body axes.",
         ),
     ]
     if estimate.loads is not None:
@@ -94,8 +97,8 @@ def embed(figure: Figure) -> str:
 def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
     """What a reader wants to know first, as name and value."""
     return [
-        ("Force, rms", plus_minus(quoted.force_rms, quoted.force_std, "N")),
-        ("Moment, rms", plus_minus(quoted.moment_rms, quoted.moment_std, "N m")),
+        ("Force, rms", typeset(plus_minus(quoted.force_rms, quoted.force_std, "N"))),
+        ("Moment, rms", typeset(plus_minus(quoted.moment_rms, quoted.moment_std, "N m"))),
         ("Record", f"{quoted.duration_s:.4g} s, {quoted.samples} samples"),
         ("Method, model", f"{estimate.method}, {estimate.model}"),
     ]
@@ -120,23 +123,53 @@ def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
 
 
 def digits(value: float) -> str:
-    """Four significant digits with a true minus sign, a dash for what is not known."""
-    return f"{value:.4g}".replace("-", "−") if np.isfinite(value) else "–"
+    """Four significant digits, a dash for what is not known."""
+    return typeset(plain(value, 4)) if np.isfinite(value) else "–"
+
+
+def typeset(number: str) -> str:
+    """A number in plain ASCII with a true minus sign and its exponent raised.
+
+    >>> typeset("-6.5e-08 N")
+    '−6.5 × 10⁻⁸ N'
+    """
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    text = re.sub(r"e([+-]\d+)", lambda m: " × 10" + str(int(m[1])).translate(raised), number)
+    return text.replace("-", "−")
+
+
+UNITS = {
+    "noise_std_orientation": "rad",
+    "noise_std": "m",
+    "force_std": "N",
+    "moment_std": "N m",
+    "rate": "1/s",
+}
+
+
+def tuned(estimate: Estimate) -> list[tuple[str, str]]:
+    """What tuning chose, as name and value with its unit."""
+    rows = []
+    for name, value in estimate.tuned.items():
+        unit = " s" if name.endswith("_s") else next((f" {u}" for key, u in UNITS.items() if key in name), "")
+        rows.append((name.removesuffix("_s").replace("_", " ").capitalize(), f"{digits(value)}{unit}"))
+    return rows
 
 
 def provenance(estimate: Estimate) -> list[tuple[str, str]]:
     """Where the result came from and how it was made, as name and value."""
     e = estimate
-    tuned = [(f"Tuned: {name}", f"{value:.6g}") for name, value in e.tuned.items()]
     likelihood = f"{e.log_likelihood:.6g}" if np.isfinite(e.log_likelihood) else "none"
+    gravity = ", ".join(plain(float(g), 4) for g in e.gravity)
     return [
         ("forceid", __version__),
         ("Input, SHA-256", e.input_sha256 or "none"),
         ("Method", e.method),
         ("Model", e.model),
         ("Engine", e.engine),
+        ("Mass", f"{digits(e.mass)} kg"),
+        ("Gravity", typeset(f"({gravity}) m/s²")),
         ("Moment about", e.moment_about.replace("_", " ")),
         ("Log-likelihood", likelihood),
         ("Run time", f"{e.runtime_s:.3g} s"),
-        *tuned,
     ]

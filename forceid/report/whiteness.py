@@ -23,6 +23,8 @@ from forceid.report.style import (
 
 LAGS = 40
 CHANNELS = 12
+FEW = 2000  # points that still read when they are large
+FAR = 10  # sigma; beyond, scales are logarithmic
 
 
 @rc_context(STYLE)
@@ -36,10 +38,15 @@ def draw_innovations(estimate: Estimate) -> Figure:
     label(lags, "Autocorrelation, each channel", "correlation (1)", "lag (samples)")
     white = channels(estimate.innovation)
     step = max(1, len(white) // BINS)
-    series.plot(estimate.time[::step], white[::step], ".", ms=1.6, alpha=0.5, color=BLUE, mew=0)
+    size = 2.0 if white[::step].size > FEW else 4.5
+    series.plot(estimate.time[::step], white[::step], ".", ms=size, alpha=0.5, color=BLUE, mew=0)
     for level in (-2, 2):
         series.axhline(level, color=VERMILION, lw=0.9, ls=DASHED)
     reach = max(4.5, 1.05 * float(np.nanmax(np.abs(white[::step]))))
+    if reach > FAR:
+        series.set_yscale("symlog", linthresh=4.0, linscale=2.0)
+        series.set_yticks([-FAR, -2, 0, 2, FAR], ["−10", "−2", "0", "2", "10"])
+        series.minorticks_off()
     series.set_ylim(-reach, reach)
     values = white[np.isfinite(white)]
     edges = np.linspace(-5, 5, 51)
@@ -51,7 +58,11 @@ def draw_innovations(estimate: Estimate) -> Figure:
     histogram.legend(loc="upper right", handlelength=1.2, borderaxespad=0.1)
     draw_line(squares, estimate.time, estimate.nis, color=BLUE, lw=0.9)
     squares.axhline(1, color=INK, lw=0.9, ls=DASHED)
-    squares.set_ylim(bottom=0)
+    if np.nanmax(estimate.nis) > FAR**2:
+        squares.set_yscale("log")
+        squares.set_ylim(bottom=1e-3)
+    else:
+        squares.set_ylim(bottom=0)
     for ax in (series, squares):
         ax.margins(x=0.01)
     for column in white.T:

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from forceid.records import Loads
-from forceid.report import figures, style, whiteness
+from forceid.report import figures, path, style, whiteness
 
 UNIT = re.compile(r"\((m|mm|m/s|rad/s|s|N|N m|kg m²/s|1|sigma|samples)\)$")
 
@@ -29,7 +29,7 @@ def with_loads(estimate):
 @pytest.mark.parametrize(
     "draw",
     [
-        figures.draw_path,
+        path.draw_path,
         figures.draw_wrench,
         figures.draw_motion,
         whiteness.draw_innovations,
@@ -47,11 +47,35 @@ def test_every_axis_states_its_unit(thrown, draw):
             assert UNIT.search(name), name
 
 
-def test_path_is_drawn_at_equal_scale(thrown):
-    ax = figures.draw_path(thrown[0]).axes[0]
-    widths = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
-    box = ax.get_box_aspect() if not hasattr(ax, "_box_aspect") else ax._box_aspect
-    np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide(box, box[0]))
+@pytest.mark.parametrize("gravity", [(0, 0, -9.81), (0, -9.81, 0), (9.81, 0, 0), (0, 0, 0)])
+def test_path_is_drawn_at_equal_scale_and_upright(thrown, gravity):
+    ax = path.draw_path(replace(thrown[0], gravity=np.array(gravity, float))).axes[0]
+    origin, *ends = path.project(ax, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    meter = np.stack([end - origin for end in ends], axis=-1)
+    # an orthographic view of orthonormal axes at scale s has P P^T = s^2 I
+    scale = meter @ meter.T
+    np.testing.assert_allclose(scale, scale[0, 0] * np.eye(2), atol=1e-9 * scale[0, 0])
+    down = meter @ np.array(gravity) if any(gravity) else -meter[:, 2]
+    assert down[1] < 0
+    assert down[0] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (0.01, 0.01, 10), (10, 0.01, 0.01), (0, 0, 0)])
+def test_path_stays_inside_its_figure_whatever_its_shape(thrown, stretch):
+    estimate = replace(thrown[0], center=thrown[0].center * stretch)
+    ax = path.draw_path(estimate).axes[0]
+    inches = path.project(ax, estimate.center)
+    assert (inches >= 0.3).all()
+    assert (inches <= [path.WIDTH - 0.3, path.HEIGHT - 0.3]).all()
+
+
+def test_peak_of_one_sample_gets_an_arrow_and_force_below_two_sigma_none(thrown):
+    estimate, _ = thrown
+    force = estimate.force.copy()
+    force[333] = [90.0, 0.0, 0.0]
+    assert 333 in path.strongest(replace(estimate, force=force))
+    assert len(path.strongest(estimate)) == path.ARROWS
+    assert len(path.strongest(replace(estimate, force=0.01 * force))) == 1
 
 
 def test_moment_of_a_particle_is_called_not_identifiable(thrown):
@@ -98,6 +122,24 @@ def test_colored_innovations_leave_the_bounds_and_white_ones_do_not():
     assert np.mean(np.abs(whiteness.autocorrelation(white)) > bound) < 0.15
     # a moving average over five samples correlates its neighbors by 4/5
     assert whiteness.autocorrelation(colored)[0] == pytest.approx(0.8, abs=0.05)
+
+
+def test_rigid_body_gets_no_panel_of_deformation(thrown):
+    rigid = replace(thrown[0], deformation=np.zeros((600, 8, 3)), mode_amplitude=None)
+    assert len(figures.draw_motion(thrown[0]).axes) == 6
+    assert len(figures.draw_motion(rigid).axes) == 4
+
+
+def test_innovation_of_an_impact_leaves_the_others_readable(thrown):
+    estimate, _ = thrown
+    hit = estimate.innovation.copy()
+    hit[300] = 200.0
+    series = whiteness.draw_innovations(replace(estimate, innovation=hit)).axes[0]
+    low, two, top = series.transAxes.inverted().transform(
+        series.transData.transform([[0, 0], [0, 2], [0, 200]])
+    )
+    assert two[1] - low[1] > 0.1
+    assert top[1] < 1
 
 
 def test_many_channels_are_thinned_to_twelve():

@@ -36,7 +36,8 @@ def test_page_tells_verdict_settings_and_provenance(page):
     assert "add markers off that axis" in page
     assert "method = &#34;smoother&#34;" in page
     assert "ab" * 32 in page
-    assert "Tuned: noise_std" in page
+    assert '<th scope="row">Noise std</th><td>0.00051 m</td>' in page
+    assert "The moment about x has no defense above 12 Hz; add markers off that axis.</li>" in page
     assert "toss &lt;3&gt;" in page
 
 
