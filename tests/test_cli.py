@@ -17,7 +17,7 @@ import pytest
 
 from forceid.cli import pool
 from forceid.cli.app import MODULES, main
-from forceid.cli.output import to_json
+from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
 
 START = "import sys; from forceid.cli.app import main; code = main()"
@@ -57,11 +57,12 @@ def test_every_command_has_help_with_an_example(command, capsys):
     assert f"Example: forceid {command}" in capsys.readouterr().out
 
 
-def test_version_is_that_of_the_package(capsys):
+def test_version_names_package_and_engine(capsys):
     import forceid
+    from forceid.kalman import engine
 
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"forceid {forceid.__version__}\n"
+    assert capsys.readouterr().out == f"forceid {forceid.__version__}, engine {engine('auto').name}\n"
 
 
 def test_help_loads_no_numerics():
@@ -140,6 +141,18 @@ def test_json_is_strict_even_where_nothing_is_known():
     assert json.loads(line) == {"a": None, "b": [1.0, None], "c": {"d": None}}
 
 
+def test_long_reason_is_folded_under_its_text(monkeypatch):
+    reason = "the markers lie on a line, and a turn about it is not seen; add a marker off the line"
+    for columns, width in (("50", 50), ("300", 100)):
+        monkeypatch.setenv("COLUMNS", columns)
+        first, *others = wrap(f"       - {reason} and {reason}").splitlines()
+        assert first.startswith("       - the markers")
+        assert others
+        assert all(line.startswith(" " * 9) and line[9] != " " for line in others)
+        assert max(map(len, [first, *others])) <= width
+        assert " ".join([first[9:], *(line[9:] for line in others)]) == f"{reason} and {reason}"
+
+
 def test_same_seed_gives_the_same_motion_and_another_does_not(shelf, tmp_path):
     for name, seed in (("a", "0"), ("b", "1")):
         assert (
@@ -184,7 +197,7 @@ def test_import_writes_one_motion_file_a_group(tmp_path, capsys):
 def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, capsys):
     assert main(["demo", "-o", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
-    assert "of its sigma" in said
+    assert re.search(r"^error    force .* N rms, .* its sigma; moment .* N m rms", said, re.MULTILINE)
     page = tmp_path / "demo" / "boomerang.html"
     assert f"open {page}" in said
     assert sorted(p.name for p in page.parent.iterdir()) == ["boomerang.h5", page.name, "boomerang.result.h5"]

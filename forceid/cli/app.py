@@ -48,16 +48,18 @@ app = typer.Typer(cls=LazyGroup, add_completion=False)
 
 
 def show_version(wanted: bool) -> None:
-    """Print the version and stop."""
+    """Print the version and the engine that `auto` stands for here, and stop."""
     if wanted:
-        typer.echo(f"forceid {__version__}")
+        from forceid.kalman.engines import engine
+
+        typer.echo(f"forceid {__version__}, engine {engine('auto').name}")
         raise typer.Exit()
 
 
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show the version.")
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show version and engine.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:

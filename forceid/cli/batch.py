@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from forceid.cli.estimate import Config, Json, Method, Model
-from forceid.cli.output import to_json
+from forceid.cli.output import to_json, wrap
 from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -146,9 +146,10 @@ def table(records: Sequence[dict[str, Any]]) -> str:
     """The outcome: a line for every file that is not accurate, and why, then the counts."""
     lines = []
     for record in sorted(records, key=lambda r: str(r["file"])):
-        why = record.get("error") or "; ".join(record.get("reasons", ()))
-        if why:
-            lines.append(f"{record['status']:8} {record['file']}: {why}")
+        reasons = [record["error"]] if "error" in record else list(record.get("reasons", ()))
+        if reasons:
+            lines.append(f"{record['status']:8} {record['file']}")
+            lines += [wrap(f"       - {reason}") for reason in reasons]
     counts = Counter(record["status"] for record in records)
     lines.append(
         f"{len(records)} files: " + ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))

@@ -31,7 +31,7 @@ def run(
     with as_file(files("forceid.scenes") / "flexible_boomerang.toml") as recipe:
         recording = simulate(load_recipe(recipe))
     write_motion(motion, recording)
-    print(f"{recording.title}: {len(recording.motion.time)} samples, {len(recording.body.node)} markers")
+    print(f"scene    {recording.title}: {len(recording.motion.time)} samples, {len(recording.body.node)} markers")
     record = estimate_file(motion, result, load_settings())
     print(summary(record))
     write_page(result, page)

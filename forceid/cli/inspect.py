@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from forceid.cli.estimate import Config, Json
-from forceid.cli.output import to_json
+from forceid.cli.output import to_json, wrap
 
 
 def run(
@@ -26,4 +26,7 @@ def run(
 
     settings = load_settings(config)
     inspection = inspect_recording(read_motion(file, settings.gravity), settings)
-    print(to_json({"file": str(file), **inspection.as_dict()}) if json else "\n".join(inspection.summary))
+    if json:
+        print(to_json({"file": str(file), **inspection.as_dict()}))
+    else:
+        print(*map(wrap, inspection.summary), sep="\n")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +14,8 @@ from forceid import __version__
 
 if TYPE_CHECKING:
     from forceid.records import Array, Estimate
+
+UNITS = {"force": "N", "moment": "N m"}
 
 
 def to_json(record: Mapping[str, Any]) -> str:
@@ -62,19 +66,36 @@ def summary(record: Mapping[str, Any]) -> str:
     """The same for people: the verdict first, then the numbers, then where the result is."""
     import numpy as np
 
-    from forceid.report.numbers import plus_minus
+    from forceid.report.numbers import plain, plus_minus
 
-    lines = [f"verdict  {record['verdict']}"]
-    lines += [f"         {reason}" for reason in record["reasons"]]
-    lines += [f"method   {record['method']}, model {record['model']}, engine {record['engine']}"]
-    for name, unit in (("force", "N"), ("moment", "N m")):
-        mean, rms, std, error = (np.array(record[f"{name}_{k}"]) for k in ("mean", "rms", "std", "error"))
+    lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {reason}") for reason in record["reasons"])]
+    lines.append(f"method   {record['method']}, model {record['model']}, engine {record['engine']}")
+    for name, unit in UNITS.items():
+        mean, rms, std = (np.array(record[f"{name}_{k}"]) for k in ("mean", "rms", "std"))
         line = f"{name:8} {plus_minus(rms, std, unit)}"
         if np.isfinite(rms).any():
-            line += f" rms, mean ({', '.join(f'{v:.3g}' for v in mean)}) {unit}"
-        if np.isfinite(error).any():
-            score = float(np.sqrt(np.nanmean(np.array(record[f"{name}_score"]) ** 2)))
-            line += f"; error {np.linalg.norm(error):.2g} {unit} rms, {score:.2g} of its sigma"
-        lines.append(line)
+            line += f" rms, mean ({', '.join(plain(v, 3) for v in mean)}) {unit}"
+        lines.append(wrap(line))
+    if errors := [known_error(record, name) for name in UNITS if np.isfinite(record[f"{name}_error"]).any()]:
+        lines.append(wrap(f"error    {'; '.join(errors)}"))
     lines.append(f"result   {record['output']}, {record['runtime_s']:.2g} s")
     return "\n".join(lines)
+
+
+def known_error(record: Mapping[str, Any], name: str) -> str:
+    """The error of the `force` or the `moment` against the truth, and what the estimate claimed of it."""
+    import numpy as np
+
+    from forceid.report.numbers import plain
+
+    size = plain(float(np.linalg.norm(record[f"{name}_error"])), 2)
+    times = plain(float(np.sqrt(np.nanmean(np.square(record[f"{name}_score"])))), 2)
+    return f"{name} {size} {UNITS[name]} rms, {times} times its sigma"
+
+
+def wrap(line: str) -> str:
+    """A line of nine columns and text, folded at the width of the terminal, at most 100, under its text."""
+    width = min(shutil.get_terminal_size((100, 24)).columns, 100)
+    return textwrap.fill(
+        line, width, subsequent_indent=" " * 9, break_long_words=False, break_on_hyphens=False
+    )

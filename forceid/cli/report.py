@@ -32,9 +32,10 @@ def run(
 def write_page(result: Path, page: Path) -> None:
     """Read the result and write its page."""
     from forceid.files.atomic import atomic
-    from forceid.files.result import read_result, read_truth
+    from forceid.files.result import read_result, read_title, read_truth
     from forceid.report.page import render_page
 
-    html = render_page(read_result(result), read_truth(result), title=result.name.removesuffix(".result.h5"))
+    title = read_title(result) or result.name.removesuffix(".result.h5")
+    html = render_page(read_result(result), read_truth(result), title, result.name)
     with atomic(page) as partial:
         partial.write_text(html, encoding="utf-8")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -17,18 +16,18 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight, FlightState, LoadPrior, smooth_flight, smooth_translation
 from forceid.kalman.tuning import Tuned, load_axes, start_of, tune_loads
 from forceid.motion.first_moment import angular_channel
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Flags, Motion
 
-Flags = NDArray[np.bool_]
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
 SHARED = (
-    "the tracks are smoother than independent errors of the stated size allow: half of their variance is taken "
-    "as common to all markers, and slow errors pass for force; the claimed errors are too small where markers slide or "
-    "were smoothed"
+    "the tracks are smoother than independent errors of the stated size allow: half of their variance is "
+    "taken as common to all markers, and slow errors pass for force; the claimed errors are too small where "
+    "markers slide or were smoothed"
 )
-WILD, MOST_WILD = 5.0, 0.02  # innovation in standard deviations; part of the frames that may be dropped for it
+WILD = 5.0  # innovation in standard deviations
+MOST_WILD = 0.02  # part of the frames that may be dropped for it
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
@@ -93,7 +92,9 @@ def estimate_flight(
     return Solution(kin, deformation, state, engine.name, named(kin, tuned), at_limit, reasons)
 
 
-def wild_frames(flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]) -> tuple[Flags, str]:
+def wild_frames(
+    flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
+) -> tuple[Flags, str]:
     """Frames (time,) that nothing else agrees with, and a sentence on them.
 
     A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
@@ -101,22 +102,24 @@ def wild_frames(flight: Flight, first: FlightState, solve: Callable[[Flight], Fl
     """
     state, dropped = first, np.zeros(len(flight.time), bool)
     size = float(np.nanmax(np.abs(first.innovation)))
-    while (wild := (np.abs(state.innovation) > WILD).any(1)).any():
+    while (wild := np.any(np.abs(state.innovation) > WILD, axis=1)).any():
         # the first of each run: the ones behind it suffer from what it did to the state
         dropped |= wild & ~np.concatenate([[False], wild[:-1]])
         when = flight.time[dropped][0]
         if dropped.sum() > max(2, MOST_WILD * len(dropped)):
             return np.zeros_like(dropped), (
-                f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact faster than the "
-                "prior follows, or markers that changed places; force and moment are blurred around such times"
+                f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact "
+                "faster than the prior follows, or markers that changed places; force and moment are blurred "
+                "around such times"
             )
-        kept = np.where(dropped[:, None], np.nan, 1.0)
-        state = solve(replace(flight, center=flight.center * kept, rotation=flight.rotation * kept[..., None]))
+        kept = np.where(dropped, np.nan, 1.0)[:, None]
+        center, rotation = flight.center * kept, flight.rotation * kept[..., None]
+        state = solve(replace(flight, center=center, rotation=rotation))
     if not dropped.any():
         return dropped, ""
     return dropped, (
-        f"frames rejected as outliers: {dropped.sum()}, the first at {flight.time[dropped][0]:.4g} s, up to {size:.0f} "
-        "sigma off; look at the markers there"
+        f"frames rejected as outliers: {dropped.sum()}, the first at {flight.time[dropped][0]:.4g} s, up to "
+        f"{size:.0f} sigma off; look at the markers there"
     )
 
 
@@ -167,8 +170,8 @@ def named(kin: Kinematics, priors: dict[str, Tuned]) -> dict[str, float]:
 def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:
     """The poses and the inertia that the flight smoother works on."""
     cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
-    center = kin.pose.center
-    return Flight(kin.time, center, kin.pose.rotation, cov, kin.inertia.mass, deformation.inertia, deformation.h, gravity)
+    inertia, h = deformation.inertia, deformation.h
+    return Flight(kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity)
 
 
 def tune_force(kin: Kinematics, gravity: Array, limits: tuple[float, float]) -> LoadPrior:

@@ -135,9 +135,7 @@ def from_markers(
     flat = shapes.reshape(len(shapes), X.size)
     pose = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size) + flat.T @ (var[:, None] * flat))
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), sigma**2)
-    return Kinematics(
-        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True
-    )
+    return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True)
 
 
 def marker_noise(time: Array, x: Array) -> float:

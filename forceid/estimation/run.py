@@ -121,7 +121,8 @@ def reach(solution: Solution) -> Array:
     covs = (solution.kinematics.pose.cov, solution.state.wrench_cov)
     var = [np.diagonal(cov, axis1=1, axis2=2)[:, :channels] for cov in covs]
     moved, claimed = (np.sqrt(np.nanmean(v, axis=0)) for v in var)
-    return np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3)[:channels] * moved / claimed
+    moving = np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3)[:channels]
+    return np.asarray(moving * moved / claimed)
 
 
 def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tuple[Array, Array]:

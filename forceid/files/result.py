@@ -70,6 +70,12 @@ def read_truth(path: str | Path) -> dict[str, Array]:
         return read_variables(group, TRUTH, dict(_SIZES), f"{path}:/truth")[0]
 
 
+def read_title(path: str | Path) -> str:
+    """What a motion or result file calls itself, which may be nothing."""
+    with open_hdf5(path) as f:
+        return text(f.attrs.get("title", ""))
+
+
 def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
     """The group /load of a result file."""
     names = read_names(group, "load_name")

@@ -100,7 +100,16 @@ LOAD = {
     "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
 }
 TRUTH = ESTIMATE | {"load": LOAD["load"]}
-ESTIMATE_ATTRS = ("method", "model", "engine", "log_likelihood", "moment_about", "mass", "gravity", "runtime_s")
+ESTIMATE_ATTRS = (
+    "method",
+    "model",
+    "engine",
+    "log_likelihood",
+    "moment_about",
+    "mass",
+    "gravity",
+    "runtime_s",
+)
 LABELS = {
     "axis": ("x", "y", "z"),
     "quaternion": ("x", "y", "z", "w"),

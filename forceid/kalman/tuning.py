@@ -38,14 +38,18 @@ class Tuned:
 
 
 def maximize(
-    objective: Callable[[Array, Array], Array], lower: Array, upper: Array, shared: tuple[float, float], start: Array | None = None
+    objective: Callable[[Array, Array], Array],
+    lower: Array,
+    upper: Array,
+    shared: tuple[float, float],
+    start: Array | None = None,
 ) -> tuple[Array, float, float]:
     """Maximum of a sum over problems on a box: each has its own point, all share one number.
 
-    lower, upper (problem, dim); objective(points (level, problem, point, dim), levels (level,)) -> (level, problem,
-    point). A grid, unless `start` (problem, dim) is given, then ever finer grids about the best point so far:
-    no derivative, as many starts as the first grid has points, and many points cost about as much as one.
-    Returns points, shared number, value.
+    lower, upper (problem, dim); objective(points (level, problem, point, dim), levels (level,)) -> (level,
+    problem, point). A grid, unless `start` (problem, dim) is given, then ever finer grids about the best
+    point so far: no derivative, as many starts as the first grid has points, and many points cost about as
+    much as one. Returns points, shared number, value.
 
     >>> def hills(p, s):
     ...     return -((p - 0.3) ** 2).sum(-1) - (s[:, None, None] - 0.7) ** 2
@@ -62,7 +66,7 @@ def maximize(
     for turn in range(ROUNDS + 1):
         spread = wide if turn == 0 and start is None else near
         offset = np.stack(np.meshgrid(*[spread] * dims, indexing="ij"), -1).reshape(-1, dims)
-        levels = np.clip(level + level_step * (near if turn else wide), *shared) if free else np.array([level])
+        levels = np.clip(level + level_step * (near if turn else wide), *shared) if free else np.r_[level]
         points = np.clip(at[:, None] + offset * step[:, None], lower[:, None], upper[:, None])
         points = np.broadcast_to(points, (len(levels), *points.shape))
         value = np.nan_to_num(objective(points, levels), nan=-np.inf)
@@ -134,7 +138,9 @@ def tune_loads(
             total += robust_log_likelihood(model, y[:, axis], OUTLIER)
         return total.reshape(shape)
 
-    def search(order: int, shared: tuple[float, float], start: Array | None = None) -> tuple[Array, float, float]:
+    def search(
+        order: int, shared: tuple[float, float], start: Array | None = None
+    ) -> tuple[Array, float, float]:
         lower, upper = search_box(time, z, gain, order)
         edges = np.tile(lower, (axes, 1)), np.tile(upper, (axes, 1))
         return maximize(lambda p, s: objective(p, s, order), *edges, shared, start)
@@ -160,13 +166,13 @@ def tune_loads(
     if still.any():
         # the axes are known to about a hundredth, and by that much of it a load leaks to a still one
         strong = np.where(still, 0.0, best.std).argmax()
-        std, rate = np.where(still, LEAK * best.std[strong], best.std), np.where(still, best.rate[strong], best.rate)
-        best = replace(best, std=std, rate=rate)
+        std = np.where(still, LEAK * best.std[strong], best.std)
+        best = replace(best, std=std, rate=np.where(still, best.rate[strong], best.rate))
     return best
 
 
 def natural(points: Array, order: int) -> tuple[Array, Array]:
-    """std and rate (...) of search points (..., 2): log of std * rate^(order - 1/2), and log rate.
+    """The std and rate (...) of search points (..., 2): log of std * rate^(order - 1/2), and log rate.
 
     The first is the level at high frequency, which a record fixes far better than std and rate alone.
     """
@@ -195,7 +201,7 @@ def stretch(z: Array) -> list[slice]:
 
 @dataclass(frozen=True)
 class Start:
-    """Variances at the start, as good as unknown: of the second and first integral of the load, of its mean."""
+    """Variances at the start, as good as unknown: of the load's second and first integral, of its mean."""
 
     second: float
     first: float
@@ -225,9 +231,10 @@ def search_box(time: Array, z: Array, gain: float, order: int) -> tuple[Array, A
     """
     sizes = [np.sqrt(np.mean(d**2)) / gain for lag in lags(z) if len(d := second_difference(time, z, lag))]
     rate = np.log([1.0 / (time[-1] - time[0]), 0.5 / np.median(np.diff(time))])
-    high = np.log(max(10 * max(sizes, default=0.0), 1e-12)) + (order - 0.5) * rate[1]
-    low = np.log(max(1e-3 * min(sizes, default=0.0), 1e-9 * 10 * max(sizes, default=1e-3))) + (order - 0.5) * rate[0]
-    return np.array([low, rate[0]]), np.array([high, rate[1]])
+    high = max(10 * max(sizes, default=0.0), 1e-12)
+    low = max(1e-3 * min(sizes, default=0.0), 1e-9 * high)
+    corner = np.array([np.log(low), np.log(high)]) + (order - 0.5) * rate
+    return np.array([corner[0], rate[0]]), np.array([corner[1], rate[1]])
 
 
 def load_axes(time: Array, z: Array) -> Array:
@@ -245,7 +252,7 @@ def load_axes(time: Array, z: Array) -> Array:
         clear = (size[-1] - size[0]) / max(size.mean(), 1e-300) * np.sqrt(len(d) / lag)
         if clear > best:
             best, axes = clear, turned
-    return axes * np.sign(np.linalg.det(axes))
+    return np.asarray(axes * np.sign(np.linalg.det(axes)))
 
 
 def lags(z: Array) -> list[int]:

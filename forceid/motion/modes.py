@@ -49,7 +49,7 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
     Of a spinning body it is the shape it spins with, which differs from the one at rest. Only frames that
     show every weighted node enter, where there are any. Source: principal equations 4d.
     """
-    seen = np.isfinite(position).all(2)
+    seen = np.all(np.isfinite(position), axis=2)
     ever = np.any(seen, axis=0)
     whole = np.all(seen[:, ever & (weight > 0)], axis=1)
     frames = position[whole] if whole.sum() >= 3 else position

@@ -92,7 +92,7 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
 
 
 def pose_gain(S: Array, seen: Flags, cov: Array) -> tuple[Array, Array, Array] | None:
-    """Gain (6, channel), covariance (6, 6) and weight of the pose errors; None where their rank is below 6."""
+    """Gain (6, channel), covariance (6, 6) and weight of the pose errors; None if their rank is below 6."""
     rows = np.repeat(seen, 3)
     Ss = S[rows]
     if not seen.any() or pose_rank(Ss) < 6:

@@ -36,8 +36,10 @@ class Picture:
     caption: str
 
 
-def render_page(estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "") -> str:
-    """The page as HTML text; it refers to no other file and no host."""
+def render_page(
+    estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "", source: str = ""
+) -> str:
+    """The page as HTML text; it refers to no other file and no host. source: the name of the result file."""
     environment = Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
     )
@@ -45,6 +47,7 @@ def render_page(estimate: Estimate, truth: Mapping[str, Array] | None = None, ti
     quoted = summarize(estimate, truth)
     return template.render(
         title=title or "forceid result",
+        source=source,
         e=estimate,
         version=__version__,
         headline=HEADLINE[estimate.verdict.level],
@@ -131,10 +134,10 @@ def typeset(number: str) -> str:
     """A number in plain ASCII with a true minus sign and its exponent raised.
 
     >>> typeset("-6.5e-08 N")
-    '−6.5 × 10⁻⁸ N'
+    '−6.5×10⁻⁸ N'
     """
     raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-    text = re.sub(r"e([+-]\d+)", lambda m: " × 10" + str(int(m[1])).translate(raised), number)
+    text = re.sub(r"e([+-]\d+)", lambda m: "×10" + str(int(m[1])).translate(raised), number)
     return text.replace("-", "−")
 
 

@@ -20,6 +20,7 @@ ARROWS = 24
 WIDTH, HEIGHT = 10.0, 5.6  # of the figure, inches
 ROOM = (7.6, 3.9)  # that the box may take of it: the rest is for tick labels and legend
 LONGEST = 0.22  # arrow, of the extent of the path
+DEPTH = 0.4  # least side of the box, of the same: thinner ones squeeze their tick labels together
 
 
 @rc_context(STYLE)
@@ -70,19 +71,20 @@ def strongest(estimate: Estimate) -> NDArray[np.intp]:
 def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tuple[int, float]:
     """Set limits, view and zoom so that the box from low to high (3,) fills its room, with gravity down.
 
-    Returns the vertical axis and the level of the floor. Flat boxes get depth, to keep tick labels apart.
+    Returns the vertical axis and the level of the floor.
     """
     vertical = int(np.abs(gravity).argmax()) if np.any(gravity) else 2
-    size = np.maximum(high - low, 0.3 * span) * 1.08
+    size = np.maximum(high - low, DEPTH * span) * 1.08
     lower, upper = 0.5 * (low + high - size), 0.5 * (low + high + size)
     for k, name in enumerate(AXES):
         ends = (lower[k], upper[k])
         getattr(ax, f"set_{name}lim")(*(ends[::-1] if k == vertical and gravity[k] > 0 else ends))
         axis = getattr(ax, f"{name}axis")
         axis.set_major_locator(MaxNLocator(max(2, round(6 * size[k] / size.max())), min_n_ticks=2))
+        axis.set_tick_params(pad=5 if k == vertical else 2)
         axis.set_pane_color("#F7F8FA")
         axis.line.set_color("#B8BCC4")
-        getattr(ax, f"set_{name}label")(f"{name} (m)", labelpad=4)
+        getattr(ax, f"set_{name}label")(f"{name} (m)", labelpad=8 if k == vertical else 5)
     ax.set_proj_type("ortho")
     ax.view_init(elev=24, azim=-58, vertical_axis=AXES[vertical])
     ax.set_box_aspect(size)
