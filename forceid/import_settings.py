@@ -111,12 +111,13 @@ def load_import_settings(path: str | Path | None) -> ImportSettings:
     >>> load_import_settings(None)
     Traceback (most recent call last):
     forceid.errors.ConfigError: import: has no configuration, expected one that says mass and gravity; \
-give it with -c, and start from one of config/
+give it with -c: `forceid import --help` shows the shortest
     """
     if path is None:
         what = "has no configuration, expected one that says mass and gravity"
-        raise ConfigError(what, "import:", "give it with -c, and start from one of config/")
+        raise ConfigError(what, "import:", "give it with -c: `forceid import --help` shows the shortest")
     table = read_toml(path)
     if "import" not in table:
-        raise ConfigError("has no table [import]", str(path), "add it, starting from one of config/")
+        next_step = "add it: `forceid import --help` shows the shortest"
+        raise ConfigError("has no table [import]", str(path), next_step)
     return validate(ImportSettings, table["import"], f"{path}: [import]")

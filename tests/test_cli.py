@@ -194,6 +194,24 @@ def test_import_writes_one_motion_file_a_group(tmp_path, capsys):
     assert (tmp_path / "t-slow.h5").exists()
 
 
+def test_configuration_in_the_help_of_import_is_one_that_works(tmp_path, capsys):
+    assert main(["import", "--help"]) == 0
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    (tmp_path / "c.toml").write_text("\n".join(line for line in lines if line.startswith("import.")))
+    columns = "tip x,tip y,tip z,hub x,hub y,hub z"
+    rows = [f"{k / 100},{k / 100},0,1,0,0,1" for k in range(20)]
+    (tmp_path / "t.csv").write_text("\n".join([f"t,{columns}", *rows]))
+    words = [str(tmp_path / "t.csv"), "-o", str(tmp_path / "t.h5"), "-c", str(tmp_path / "c.toml")]
+    assert main(["import", *words]) == 0
+    with h5py.File(tmp_path / "t.h5") as f:
+        assert f["body/mass"][:] == pytest.approx([0.02, 0.05])
+
+
+def test_import_without_configuration_says_where_to_find_one(tmp_path, capsys):
+    assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "t.h5")]) == 2
+    assert "forceid import --help" in one_error_line(capsys)
+
+
 def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, capsys):
     assert main(["demo", "-o", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out

@@ -31,7 +31,8 @@ def run(
     with as_file(files("forceid.scenes") / "flexible_boomerang.toml") as recipe:
         recording = simulate(load_recipe(recipe))
     write_motion(motion, recording)
-    print(f"scene    {recording.title}: {len(recording.motion.time)} samples, {len(recording.body.node)} markers")
+    samples, markers = len(recording.motion.time), len(recording.body.node)
+    print(f"scene    {recording.title}: {samples} samples, {markers} markers")
     record = estimate_file(motion, result, load_settings())
     print(summary(record))
     write_page(result, page)

@@ -19,8 +19,17 @@ def run(
 ) -> None:
     """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
 
-    Example: forceid import jump.trc jump_grf.mot -o jump.h5 -c jump.toml
-    """
+    CONFIG says what no source does: mass, gravity and, for csv, which columns hold what. The shortest:
+
+    \b
+      import.gravity = [0.0, 0.0, -9.81]
+      import.csv.time = "t"
+      import.csv.position.tip = ["tip x", "tip y", "tip z"]
+      import.csv.position.hub = ["hub x", "hub y", "hub z"]
+      import.body.mass = { tip = 0.02, hub = 0.05 }
+
+    Example: forceid import throw.csv -o throw.h5 -c throw.toml
+    """  # noqa: D301 (the backspace keeps the lines of the example apart)
     from forceid.files.hdf5 import write_motion
     from forceid.files.sources import import_sources, load_import_settings
 

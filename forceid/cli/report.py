@@ -16,11 +16,11 @@ def run(
             "-o",
             "--output",
             metavar="PAGE.html",
-            help="Page to write; FILE.html beside the result if not given.",
+            help="Page to write; OUT.html beside the result if not given.",
         ),
     ] = None,
 ) -> None:
-    """Write FILE as one HTML page with figures, numbers, verdict and settings inside.
+    """Write OUT.h5 as one HTML page with figures, numbers, verdict and settings inside.
 
     Example: forceid report toss.result.h5 -o toss.html
     """

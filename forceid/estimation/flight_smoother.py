@@ -190,7 +190,7 @@ def tune_force(kin: Kinematics, gravity: Array, limits: tuple[float, float]) -> 
     var = np.einsum("ai,tab,bi->ti", axes, cov, axes)
     gain = 1 / kin.inertia.mass
     tuned = tune_loads(time, z @ axes, gain, var, np.zeros(3), limits)
-    return LoadPrior(tuned, axes, start_of(time, z - z[seen][0], gain))
+    return LoadPrior(tuned, axes, start_of(time, (z - z[seen][0]) @ axes, gain))
 
 
 def tune_moment(kin: Kinematics, deformation: Deformation, limits: tuple[float, float]) -> LoadPrior:
@@ -201,4 +201,4 @@ def tune_moment(kin: Kinematics, deformation: Deformation, limits: tuple[float, 
     var = np.einsum("ai,tab,bi->ti", axes, ch.noise_cov, axes)
     drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
     tuned = tune_loads(ch.time, ch.Y @ axes, 1.0, var, drift, limits)
-    return LoadPrior(tuned, axes, start_of(ch.time, ch.Y, 1.0))
+    return LoadPrior(tuned, axes, start_of(ch.time, ch.Y @ axes, 1.0))

@@ -27,7 +27,7 @@ from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
 ITERATIONS = 40
-STANDSTILL = 1e-3  # of the standard deviation of a measured rotation
+STANDSTILL = 1e-6  # of the standard deviation of a measured rotation
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
 
@@ -209,6 +209,7 @@ def smooth_flight(
     free = translation(flight, force)
     n = len(free.x0)
     rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[:, 3:, 3:], axis1=1, axis2=2))))
+    size = np.inf
     for _ in range(ITERATIONS):
         model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
         seen = np.all(np.isfinite(flight.rotation), axis=(1, 2))
@@ -218,11 +219,12 @@ def smooth_flight(
         turned = path.x[:, n : n + 3]
         previous = reference
         reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]), moment.axes)
-        if np.abs(turned).max() < rest:
+        last, size = size, float(np.abs(turned).max())
+        if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
-    if np.abs(turned).max() > SETTLED:
+    if size > SETTLED:
         raise EstimationError(
-            f"does not settle: its last step turned the path by {np.abs(turned).max():.1e} rad",
+            f"does not settle: its last step turned the path by {size:.1e} rad",
             "the smoother on rotations",
             "raise the sample rate, or state a noise_std nearer to the truth",
         )

@@ -81,10 +81,12 @@ def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tu
         getattr(ax, f"set_{name}lim")(*(ends[::-1] if k == vertical and gravity[k] > 0 else ends))
         axis = getattr(ax, f"{name}axis")
         axis.set_major_locator(MaxNLocator(max(2, round(6 * size[k] / size.max())), min_n_ticks=2))
-        axis.set_tick_params(pad=5 if k == vertical else 2)
+        # matplotlib moves labels off the axis by a share of the box across it: more where that is thin
+        thin = size.max() / np.delete(size, k).max() if k == vertical else 1.0
+        axis.set_tick_params(pad=11 * thin - 8)
         axis.set_pane_color("#F7F8FA")
         axis.line.set_color("#B8BCC4")
-        getattr(ax, f"set_{name}label")(f"{name} (m)", labelpad=8 if k == vertical else 5)
+        getattr(ax, f"set_{name}label")(f"{name} (m)", labelpad=26 * thin - 21)
     ax.set_proj_type("ortho")
     ax.view_init(elev=24, azim=-58, vertical_axis=AXES[vertical])
     ax.set_box_aspect(size)
