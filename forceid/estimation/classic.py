@@ -6,10 +6,11 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.deformation import Deformation, inertia_along
-from forceid.estimation.flight_smoother import Solution
+from forceid.estimation.flight_smoother import SHARED, Solution, slow_and_small
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
+from forceid.kalman.linear import mean_square
 from forceid.motion.derivative import derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel
 from forceid.motion.pose import fit_rotation
@@ -22,13 +23,18 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
     """Wrench and motion by differentiating twice; the method is settings.method, and it needs no engine.
 
     Force and moment are second derivatives of m c and of the integrated angular momentum (principal
-    equations 2.4), each under the window that it calls for.
+    equations 2.4), each under the window that it calls for. What the window leaves of the mass center, over
+    what noise alone would leave, stands for innovations.
     """
     kin = kinematics(body, motion, settings)
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
+    var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
+    innovation = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], 1e-9))
+    nis = mean_square(innovation)
+    shared = kin.stated[next(iter(kin.noise))] and slow_and_small(innovation, nis)
     none = np.full((len(time), 3), np.nan)
     moment, moment_var, H, omega, rotation = none, none, none, none, kin.pose.rotation
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
@@ -48,10 +54,11 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
     cov[:, range(6), range(6)] = np.concatenate([force.variance, moment_var], 1)
     state = FlightState(
         path.value, path.first, rotation, H, omega, force.target, moment, cov, kin.pose.cov,
-        np.zeros((len(time), 0)), np.full(len(time), np.nan), np.nan,
+        innovation, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    return Solution(kin, deformation, state, "scipy", tuned, {})
+    reasons = (SHARED,) if shared else ()
+    return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), reasons)
 
 
 def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> Choice:

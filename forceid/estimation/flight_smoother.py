@@ -143,7 +143,12 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
     still = np.zeros((len(kin.time), 3))
     flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
     path = smooth_translation(flight, force, engine.smooth)
-    return bool(np.nanmean(path.nis) < SMALL and colored(path.innovation)[0] > CORRELATED)
+    return slow_and_small(path.innovation, path.nis)
+
+
+def slow_and_small(innovation: Array, nis: Array) -> bool:
+    """Whether innovations (time, channel) are far smaller than predicted and follow each other."""
+    return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
 
 
 def with_shared_error(kin: Kinematics) -> Kinematics:

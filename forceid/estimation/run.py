@@ -19,6 +19,7 @@ from forceid.estimation.verdict import (
     Finding,
     judge,
     judge_innovations,
+    judge_loads,
     judge_recording,
     judge_shape,
     judge_tuning,
@@ -92,15 +93,16 @@ def assemble(
     motion = recording.motion
     shape = shape_at(kin, solution.deformation.amplitude)
     rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
+    wrench = np.concatenate([state.force, state.moment], 1)
+    loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     findings = [
         *findings,
         *judge_shape(kin),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
+        *judge_loads(loads),
         *(Finding(text) for text in solution.reasons),
     ]
-    wrench = np.concatenate([state.force, state.moment], 1)
-    loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     return Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,

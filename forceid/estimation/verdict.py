@@ -5,17 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
 from forceid.estimation.kinematics import Kinematics
 from forceid.motion.pose import log
-from forceid.records import Array, Flags, Verdict
+from forceid.motion.window import noise_growth
+from forceid.principal.loads import undetermined
+from forceid.records import Array, Flags, Loads, Verdict
 
+GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
+FEW = 60  # frames below which correlation of errors cannot be seen
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
 MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
+CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
 
 @dataclass(frozen=True)
@@ -84,16 +90,29 @@ def unseen(kin: Kinematics) -> list[str]:
 
 
 def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Finding]:
-    """Noise that the likelihood drove to its floor: the record is smoother than white noise allows."""
-    return [
-        Finding(
-            f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record was "
-            "smoothed before, or its errors are not white, and the claimed errors are too small; "
-            f"state noise_std.{name}"
-        )
-        for name, limit in noise_at_limit.items()
-        if limit and not kin.stated[name]
-    ]
+    """Noise that nobody stated, where the record cannot tell it from motion: at its floor, or too few frames."""
+    found = []
+    for name, limit in noise_at_limit.items():
+        if kin.stated[name]:
+            continue
+        if limit:
+            found.append(
+                f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record was "
+                "smoothed before, or its errors are not white, and the claimed errors are too small; "
+                f"state noise_std.{name}"
+            )
+        elif (growth := noise_growth(kin.time, kin.pose.center)) > GROWTH:
+            found.append(
+                f"the noise of {name} was not stated, and the record does not resolve it: it looks {growth:.1f} "
+                "times larger in every second frame; claimed errors are too small; "
+                f"state noise_std.{name}, or record faster"
+            )
+        elif len(kin.time) < FEW:
+            found.append(
+                f"{len(kin.time)} frames are too few to tell whether the errors of {name} are white, as the claimed "
+                f"errors assume; state noise_std.{name}, or record longer"
+            )
+    return [Finding(text) for text in found]
 
 
 def judge_shape(kin: Kinematics) -> list[Finding]:
@@ -111,6 +130,25 @@ def judge_shape(kin: Kinematics) -> list[Finding]:
             "freedom: the moment is limited by the model; use --model auto"
         )
     ]
+
+
+def judge_loads(loads: Loads | None) -> list[Finding]:
+    """Loads that the motion cannot tell apart, and a wrench that the pattern of loads does not explain."""
+    if loads is None or not np.isfinite(loads.load).any():
+        return []
+    found = []
+    if hidden := undetermined(loads):
+        found.append(
+            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one of "
+            "least norm; read null_space and estimable, or ask for fewer loads"
+        )
+    misfit = float(np.nanmean(loads.chi_square))
+    if loads.dof and misfit > chdtri(loads.dof, CHANCE):
+        found.append(
+            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per degree "
+            "of freedom: other loads act; add them"
+        )
+    return [Finding(text) for text in found]
 
 
 def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) -> list[Finding]:

@@ -98,6 +98,21 @@ def noise_variance(time: Array, z: Array) -> float:
     return float(max(np.median((d**2).sum(1)) / chdtri(z.shape[1], 0.5), rounding))
 
 
+def noise_growth(time: Array, z: Array) -> float:
+    """Factor by which the noise that `noise_variance` shows grows from every sample to every second one.
+
+    z (time, channel). One for white noise that the record resolves; more where motion, or errors smoothed
+    at the source, pass for it. NaN where the record is too short to tell.
+
+    >>> z = np.random.default_rng(0).standard_normal((4000, 3))
+    >>> round(noise_growth(np.arange(4000.0), z), 1)
+    1.0
+    """
+    if np.isfinite(z).all(1).sum() < 5 * ORDER:
+        return float("nan")
+    return float(np.sqrt(noise_variance(time[::2], z[::2]) / noise_variance(time, z)))
+
+
 def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tuple[Array, Array]]) -> Choice:
     """The window of least mean squared error of a target, as far as the data tell.
 

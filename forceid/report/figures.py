@@ -114,15 +114,15 @@ def draw_deformation(estimate: Estimate, ax: Axes) -> None:
 def draw_shape(estimate: Estimate, ax: Axes) -> None:
     """What the model says of the shape: stretch minus one, or mode amplitudes."""
     if estimate.stretch is not None:
-        label(ax, "Stretch less one, body axes", "$U - 1$ (1)", "")
+        label(ax, "Stretch less one", "$U - 1$ (1)", "")
         pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         strain = np.stack([estimate.stretch[:, i, j] - (i == j) for i, j in pairs], axis=-1)
         draw_columns(ax, estimate.time, strain, [AXES[i] + AXES[j] for i, j in pairs], CYCLE)
         return
     q = np.zeros((len(estimate.time), 0)) if estimate.mode_amplitude is None else estimate.mode_amplitude
     shown = min(q.shape[1], len(CYCLE))
-    most = f", the first {shown} of {q.shape[1]}" if q.shape[1] > shown else ""
-    label(ax, f"Mode amplitudes{most}", "$q$ (mm)", "")
+    title = f"Modes 1 to {shown} of {q.shape[1]}" if q.shape[1] > shown else "Mode amplitudes"
+    label(ax, title, "$q$ (mm)", "")
     draw_columns(ax, estimate.time, 1e3 * q[:, :shown], [f"{k + 1}" for k in range(shown)], CYCLE)
 
 

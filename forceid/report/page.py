@@ -60,7 +60,9 @@ def render_page(
 
 
 def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Picture]:
-    """Every figure of the page, in reading order."""
+    """Every figure of the page, in reading order; none where nothing is known."""
+    if not np.isfinite(estimate.center).any():
+        return []
     drawn = [
         (
             draw_path(estimate),
@@ -170,7 +172,7 @@ def provenance(estimate: Estimate) -> list[tuple[str, str]]:
         ("Method", e.method),
         ("Model", e.model),
         ("Engine", e.engine),
-        ("Mass", f"{digits(e.mass)} kg"),
+        ("Mass", f"{digits(e.mass)} kg" if np.isfinite(e.mass) else "not known"),
         ("Gravity", typeset(f"({gravity}) m/s²")),
         ("Moment about", e.moment_about.replace("_", " ")),
         ("Log-likelihood", likelihood),

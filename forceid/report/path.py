@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from forceid.records import Array, Estimate
 from forceid.report.numbers import plain
-from forceid.report.style import BLUE, INK, STYLE, VERMILION, bins, label, panels, say
+from forceid.report.style import BLUE, INK, STYLE, VERMILION, bins
 
 AXES = ("x", "y", "z")
 ARROWS = 24
@@ -25,13 +25,11 @@ DEPTH = 0.4  # least side of the box, of the same: thinner ones squeeze their ti
 
 @rc_context(STYLE)
 def draw_path(estimate: Estimate) -> Figure:
-    """The path of the center in world axes at equal scale, with arrows for the applied force."""
+    """The path of the center in world axes at equal scale, with arrows for the applied force.
+
+    Some sample must show the center.
+    """
     seen = np.isfinite(estimate.center).all(axis=1)
-    if not seen.any():
-        figure, axes = panels(1, 1, (WIDTH, 2.0))
-        label(axes[0, 0], "Path of the mass center", "z (m)", "x (m)")
-        say(axes[0, 0], "not identifiable")
-        return figure
     figure = Figure(figsize=(WIDTH, HEIGHT))
     figure.text(0.02, 0.955, "Path of the mass center, world axes at equal scale", fontsize=10, weight="bold")
     ax: Any = figure.add_axes((0.0, 0.06, 1.0, 0.9), projection="3d", computed_zorder=False)

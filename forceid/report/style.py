@@ -101,6 +101,7 @@ def say(ax: Axes, text: str) -> None:
         color=GRAY,
         fontsize=10,
         style="italic",
+        bbox={"facecolor": "white", "edgecolor": "none"},
     )
     ax.set_yticks([])
 

@@ -1,5 +1,7 @@
 """Flights with a known wrench, written down: steady force, spin about a principal axis, a breathing shape."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -7,62 +9,82 @@ from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 FORCE = np.array([0.6, -0.4, 0.8])  # N
-MASS, SPREAD = 0.2, np.array([0.10, 0.16, 0.05])  # kg, m: half distances of the pairs of nodes
-AXES = Rotation.from_rotvec([0.5, -0.3, 0.8])  # of the body at time zero
-ACROSS = 0.2 * SPREAD[0] ** 2 + 0.2 * SPREAD[1] ** 2  # of MASS / 0.6: see `star`
-NOISE = 3e-4
+MASS, REACH = 0.2, np.array([0.10, 0.16, 0.05])  # kg, m: from the center to the nodes
+NAMES = ("front", "left", "top", "rear", "right", "bottom")
+START = Rotation.from_rotvec([0.5, -0.3, 0.8])  # of the body at time zero
+SPIN = (6.0, 4.0)  # rad/s, rad/s2, about the third principal axis
+NOISE = 3e-4  # m
+AXIS = START.as_matrix()[:, 2]  # of the spin, world axes
+INERTIA = MASS / 3 * np.diag(np.sum(REACH**2) - REACH**2)  # of `star`
 
 
 def star(**known):
-    """Six nodes in pairs along the principal axes; three pairs of a third of the mass each."""
-    position = np.concatenate([np.diag(SPREAD), -np.diag(SPREAD)])
-    names = ("front", "left", "top", "rear", "right", "bottom")
-    if not known:
-        known = {"mass": np.full(6, MASS / 6)}
-    return Body(node=names, position=position, **known)
+    """Six nodes in pairs along the principal axes, each pair a third of the mass, unless told otherwise."""
+    position = np.concatenate([np.diag(REACH), -np.diag(REACH)])
+    return Body(node=NAMES, position=position, **(known or {"mass": np.full(6, MASS / 6)}))
 
 
-def inertia(axis):
-    """Principal moment of inertia of `star` about a principal axis, kg m2."""
-    return MASS / 3 * (np.sum(SPREAD**2) - SPREAD[axis] ** 2)
+def points(*nodes):
+    """A body of (x, y, z, mass) nodes."""
+    table = np.array(nodes, float)
+    return Body(node=tuple(f"n{k}" for k in range(len(table))), position=table[:, :3], mass=table[:, 3])
 
 
 def clock(frames=120, rate=200.0):
     return np.arange(frames) / rate
 
 
-def spun(time, spin=(6.0, 4.0), axis=2):
-    """Rotations that turn about a principal axis by spin[0] t + spin[1] t^2 / 2, and the rate of the spin."""
-    angle = spin[0] * time + 0.5 * spin[1] * time**2
-    turned = Rotation.from_rotvec(angle[:, None] * np.eye(3)[axis])
-    return (AXES * turned).as_matrix(), spin[0] + spin[1] * time
+def toss(time=None, body=None, seed=0, noise=NOISE, spin=SPIN, stated=True, breath=0.0):
+    """Markers of a body under FORCE and weight, spun up about its third axis, and its true wrench.
 
-
-def falling(time, force=FORCE):
-    """Mass center under a steady force and weight."""
-    t = time[:, None]
-    return np.array([1.0, -2.0, 1.5]) + t * [2.0, 0.5, 3.0] + 0.5 * t**2 * (force / MASS + GRAVITY)
-
-
-def toss(time=None, body=None, seed=0, noise=NOISE, spin=(6.0, 4.0), force=FORCE, stated=True, scale=None):
-    """Markers of a body in flight, with its true wrench: steady `force`, and what the spin asks for.
-
-    spin: rate and its steady change, rad/s, rad/s2, about the third principal axis. scale(t): the size of the
-    body and its rate, if it breathes: the moment is then the rate of J s^2 omega.
+    breath: the body grows and shrinks by this part at 30 rad/s, and then the moment is the rate of
+    J s^2 omega; nodes of `body` are about its mass center, and the moment is that of `star`.
     """
     time = clock() if time is None else time
     body = star() if body is None else body
-    R, omega = spun(time, spin)
-    s, ds = (np.ones_like(time), np.zeros_like(time)) if scale is None else scale(time)
-    center = falling(time, force)
+    R = (START * Rotation.from_rotvec(np.outer(spin[0] * time + spin[1] * time**2 / 2, [0, 0, 1]))).as_matrix()
+    omega = spin[0] + spin[1] * time
+    s, ds = 1 + breath * np.sin(30 * time), 30 * breath * np.cos(30 * time)
+    t = time[:, None]
+    center = np.array([1.0, -2.0, 1.5]) + t * [2.0, 0.5, 3.0] + 0.5 * t**2 * (FORCE / MASS + GRAVITY)
     x = center[:, None] + s[:, None, None] * np.einsum("tab,nb->tna", R, body.position)
-    moment = inertia(2) * (s**2 * spin[1] + 2 * s * ds * omega)
     truth = {
-        "force": np.tile(force, (len(time), 1)),
-        "moment": moment[:, None] * AXES.as_matrix()[:, 2],
+        "force": np.tile(FORCE, (len(time), 1)),
+        "moment": INERTIA[2, 2] * np.outer(s**2 * spin[1] + 2 * s * ds * omega, AXIS),
         "center": center,
         "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
+        "breath": s,
     }
     x = x + noise * np.random.default_rng(seed).standard_normal(x.shape)
-    known = {"position": noise} if stated else {}
-    return Recording(body, Motion(time, x, gravity=GRAVITY, noise_std=known), truth)
+    return Recording(body, Motion(time, x, gravity=GRAVITY, noise_std={"position": noise} if stated else {}), truth)
+
+
+def waved(recording, tip="left", size=0.01, rate=30.0):
+    """The same with one node that waves along the first body axis."""
+    t = recording.motion.time
+    R = Rotation.from_quat(recording.truth["orientation"]).as_matrix()
+    x = recording.motion.position.copy()
+    x[:, recording.body.node.index(tip)] += size * np.sin(rate * t)[:, None] * R[..., 0]
+    return seen_as(recording, x)
+
+
+def seen_as(recording, position):
+    """The recording with other marker positions."""
+    return replace(recording, motion=replace(recording.motion, position=position))
+
+
+def mean_motion(seed=0, center_std=1e-4, turn_std=1e-3, stated=False):
+    """The same flight as center and orientation of a body known as a whole."""
+    flown, rng = toss(), np.random.default_rng(seed)
+    n = len(flown.motion.time)
+    turn = Rotation.from_rotvec(turn_std * rng.standard_normal((n, 3)))
+    turned = (turn * Rotation.from_quat(flown.truth["orientation"])).as_quat(canonical=True)
+    center = flown.truth["center"] + center_std * rng.standard_normal((n, 3))
+    body = Body(total_mass=MASS, mass_center=np.array([0.1, 0.2, 0.3]), inertia=INERTIA)
+    noise = {"center": center_std, "orientation": turn_std} if stated else {}
+    motion = Motion(flown.motion.time, center=center, orientation=turned, gravity=GRAVITY, noise_std=noise)
+    return replace(flown, body=body, motion=motion)
+
+
+def rms(error):
+    return float(np.sqrt(np.nanmean(np.square(error))))

@@ -46,7 +46,7 @@ def test_page_of_a_long_record_stays_small(throw):
     assert len(render_page(estimate, truth)) < 3e6
 
 
-def test_page_of_a_refused_estimate_says_so_and_draws_what_is_known(throw):
+def test_page_of_a_refused_estimate_says_why_and_draws_nothing(throw):
     estimate, _ = throw(50)
     nothing = np.full((50, 3), np.nan)
     refused = replace(
@@ -59,9 +59,11 @@ def test_page_of_a_refused_estimate_says_so_and_draws_what_is_known(throw):
         innovation=np.empty((50, 0)),
         nis=np.full(50, np.nan),
         log_likelihood=np.nan,
+        mass=np.nan,
         verdict=Verdict("refused", ("Three samples cannot show a force; record more.",)),
     )
     html = render_page(refused)
     assert "Refused" in html
     assert "record more" in html
     assert "not identifiable" in html
+    assert "<img" not in html

@@ -1,0 +1,194 @@
+"""What is said of an estimate, in which words, and that nothing is said where nothing is wrong."""
+
+from dataclasses import replace
+
+import closed_forms as cf
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+from forceid.config import load_settings
+from forceid.estimation.kinematics import kinematics
+from forceid.estimation.verdict import (
+    Finding,
+    colored,
+    judge,
+    judge_innovations,
+    judge_loads,
+    judge_recording,
+    judge_shape,
+    judge_tuning,
+    largest_turn,
+    strongest_line,
+)
+from forceid.principal.loads import solve_loads
+
+TIME = cf.clock(400)
+
+
+def seen(recording, **settings):
+    return kinematics(recording.body, recording.motion, load_settings(**settings))
+
+
+def white(seed=0, channels=6):
+    return np.random.default_rng(seed).standard_normal((len(TIME), channels))
+
+
+def innovations_judged(v, reach=1.0):
+    return [f.text for f in judge_innovations(TIME, v, (v**2).mean(1), np.full(v.shape[1], reach))]
+
+
+def test_worst_finding_sets_the_level():
+    small, large = Finding("a"), Finding("b", refuses=True)
+    assert judge([]).level == "ok"
+    assert judge([small, small]).level == "degraded"
+    assert judge([small, large]).level == "refused"
+    assert judge([small, large]).reasons == ("a", "b")
+
+
+def test_good_record_gives_no_finding():
+    kin = seen(cf.toss())
+    assert judge_recording(kin) == []
+    assert judge_shape(kin) == []
+    assert judge_tuning(kin, {"position": True}) == []  # stated: a floor by right
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (cf.points([0, 0, 0, 0.2]), "one marker is a particle"),
+        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]), "the 2 markers lie on a line"),
+        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1], [0.3, 0, 0, 0]), "the 3 markers lie on a line"),
+    ],
+    ids=["one", "two", "line"],
+)
+def test_markers_that_do_not_fix_the_rotation_are_named_with_a_next_step(body, words):
+    (found,) = judge_recording(seen(cf.toss(body=body)))
+    assert words in found.text
+    assert "; add " in found.text
+    assert not found.refuses
+
+
+def test_unseen_mass_center_is_refused():
+    recording = cf.toss(body=cf.points([0.1, 0.05, 0, 0.05], [-0.1, 0.05, 0, 0.05], [0, -0.05, 0, 0.1]))
+    x = recording.motion.position.copy()
+    x[:, 2] = np.nan
+    (found,) = judge_recording(seen(cf.seen_as(recording, x)))
+    assert found.refuses
+    assert "do not span" in found.text
+
+
+@pytest.mark.parametrize("spin", [150.0, 210.0])  # degrees a frame; 210 one way looks like 150 the other
+def test_spin_near_half_a_turn_a_frame_is_said(spin):
+    turn = np.radians(spin) * 30.0
+    (found,) = judge_recording(seen(cf.toss(cf.clock(60, 30.0), spin=(turn, 0.0), noise=1e-6)))
+    assert "turns 150 degrees between frames" in found.text
+
+
+def test_spin_well_below_half_a_turn_is_not_said():
+    assert judge_recording(seen(cf.toss(cf.clock(60, 30.0), spin=(60.0, 0.0)))) == []  # 115 degrees
+
+
+def test_largest_turn_skips_gaps():
+    R = Rotation.from_rotvec(np.outer([0.0, 0.1, 0.3, 0.9], [0, 0, 1])).as_matrix()
+    assert largest_turn(R) == pytest.approx(0.6)
+    R[2] = np.nan
+    assert largest_turn(R) == pytest.approx(0.1)
+    R[1] = np.nan
+    assert largest_turn(R) == 0.0
+
+
+def test_lost_frames_are_counted_with_their_longest_run():
+    recording = cf.toss()
+    x = recording.motion.position.copy()
+    x[[10, 50, 51, 52]] = np.nan
+    (found,) = judge_recording(seen(cf.seen_as(recording, x)))
+    assert "4 of 120 frames show no pose, the longest run 3 frames" in found.text
+
+
+def test_mass_without_marker_on_a_deforming_body_is_said():
+    recording = cf.waved(cf.toss())
+    x = recording.motion.position.copy()
+    x[:, 5] = np.nan
+    assert "1 nodes carry mass but no marker" in judge_recording(seen(cf.seen_as(recording, x)))[0].text
+    assert judge_recording(seen(cf.seen_as(cf.toss(), x), model="rigid")) == []
+
+
+def test_rigid_model_of_a_deforming_body_is_limited_by_the_model():
+    (found,) = judge_shape(seen(cf.toss(breath=0.05), model="rigid"))
+    assert "limited by the model" in found.text
+    size = 0.05 * np.sqrt(0.5 * np.mean(cf.star().position ** 2)) * 1e3
+    assert float(found.text.split(" mm rms")[0].split()[-1]) == pytest.approx(size, rel=0.1)
+    assert judge_shape(seen(cf.toss(breath=0.05))) == []
+
+
+def test_noise_at_its_floor_is_said_unless_it_was_stated():
+    kin = seen(cf.toss(stated=False))
+    (found,) = judge_tuning(kin, {"position": True})
+    assert "state noise_std.position" in found.text
+    assert judge_tuning(kin, {"position": False}) == []
+
+
+def test_white_innovations_of_unit_size_are_not_remarked_on():
+    for seed in range(20):
+        assert innovations_judged(white(seed)) == []
+
+
+@pytest.mark.parametrize(("size", "word"), [(0.5, "smaller"), (1.5, "larger")])
+def test_innovations_of_another_size_than_predicted_are_said_in_numbers(size, word):
+    (text,) = innovations_judged(size * white())
+    assert f"{size:.2f}"[:3] in text
+    assert word in text
+
+
+def test_color_is_found_in_its_channel():
+    v = white()
+    v[:, 4] = lfilter([np.sqrt(1 - 0.6**2)], [1, -0.6], v[:, 4])
+    r, channel = colored(v)
+    assert channel == "rotation y"
+    assert r == pytest.approx(0.6, abs=0.1)
+    v[::2, 4] = np.nan
+    assert colored(v) == (0.0, "")  # no two neighbors left
+
+
+def test_line_is_found_where_it_hides_a_load():
+    v = white()
+    v[:, 1] += 1.5 * np.sin(2 * np.pi * 20.0 * TIME)
+    hertz, channel = strongest_line(TIME, v, np.ones(6))
+    assert hertz == pytest.approx(20.0, abs=0.5)
+    assert channel == "center y"
+    assert strongest_line(TIME, v, np.full(6, 1e-6)) == (0.0, "")  # too small a load to matter
+    assert strongest_line(TIME, white(), np.full(6, 1e6)) == (0.0, "")
+
+
+def test_method_without_innovations_is_not_judged_by_them():
+    assert judge_innovations(TIME, np.zeros((400, 0)), np.full(400, np.nan), np.zeros(0)) == []
+
+
+def loads_of(G, wrench, noise=0.01):
+    rng = np.random.default_rng(0)
+    g = wrench + noise * rng.standard_normal((50, 6))
+    return solve_loads(g, noise**2 * np.eye(6), G, length=0.1, name=("a", "b"))
+
+
+def test_loads_that_explain_the_wrench_are_not_remarked_on():
+    G = np.eye(6)[:, :2]
+    assert judge_loads(loads_of(G, np.array([1.0, 2, 0, 0, 0, 0]))) == []
+    assert judge_loads(None) == []
+
+
+def test_wrench_that_the_loads_do_not_explain_is_said():
+    (found,) = judge_loads(loads_of(np.eye(6)[:, :2], np.array([1.0, 2, 3, 0, 0, 0])))
+    assert "unexplained" in found.text
+
+
+def test_loads_on_one_line_are_said_to_be_known_in_combination_only():
+    G = np.repeat(np.eye(6)[:, :1], 2, axis=1)
+    (found,) = judge_loads(loads_of(G, np.array([1.0, 0, 0, 0, 0, 0])))
+    assert "the loads a, b are determined in combination only" in found.text
+
+
+def test_loads_without_a_number_are_left_to_what_made_them_so():
+    found = loads_of(np.eye(6)[:, :2], np.full(6, np.nan))
+    assert judge_loads(replace(found)) == []
