@@ -60,7 +60,8 @@ def test_squats_against_the_plates():
 
 # 1.2 times the error of the low-pass cut that is best on the truth, axis by axis
 @pytest.mark.parametrize(
-    ("trial", "limit"), [("DJ1", (86.9, 113.0, 20.4)), ("DJ2", (95.4, 122.4, 20.4)), ("DJ3", (85.3, 119.3, 20.4))]
+    ("trial", "limit"),
+    [("DJ1", (86.9, 113.0, 20.4)), ("DJ2", (95.4, 122.4, 20.4)), ("DJ3", (85.3, 119.3, 20.4))],
 )
 def test_drop_jump_is_as_good_as_the_best_cut_chosen_on_the_truth(trial, limit):
     _, error, _ = person(trial)

@@ -29,7 +29,8 @@ def central_rms(error):
 
 @pytest.fixture(scope="module")
 def boomerang():
-    return {method: recover("flexible_boomerang", method=method) for method in ("smoother", "savgol", "difference")}
+    methods = ("smoother", "savgol", "difference")
+    return {method: recover("flexible_boomerang", method=method) for method in methods}
 
 
 def errors(case):
@@ -88,7 +89,7 @@ def test_a_lost_marker_on_a_spinning_ring_makes_no_force():
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_momentum_closes(scene):
-    recording, estimate = recover(scene)
+    _, estimate = recover(scene)
     step = np.diff(estimate.time)[:, None]
     pushed = estimate.force + estimate.mass * estimate.gravity
     impulse = (0.5 * (pushed[1:] + pushed[:-1]) * step).sum(0)

@@ -11,7 +11,7 @@ from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
 from forceid.kalman.linear import mean_square
-from forceid.motion.derivative import derivatives
+from forceid.motion.derivative import Derivatives, derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel
 from forceid.motion.pose import fit_rotation
 from forceid.motion.window import Choice, Window, choose_window, windows
@@ -36,22 +36,24 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
     nis = mean_square(innovation)
     shared = kin.stated[next(iter(kin.noise))] and slow_and_small(innovation, nis)
     none = np.full((len(time), 3), np.nan)
-    moment, moment_var, H, omega, rotation = none, none, none, none, kin.pose.rotation
+    moment, H, omega, rotation = none, none, none, kin.pose.rotation
+    cov = np.full((len(time), 6, 6), np.nan)
+    cov[:, :3, :3] = force_cov(kin, path) * (1 + force.bias_ratio)
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = moment_channel(kin)
         chosen = choose_moment(channel, candidates)
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
-        moment, moment_var, H = none.copy(), none.copy(), none.copy()
-        moment[at], moment_var[at] = chosen.target, chosen.variance
-        H[at] = derivatives(channel.time, channel.Y, chosen.window).first
+        turn = derivatives(channel.time, channel.Y, chosen.window)
+        moment, H = none.copy(), none.copy()
+        moment[at], H[at] = turn.second, turn.first
+        cov[at, 3:, 3:] = moment_cov(channel, turn) * (1 + chosen.bias_ratio)
+        cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
         if amplitude.size:
             smooth = derivatives(time, kin.amplitude, chosen.window)
             amplitude, rate = np.nan_to_num(smooth.value), np.nan_to_num(smooth.first)
-    cov = np.zeros((len(time), 6, 6))
-    cov[:, range(6), range(6)] = np.concatenate([force.variance, moment_var], 1)
     state = FlightState(
         path.value, path.first, rotation, H, omega, force.target, moment, cov, kin.pose.cov,
         innovation, nis, np.nan,
@@ -63,11 +65,11 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
 
 def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> Choice:
     """Force on the mass center under the window that the force calls for."""
-    var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
 
     def estimate(window: Window) -> tuple[Array, Array]:
         d = derivatives(kin.time, kin.pose.center, window)
-        return kin.inertia.mass * (d.second - gravity), kin.inertia.mass**2 * var * d.gain[:, :, 2, 2]
+        var = np.diagonal(force_cov(kin, d), axis1=1, axis2=2)
+        return kin.inertia.mass * (d.second - gravity), var
 
     return choose_window(candidates, estimate)
 
@@ -81,15 +83,26 @@ def moment_channel(kin: Kinematics) -> AngularChannel:
 
 def choose_moment(channel: AngularChannel, candidates: list[Window]) -> Choice:
     """Moment about the mass center under the window that the moment calls for."""
-    var = np.diagonal(channel.noise_cov, axis1=1, axis2=2)
-    # what adds up in Y is white in its rate
-    rate_var = np.diagonal(channel.drift) / np.median(np.diff(channel.time))
 
     def estimate(window: Window) -> tuple[Array, Array]:
         d = derivatives(channel.time, channel.Y, window)
-        return d.second, var * d.gain[:, :, 2, 2] + rate_var * d.gain[:, :, 1, 1]
+        return d.second, np.diagonal(moment_cov(channel, d), axis1=1, axis2=2)
 
     return choose_window(candidates, estimate)
+
+
+def force_cov(kin: Kinematics, d: Derivatives) -> Array:
+    """Covariance (time, 3, 3) that the noise of the poses gives the force."""
+    cov = kin.pose.cov[:, :3, :3]
+    cov = np.where(np.isfinite(cov), cov, np.nanmean(cov, axis=0))  # of a frame that is bridged
+    return np.asarray(kin.inertia.mass**2 * cov * d.gain[:, :1, 2:, 2:].reshape(-1, 1, 1))
+
+
+def moment_cov(channel: AngularChannel, d: Derivatives) -> Array:
+    """Covariance (sample, 3, 3) that the noise of the poses gives the moment."""
+    rate_cov = channel.drift / np.median(np.diff(channel.time))  # what adds up in Y is white in its rate
+    gain = d.gain[:, 0, :, :, None, None]
+    return channel.noise_cov * gain[:, 2, 2] + rate_cov * gain[:, 1, 1]
 
 
 def spin(kin: Kinematics, window: Window) -> tuple[Array, Array]:

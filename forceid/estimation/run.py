@@ -79,10 +79,12 @@ def with_gravity(recording: Recording, settings: Settings) -> Recording:
 
 def check_stiffness(body: Body) -> None:
     """A DataError where the stiffness of a body leaves a mechanism or holds a rigid motion."""
-    if body.stiffness is not None and body.position is not None:
-        check = objectivity(body.stiffness, body.position)
-        if check.reasons:
-            raise DataError(check.reasons[0], "/body/stiffness")
+    if body.stiffness is None or body.position is None:
+        return
+    if not body.stiffness.any():
+        raise DataError("is all zero", "/body/stiffness", "leave it out: a force needs no stiffness")
+    if reasons := objectivity(body.stiffness, body.position).reasons:
+        raise DataError(reasons[0].removeprefix("the stiffness "), "/body/stiffness")
 
 
 def assemble(

@@ -90,27 +90,27 @@ def unseen(kin: Kinematics) -> list[str]:
 
 
 def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Finding]:
-    """Noise that nobody stated, where the record cannot tell it from motion: at its floor, or too few frames."""
+    """Noise that nobody stated, and that the record cannot tell from motion: at its floor, or too short."""
     found = []
     for name, limit in noise_at_limit.items():
         if kin.stated[name]:
             continue
         if limit:
             found.append(
-                f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record was "
-                "smoothed before, or its errors are not white, and the claimed errors are too small; "
+                f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record "
+                "was smoothed before, or its errors are not white, and the claimed errors are too small; "
                 f"state noise_std.{name}"
             )
         elif (growth := noise_growth(kin.time, kin.pose.center)) > GROWTH:
             found.append(
-                f"the noise of {name} was not stated, and the record does not resolve it: it looks {growth:.1f} "
-                "times larger in every second frame; claimed errors are too small; "
+                f"the noise of {name} was not stated, and the record does not resolve it: it looks "
+                f"{growth:.1f} times larger in every second frame; claimed errors are too small; "
                 f"state noise_std.{name}, or record faster"
             )
         elif len(kin.time) < FEW:
             found.append(
-                f"{len(kin.time)} frames are too few to tell whether the errors of {name} are white, as the claimed "
-                f"errors assume; state noise_std.{name}, or record longer"
+                f"{len(kin.time)} frames are too few to tell whether the errors of {name} are white, as the "
+                f"claimed errors assume; state noise_std.{name}, or record longer"
             )
     return [Finding(text) for text in found]
 
@@ -139,14 +139,14 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
     found = []
     if hidden := undetermined(loads):
         found.append(
-            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one of "
-            "least norm; read null_space and estimable, or ask for fewer loads"
+            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one "
+            "of least norm; read null_space and estimable, or ask for fewer loads"
         )
     misfit = float(np.nanmean(loads.chi_square))
     if loads.dof and misfit > chdtri(loads.dof, CHANCE):
         found.append(
-            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per degree "
-            "of freedom: other loads act; add them"
+            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per "
+            "degree of freedom: other loads act; add them"
         )
     return [Finding(text) for text in found]
 

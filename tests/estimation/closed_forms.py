@@ -34,17 +34,32 @@ def clock(frames=120, rate=200.0):
     return np.arange(frames) / rate
 
 
+def size_at(time, breath):
+    """Size of a body that breathes at 30 rad/s."""
+    return 1 + breath * np.sin(30 * time)
+
+
+def spring(*ends):
+    """Stiffness of `star` with one spring of 1 N/m between two of its nodes."""
+    a, b = (NAMES.index(end) for end in ends)
+    position = star().position
+    pull = np.zeros((6, 3))
+    pull[b] = (position[b] - position[a]) / np.linalg.norm(position[b] - position[a])
+    pull[a] = -pull[b]
+    return np.outer(pull, pull)
+
+
 def toss(time=None, body=None, seed=0, noise=NOISE, spin=SPIN, stated=True, breath=0.0):
     """Markers of a body under FORCE and weight, spun up about its third axis, and its true wrench.
 
-    breath: the body grows and shrinks by this part at 30 rad/s, and then the moment is the rate of
+    breath: the part by which the body grows and shrinks, see `size_at`, and then the moment is the rate of
     J s^2 omega; nodes of `body` are about its mass center, and the moment is that of `star`.
     """
     time = clock() if time is None else time
     body = star() if body is None else body
     R = (START * Rotation.from_rotvec(np.outer(spin[0] * time + spin[1] * time**2 / 2, [0, 0, 1]))).as_matrix()
     omega = spin[0] + spin[1] * time
-    s, ds = 1 + breath * np.sin(30 * time), 30 * breath * np.cos(30 * time)
+    s, ds = size_at(time, breath), 30 * breath * np.cos(30 * time)
     t = time[:, None]
     center = np.array([1.0, -2.0, 1.5]) + t * [2.0, 0.5, 3.0] + 0.5 * t**2 * (FORCE / MASS + GRAVITY)
     x = center[:, None] + s[:, None, None] * np.einsum("tab,nb->tna", R, body.position)
@@ -53,7 +68,7 @@ def toss(time=None, body=None, seed=0, noise=NOISE, spin=SPIN, stated=True, brea
         "moment": INERTIA[2, 2] * np.outer(s**2 * spin[1] + 2 * s * ds * omega, AXIS),
         "center": center,
         "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
-        "breath": s,
+        
     }
     x = x + noise * np.random.default_rng(seed).standard_normal(x.shape)
     return Recording(body, Motion(time, x, gravity=GRAVITY, noise_std={"position": noise} if stated else {}), truth)

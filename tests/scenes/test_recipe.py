@@ -144,7 +144,7 @@ def test_wrong_word_names_the_nearest_right_one(changes, message):
 def test_wrong_key_of_a_file_names_file_and_key(tmp_path):
     path = tmp_path / "toss.toml"
     path.write_text('scene = "top"\nduration = 1.0\nsample_rat = 100\n')
-    with pytest.raises(ConfigError, match=r"toss\.toml key 'sample_rate': Field required"):
+    with pytest.raises(ConfigError, match=r"toss\.toml unknown key 'sample_rat'; did you mean 'sample_rate'"):
         load_recipe(path)
     path.write_text('scene = "top"\nduration = 1.0\nsample_rate = 100\n[parameters]\nspinn = 1\n')
     with pytest.raises(ConfigError, match=r"\[parameters\] unknown key 'spinn'; did you mean 'spin'"):
