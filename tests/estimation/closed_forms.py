@@ -57,7 +57,8 @@ def toss(time=None, body=None, seed=0, noise=NOISE, spin=SPIN, stated=True, brea
     """
     time = clock() if time is None else time
     body = star() if body is None else body
-    R = (START * Rotation.from_rotvec(np.outer(spin[0] * time + spin[1] * time**2 / 2, [0, 0, 1]))).as_matrix()
+    angle = spin[0] * time + spin[1] * time**2 / 2
+    R = (START * Rotation.from_rotvec(np.outer(angle, [0, 0, 1]))).as_matrix()
     omega = spin[0] + spin[1] * time
     s, ds = size_at(time, breath), 30 * breath * np.cos(30 * time)
     t = time[:, None]
@@ -68,10 +69,11 @@ def toss(time=None, body=None, seed=0, noise=NOISE, spin=SPIN, stated=True, brea
         "moment": INERTIA[2, 2] * np.outer(s**2 * spin[1] + 2 * s * ds * omega, AXIS),
         "center": center,
         "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
-        
     }
     x = x + noise * np.random.default_rng(seed).standard_normal(x.shape)
-    return Recording(body, Motion(time, x, gravity=GRAVITY, noise_std={"position": noise} if stated else {}), truth)
+    return Recording(
+        body, Motion(time, x, gravity=GRAVITY, noise_std={"position": noise} if stated else {}), truth
+    )
 
 
 def waved(recording, tip="left", size=0.01, rate=30.0):

@@ -90,7 +90,7 @@ def test_two_forces_at_nodes_are_recovered(estimated):
 
 
 def test_three_loads_on_one_line_leave_a_null_space_and_say_so(estimated, flown):
-    recording, about_center = flown
+    recording, _ = flown
     line = [{"name": f"p{k}", "direction": (0, 0, 1), "point": (0.1 * k, 0, 0)} for k in range(3)]
     result = estimated(recording, load=line)
     null = result.loads.null_space[:, 0] * np.sqrt(6)

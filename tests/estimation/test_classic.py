@@ -87,7 +87,9 @@ def test_spin_comes_from_the_axes_of_the_body(method):
     assert cf.rms(omega - truth) < 0.15
     R = Rotation.from_matrix(rotation) * Rotation.from_quat(recording.truth["orientation"]).inv()
     assert cf.rms(R.magnitude()) < 2e-2
-    np.testing.assert_allclose(rotation @ rotation.swapaxes(1, 2), np.tile(np.eye(3), (120, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        rotation @ rotation.swapaxes(1, 2), np.tile(np.eye(3), (120, 1, 1)), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("method", ROUTES)

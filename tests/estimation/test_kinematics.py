@@ -71,7 +71,9 @@ def test_center_is_seen_where_the_rotation_is_not(body):
     kin = seen(recording)
     std = np.sqrt(kin.pose.cov[:, 0, 0])
     assert not kin.attitude
-    assert cf.rms((kin.pose.center - recording.truth["center"]) / std[:, None]) == pytest.approx(1.0, abs=0.15)
+    assert cf.rms((kin.pose.center - recording.truth["center"]) / std[:, None]) == pytest.approx(
+        1.0, abs=0.15
+    )
     assert np.isnan(kin.pose.rotation).all()
 
 

@@ -62,13 +62,15 @@ def test_motion_is_recovered_with_the_wrench(flown):
 
 def test_claims_hold_over_many_noises(estimated):
     middle = []
-    for seed in range(12):
+    for seed in range(8):
         recording = cf.toss(cf.clock(80), seed=seed)
         result = estimated(recording)
-        error = np.hstack([result.force - recording.truth["force"], result.moment - recording.truth["moment"]])
+        error = np.hstack(
+            [result.force - recording.truth["force"], result.moment - recording.truth["moment"]]
+        )
         C = result.wrench_cov[40]
         middle.append(error[40] @ np.linalg.solve(C, error[40]) / 6)
-    assert np.mean(middle) == pytest.approx(1.0, abs=0.5)  # 72 numbers: 3 sigma of chi-square / 72
+    assert np.mean(middle) == pytest.approx(1.0, abs=0.6)  # 48 numbers: 3 sigma of chi-square / 48
 
 
 def test_breathing_body_is_recovered_with_its_changing_inertia(breathing):
@@ -99,6 +101,17 @@ def test_affine_model_gives_the_stretch(estimated, breathing):
     assert cf.rms(result.stretch - expected) < 2e-3
     assert result.mode_amplitude is None
     assert moment_score(result, recording) < 1.5
+
+
+def test_stretch_has_the_direction_in_which_the_body_grows(estimated):
+    recording = cf.toss()
+    size = cf.size_at(recording.motion.time, 0.05)
+    along = Rotation.from_quat(recording.truth["orientation"]).as_matrix()[..., 1]
+    longer = np.einsum("t,n,ta->tna", size - 1, recording.body.position[:, 1], along)
+    result = estimated(cf.seen_as(recording, recording.motion.position + longer), model="affine")
+    expected = np.tile(np.eye(3), (120, 1, 1))
+    expected[:, 1, 1] = size / np.mean(size)
+    assert cf.rms(result.stretch - expected) < 2e-3
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -246,8 +259,8 @@ def test_measured_mean_motion_is_enough(estimated, stated, method):
 def test_gravity_of_the_settings_goes_before_that_of_the_file(estimated, flown):
     recording, on_earth = flown
     on_moon = estimated(recording, gravity=(0.0, 0.0, -1.62))
-    expected = on_earth.force.mean(0) + [0, 0, -cf.MASS * (9.81 - 1.62)]
-    np.testing.assert_allclose(on_moon.force.mean(0), expected, atol=2e-3)
+    weight = np.array([0, 0, cf.MASS * (9.81 - 1.62)])
+    np.testing.assert_allclose(on_moon.force.mean(0), on_earth.force.mean(0) - weight, atol=2e-3)
     np.testing.assert_array_equal(on_moon.gravity, [0, 0, -1.62])
 
 
@@ -313,7 +326,7 @@ def test_estimate_leaves_its_input_alone(estimated):
     ("stiffness", "words"),
     [
         (np.zeros((18, 18)), "/body/stiffness is all zero"),
-        (cf.spring("front", "left"), "/body/stiffness lets .* a mechanism"),
+        (cf.spring("front", "left"), "/body/stiffness lets .*a mechanism"),
         (np.eye(18), "/body/stiffness resists rigid motion"),
     ],
     ids=["zero", "mechanism", "held"],
