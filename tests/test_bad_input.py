@@ -136,7 +136,6 @@ def test_bad_file_exits_3_with_one_line_on_what_where_and_what_next(file, comman
         assert line.startswith(f"forceid: error: toss.h5{variable} ")
 
 
-@pytest.mark.xfail(strict=True, reason="the stiffness is checked where the name of the file is not known")
 def test_line_on_a_mechanism_names_the_file(file, capsys):
     spring(file)
     assert "toss.h5:/body/stiffness" in refused(["estimate", str(file)], capsys)[1]

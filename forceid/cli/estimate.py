@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from forceid.cli.output import describe, summary, to_json
-from forceid.errors import ConfigError
+from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from forceid.config import Settings
@@ -55,6 +57,17 @@ def run(
         raise typer.Exit(1)
 
 
+@contextmanager
+def naming(source: Path) -> Iterator[None]:
+    """Put the file's name before the variable in errors from where only the variable is known."""
+    try:
+        yield
+    except DataError as e:
+        if e.where.startswith(("/body", "/motion")):
+            raise DataError(e.what, f"{source}:{e.where}", e.next_step) from e
+        raise
+
+
 def estimate_file(source: Path, output: Path, settings: Settings) -> dict[str, Any]:
     """Read, estimate, write; return what there is to say of it."""
     from forceid.estimation.run import estimate_recording
@@ -64,6 +77,7 @@ def estimate_file(source: Path, output: Path, settings: Settings) -> dict[str, A
     if output.resolve() == source.resolve():
         raise ConfigError("is both input and output", str(output), "name another output with -o")
     recording = read_motion(source, settings.gravity)
-    estimate = estimate_recording(recording, settings)
+    with naming(source):
+        estimate = estimate_recording(recording, settings)
     write_result(output, estimate, recording)
     return describe(estimate, source, output, recording.truth)

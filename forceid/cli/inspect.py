@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.estimate import Config, Json
+from forceid.cli.estimate import Config, Json, naming
 from forceid.cli.output import to_json, wrap
 
 
@@ -25,7 +25,9 @@ def run(
     from forceid.files.hdf5 import read_motion
 
     settings = load_settings(config)
-    inspection = inspect_recording(read_motion(file, settings.gravity), settings)
+    recording = read_motion(file, settings.gravity)
+    with naming(file):
+        inspection = inspect_recording(recording, settings)
     if json:
         print(to_json({"file": str(file), **inspection.as_dict()}))
     else:

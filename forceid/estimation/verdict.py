@@ -162,11 +162,10 @@ def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) 
     found = []
     level = float(np.nanmean(nis))
     if not NIS_BAND[0] < level < NIS_BAND[1]:
-        word = "larger" if level > 1 else "smaller"
-        found.append(
-            f"the innovations are {np.sqrt(level):.2f} times as large as predicted, {word} than the model "
-            "allows: claimed errors are off by about that; check noise_std and the model"
-        )
+        meaning = "claimed errors are too small by about that; check noise_std and the model"
+        if level < 1:
+            meaning = "the tracks are smoother than the noise they are said to have; check noise_std"
+        found.append(f"the innovations are {np.sqrt(level):.2f} times as large as predicted: {meaning}")
     color, channel = colored(innovation)
     if color:
         found.append(

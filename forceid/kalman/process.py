@@ -83,7 +83,7 @@ def discretize(process: Process, step: ArrayLike) -> tuple[Array, Array]:
     """
     h = np.asarray(step, float)[..., None, None]
     A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h)
-    turn = (np.abs(np.linalg.eigvals(A)).max(-1) * h[..., 0, 0]).max()
+    turn = (np.abs(np.linalg.eigvals(process.A)).max(-1) * np.asarray(step)).max()
     doublings = int(np.ceil(np.log2(max(8 * turn, 1.0))))
     h = h / 2**doublings
     Ah, dF, dQ = A * h, np.eye(A.shape[-1]), Qc * h

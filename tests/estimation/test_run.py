@@ -226,6 +226,9 @@ def test_classic_routes_lose_the_gap_alone(estimated, method):
     outside = np.r_[0:60, 66:120]
     for name in ("force", "moment", "orientation"):
         assert np.isfinite(getattr(result, name)[outside]).all()
+    for name in ("force", "moment"):  # what is given has a claim, bridged or not
+        given, claimed = getattr(result, name), getattr(result, f"{name}_std")
+        np.testing.assert_array_equal(np.isfinite(claimed), np.isfinite(given))
     assert max(scores(result, recording)) < 3
 
 
