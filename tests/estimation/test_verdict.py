@@ -135,7 +135,9 @@ def test_white_innovations_of_unit_size_are_not_remarked_on():
         assert innovations_judged(white(seed)) == []
 
 
-@pytest.mark.parametrize(("size", "word"), [(0.5, "smoother than the noise"), (1.5, "too small by about that")])
+@pytest.mark.parametrize(
+    ("size", "word"), [(0.5, "smoother than the noise"), (1.5, "too small by about that")]
+)
 def test_innovations_of_another_size_than_predicted_are_said_in_numbers(size, word):
     (text,) = innovations_judged(size * white())
     assert f"{size:.2f}"[:3] in text
