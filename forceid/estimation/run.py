@@ -142,9 +142,10 @@ def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tupl
 
 
 def stretch_of(mean: Array, shape: Array) -> Array:
-    """Symmetric stretch U (time, 3, 3) that takes the mean shape to `shape` (time, node, 3), body axes."""
-    strain = np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
-    return np.asarray(np.eye(3) + 0.5 * (strain + strain.swapaxes(1, 2)))
+    """Right stretch U (time, 3, 3) of the affine map that takes the mean shape to `shape` (time, node, 3)."""
+    A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
+    square, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)
+    return np.asarray(axes * np.sqrt(square)[:, None] @ axes.swapaxes(1, 2))
 
 
 def quaternion(rotation: Array) -> Array:
