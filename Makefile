@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test clean
+.PHONY: demo test bench clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -12,11 +12,21 @@ test: .venv/ready
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
 
-.venv/ready: requirements.txt pyproject.toml
+# paired ratios against the peers, which live in a venv of their own; BENCH=--quick for under 90 s
+bench: .venv-bench/ready
+	.venv-bench/bin/python -m benchmarks -o bench $(BENCH)
+
+.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml
+	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
 clean:
-	rm -rf .venv build dist *.egg-info demo
+	rm -rf .venv build dist *.egg-info demo forceid/kalman/_compiled*.so

@@ -51,7 +51,7 @@ class Settings(Section):
 
     method: Method = "smoother"
     model: Model = "auto"
-    engine: Literal["auto", "numpy", "filterpy"] = "auto"
+    engine: Literal["auto", "compiled", "numpy", "filterpy"] = "auto"
     gauge: Literal["mass", "euclidean", "sensor"] = "mass"
     gravity: Vector | None = None
     moment_about: str | Vector = "mass_center"

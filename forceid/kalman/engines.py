@@ -5,15 +5,22 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
 
 from forceid.errors import ConfigError
+from forceid.kalman import linear
 from forceid.kalman.linear import Filtered, Smoothed, StateSpace
 from forceid.records import Array
 
-# a reference engine that nobody asked for is never imported
-MODULES = {"numpy": "forceid.kalman.linear", "filterpy": "forceid.kalman.filterpy"}
-AUTO = "numpy"
+# fastest first; an engine that nobody asked for is never imported
+MODULES = {
+    "compiled": "forceid.kalman._compiled",
+    "numpy": "forceid.kalman.passes",
+    "filterpy": "forceid.kalman.filterpy",
+}
 
 
 @dataclass(frozen=True)
@@ -23,23 +30,47 @@ class Engine:
     name: str
     filter: Callable[[StateSpace, Array], Filtered]
     smooth: Callable[[StateSpace, Array], Smoothed]
-    log_likelihood: Callable[[StateSpace, Array], Array]
+    log_likelihood: Callable[..., Array]
 
 
 def engine(name: str = "auto") -> Engine:
-    """The engine called `name`: "numpy", "filterpy" (slow, the reference) or "auto", the fastest here.
+    """The engine called `name`: "compiled", "numpy", "filterpy" (the reference) or "auto", the fastest.
 
-    Raises ConfigError for any other name.
+    Raises ConfigError for any other name, and for "compiled" where it was not built.
 
-    >>> engine("auto").name
+    >>> engine("numpy").name
     'numpy'
     >>> engine("filterpi")
     Traceback (most recent call last):
     forceid.errors.ConfigError: unknown engine 'filterpi'; did you mean 'filterpy'?
     """
-    name = AUTO if name == "auto" else name
+    name = fastest() if name == "auto" else name
     if name not in MODULES:
         near = difflib.get_close_matches(name, ["auto", *MODULES], n=1, cutoff=0.0)[0]
         raise ConfigError(f"unknown engine '{name}'", next_step=f"did you mean '{near}'?")
-    module = import_module(MODULES[name])
-    return Engine(name, module.filter, module.smooth, module.log_likelihood)
+    try:
+        module: Any = import_module(MODULES[name])
+    except ImportError as e:
+        raise ConfigError(
+            f"the engine '{name}' is not here: {e}",
+            next_step='install again with a C++ compiler, or choose engine = "auto"',
+        ) from e
+    if name == "filterpy":
+        return Engine(name, module.filter, module.smooth, module.log_likelihood)
+    return Engine(
+        name,
+        partial(linear.filter, module),
+        partial(linear.smooth, module),
+        partial(linear.log_likelihood, module),
+    )
+
+
+def fastest() -> str:
+    """Name of the fastest engine that works here."""
+    if find_spec(MODULES["compiled"]) is None:
+        return "numpy"
+    try:
+        import_module(MODULES["compiled"])
+    except ImportError:  # built for another processor
+        return "numpy"
+    return "compiled"

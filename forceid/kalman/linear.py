@@ -1,19 +1,20 @@
-"""Linear Gaussian filter, Rauch-Tung-Striebel smoother and likelihood: the plain numpy engine.
+"""Linear Gaussian filter, smoother and likelihood.
 
 x_{k+1} = F_k x_k + u_k + w_k, z_k = H_k x_k + n_k, cov w = Q_k, cov n = R_k. x0, P0 describe the state
-at the first sample, before that sample is used.
+at the first sample, before that sample is used. The work is done by the passes of an engine.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.records import Array, Flags
-
-LOG_2PI = float(np.log(2 * np.pi))
+from forceid.kalman.passes import LOG_2PI
+from forceid.records import Array, Flags, Indices
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class StateSpace:
 
     F, Q (state, state) lead from a sample to the next; H (channel, state), R (channel, channel);
     x0 (state,), P0 (state, state); u (state,) or (time, state) is a known input of the step, or None.
-    Many models at once: F, Q, H, R (time or 1, model, ., .), u (time or 1, model, state), x0 (model, state),
-    P0 (model, state, state); every model then sees the same gaps.
+    Many models at once, for the likelihood: F, Q, H, R (time or 1, model, ., .), u (time or 1, model, state),
+    x0 (model, state), P0 (model, state, state); every model then sees the same gaps.
     """
 
     F: Array
@@ -51,122 +52,279 @@ class StateSpace:
 
 
 @dataclass(frozen=True)
-class Filtered:
-    """What the filter knows: x, P after each sample, x_pred, P_pred before it.
+class Gains:
+    """Covariances of a filter, compactly: a run of samples that share them is stored once.
 
-    innovation (time, channel): z - H x_pred whitened by its covariance, NaN where z is missing; nis (time,):
-    its mean square over the channels present, NaN where none is. log_likelihood: of all samples.
+    start (run,): first sample of each run, of `time` samples; P_pred, P (run, state, state) before and after
+    the update, gain K (run, state, channel), W (run, channel, channel): whitens an innovation. Signals with
+    gaps of their own have an axis of signals behind that of runs.
     """
 
-    x: Array
-    P: Array
-    x_pred: Array
+    time: int
+    start: Indices
     P_pred: Array
-    innovation: Array
-    nis: Array
-    log_likelihood: float
+    P: Array
+    K: Array
+    W: Array
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """What the filter knows: x (time, state) after each sample, and `gains`, its covariances in runs.
+
+    Expanded or worked out on demand: P, P_pred (time, state, state) after and before each sample, x_pred
+    before it, innovation (time, channel) z - H x_pred whitened by its covariance, NaN where z is missing;
+    nis (time,) its mean square over the channels present; log_likelihood. Of many signals z (time, signal,
+    channel) all but covariances have an axis of signals after that of time.
+    """
+
+    model: StateSpace
+    z: Array
+    x: Array
+    gains: Gains
+
+    @property
+    def P(self) -> Array:
+        """Covariance after each sample, (time, state, state)."""
+        return expand(self.gains.P, self.gains.start, self.gains.time)
+
+    @property
+    def P_pred(self) -> Array:
+        """Covariance before each sample, (time, state, state)."""
+        return expand(self.gains.P_pred, self.gains.start, self.gains.time)
+
+    @property
+    def x_pred(self) -> Array:
+        """State before each sample, (time, state)."""
+        F, u = self.model.F, self.model.u
+        pred = np.empty_like(self.x)
+        pred[0] = self.model.x0
+        pred[1:] = along(F if F.ndim == 2 or len(F) > 1 else F[0], self.x[:-1])
+        if u is not None:
+            pred[1:] += u if u.ndim == 1 or self.x.ndim == 2 else u[:, None]
+        return pred
+
+    @property
+    def innovation(self) -> Array:
+        """Whitened innovations (time, channel), NaN where z is missing."""
+        e = self.z - along(self.model.H, self.x_pred)
+        seen, e = np.isfinite(e), np.nan_to_num(e)
+        W = self.gains.W
+        white = np.empty_like(e)
+        single = np.diff(np.append(self.gains.start, self.gains.time)) == 1
+        white[self.gains.start[single]] = along(W[single], e[self.gains.start[single]])
+        for r in np.flatnonzero(~single):
+            stop = self.gains.start[r + 1] if r + 1 < len(W) else None
+            run = slice(self.gains.start[r], stop)
+            white[run] = along(np.broadcast_to(W[r], (len(e[run]), *W[r].shape)), e[run]) if W.ndim > 3 else (
+                e[run] @ W[r].T
+            )  # fmt: skip
+        white[~seen] = np.nan
+        return white
+
+    @property
+    def nis(self) -> Array:
+        """Mean square of the whitened innovations of each sample, NaN where none is."""
+        return mean_square(self.innovation)
+
+    @property
+    def log_likelihood(self) -> Any:
+        """Log-likelihood of all samples: a number, or one of each signal (signal,)."""
+        white, W = self.innovation, self.gains.W
+        scale = np.diagonal(W, axis1=-2, axis2=-1)
+        log_det = np.log(scale, where=scale > 0, out=np.zeros(scale.shape)).sum(-1)
+        count = np.diff(np.append(self.gains.start, self.gains.time))
+        square = np.nansum(white**2, axis=(0, -1)) + np.isfinite(white).sum(axis=(0, -1)) * LOG_2PI
+        total = (count * log_det.T).sum(-1) - 0.5 * square
+        return float(total) if total.ndim == 0 else total
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """State x (time, state) with covariance P (time, state, state) given all samples, and the filter's."""
+    """State x (time, state) given all samples; its covariances `runs` (run, state, state) from `start` on.
+
+    P (time, state, state): expanded; filtered: what the filter knew.
+    """
 
     x: Array
-    P: Array
+    start: Indices
+    runs: Array
     filtered: Filtered
 
+    @property
+    def P(self) -> Array:
+        """Covariance given all samples, (time, state, state)."""
+        return expand(self.runs, self.start, len(self.x))
 
-def filter(model: StateSpace, z: Array) -> Filtered:
-    """Kalman filter over z (time, channel) or (time,); NaN = missing.
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each state given all samples, (time, state)."""
+        var = np.diagonal(self.runs, axis1=-2, axis2=-1)
+        return expand(np.sqrt(np.maximum(var, 0.0)), self.start, len(self.x))
 
+
+class Passes(Protocol):
+    """An engine's work: the functions of `passes`, in numpy or compiled."""
+
+    covariance_pass: Callable[..., tuple[Indices, Array, Array, Array, Array, int]]
+    mean_pass: Callable[..., Array]
+    adjoint_pass: Callable[..., Array]
+    information_pass: Callable[..., tuple[Indices, Array, int]]
+    log_likelihood: Callable[..., Array]
+
+
+def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
+    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
+
+    >>> from forceid.kalman import passes
     >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
-    >>> round(float(filter(level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
+    >>> round(float(filter(passes, level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
     0.5
     """
     z = as_channels(z)
-    T, n = len(z), len(model.x0)
-    x, P, x_pred, P_pred = (np.empty(s) for s in ((T, n), (T, n, n), (T, n), (T, n, n)))
-    innovation, total = np.full(z.shape, np.nan), 0.0
-    x_k, P_k = model.x0, model.P0
-    for k, seen in enumerate(np.isfinite(z)):
-        if k > 0:
-            x_k, P_k = predict(model, k - 1, x_k, P_k)
-        x_pred[k], P_pred[k] = x_k, P_k
-        if seen.any():
-            x_k, P_k, innovation[k, seen], gained = update(model, k, seen, x_k, P_k, z[k, seen])
-            total += float(gained)
-        x[k], P[k] = x_k, P_k
-    return Filtered(x, P, x_pred, P_pred, innovation, mean_square(innovation), total)
+    if z.ndim == 3 and not alike(z):
+        return apart(lambda one: filter(passes, model, one), z)
+    F, Q, H, R, u = arrays(model)
+    seen = pattern(z)
+    start, P_pred, P, K, W, failed = passes.covariance_pass(F, Q, H, R, model.P0, seen, constant(model))
+    check(failed)
+    g = Gains(len(z), start, P_pred, P, K, W)
+    signals = z if z.ndim == 3 else z[:, None]
+    x0 = np.broadcast_to(model.x0, (signals.shape[1], model.P0.shape[-1]))
+    x = passes.mean_pass(F, u, H, g.start, g.K, x0, signals)
+    return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g)
 
 
-def log_likelihood(model: StateSpace, z: Array) -> Array:
-    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel)."""
-    z = as_channels(z)
-    x, P, total = model.x0, model.P0, np.zeros(model.x0.shape[:-1])
-    present = np.isfinite(z if z.ndim == 2 else z[:, 0])
-    for k, seen in enumerate(present):
-        if k > 0:
-            x, P = predict(model, k - 1, x, P)
-        if seen.any():
-            x, P, _, gained = update(model, k, seen, x, P, z[k][..., seen])
-            total = total + gained
-    return np.asarray(total)
-
-
-def robust_log_likelihood(model: StateSpace, z: Array, limit: float) -> Array:
-    """Log-likelihood (model,) of many models of one channel, z (time, model); no known input.
-
-    Whitened innovations beyond `limit` count as outliers of just that size, and their sample is believed
-    accordingly less (Huber's filter). Three times as quick as `log_likelihood`, without its Joseph form:
-    for tuning, where models that lose their sign to rounding may go as NaN.
-    """
-    x, P, total = model.x0.copy(), model.P0.copy(), np.zeros(len(model.x0))
-    seen, FP = np.isfinite(z[:, 0]), np.empty_like(model.P0)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for k in range(len(z)):
-            if k > 0:
-                F = model.at("F", k - 1)
-                x = (F @ x[..., None])[..., 0]
-                np.matmul(F, P, out=FP)
-                np.matmul(FP, F.swapaxes(-1, -2), out=P)
-                P += model.at("Q", k - 1)
-            if seen[k]:
-                h = model.at("H", k)[0, 0]
-                PHt, error = P @ h, z[k] - x @ h
-                S = np.maximum(PHt @ h + model.at("R", k)[:, 0, 0], (error / limit) ** 2)
-                K = PHt / S[:, None]
-                x += K * error[:, None]
-                P -= K[:, :, None] * PHt[:, None, :]
-                total -= 0.5 * (error**2 / S + np.log(S) + LOG_2PI)
-    return total
-
-
-def smooth(model: StateSpace, z: Array) -> Smoothed:
-    """Fixed-interval smoother over z (time, channel) or (time,); NaN = missing.
+def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
+    """Fixed-interval smoother over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
 
     Rauch-Tung-Striebel's result, in a form that divides by no covariance of the state and takes no
     difference of two: the predicted one is singular in all but name where a prior is smooth, and a
     difference turns negative after a start as good as unknown. The state by the adjoint of Bryson and
-    Frazier (1963), the covariance by the information of later samples (Fraser and Potter 1969).
+    Frazier (1963), the covariance by the information of later samples.
     """
     z = as_channels(z)
-    f = filter(model, z)
-    one = np.eye(len(model.x0))
-    x, adjoint, later, told = f.x.copy(), np.zeros(len(one)), np.zeros_like(f.P), np.zeros_like(one)
-    for k in range(len(x) - 1, -1, -1):
-        if k < len(x) - 1:
-            F = model.at("F", k)
-            adjoint = F.T @ adjoint
-            later[k] = F.T @ np.linalg.solve(one + told @ model.at("Q", k), told) @ F
-        x[k] += f.P[k] @ adjoint
-        told, seen = later[k], np.isfinite(z[k])
-        if seen.any():
-            H, R = model.at("H", k)[seen], model.at("R", k)[np.ix_(seen, seen)]
-            L, K = gain(f.P_pred[k], H, R, k)
-            adjoint = adjoint + H.T @ (np.linalg.solve(L.T, f.innovation[k, seen]) - K.T @ adjoint)
-            told = told + H.T @ np.linalg.solve(R, H)
-        told = 0.5 * (told + told.T)
-    return Smoothed(x, combine(f.P, later), f)
+    if z.ndim == 3 and not alike(z):
+        return smooth_apart(lambda one: smooth(passes, model, one), z)
+    f = filter(passes, model, z)
+    F, Q, H, R, u = arrays(model)
+    g, x = f.gains, f.x if z.ndim == 3 else f.x[:, None]
+    signals = z if z.ndim == 3 else z[:, None]
+    smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, signals, x)
+    last, later, failed = passes.information_pass(F, Q, H, R, pattern(z), constant(model))
+    check(failed)
+    begin = np.append(last[1:] + 1, 0)[::-1]  # of each run of later samples, forward
+    start = np.union1d(g.start, begin)
+    P = g.P[np.searchsorted(g.start, start, "right") - 1]
+    told = later[::-1][np.searchsorted(begin, start, "right") - 1]
+    return Smoothed(smoothed if z.ndim == 3 else smoothed[:, 0], start, combine(P, told), f)
+
+
+def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = np.inf) -> Array:
+    """Log-likelihood of z (time, channel) or (time,); of each of many models or signals (time, ., channel).
+
+    limit: whitened innovations of a single channel beyond it count as outliers of just that size, and their
+    sample is believed accordingly less (Huber's filter). Of many models, those that lose their sign to
+    rounding go as NaN; one model raises EstimationError.
+    """
+    z = as_channels(z)
+    if z.ndim == 3 and not alike(z):
+        each = [log_likelihood(passes, each_model(model, j), z[:, j], limit) for j in range(z.shape[1])]
+        return np.array(each)
+    F, Q, H, R, u = arrays(model)
+    count = max(1 if model.x0.ndim == 1 else len(model.x0), 1 if z.ndim == 2 else z.shape[1])
+    x0 = np.broadcast_to(model.x0, (count, model.x0.shape[-1]))
+    P0 = np.broadcast_to(model.P0, (count, *model.P0.shape[-2:]))
+    signals = z if z.ndim == 3 else z[:, None]
+    total = passes.log_likelihood(F, Q, H, R, u, x0, P0, signals, pattern(z), limit, constant(model))
+    if model.x0.ndim == 1 and np.isnan(total).any():
+        check(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), constant(model))[-1])
+    return np.asarray(total if model.x0.ndim == 2 or z.ndim == 3 else total[0])
+
+
+def arrays(model: StateSpace) -> tuple[Array, Array, Array, Array, Array]:
+    """F, Q, H, R (time or 1, model or 1, ., .) and u (time or 1, model or 1, state) of a model."""
+    F, Q, H, R = (
+        a if a.ndim == 4 else a[:, None] if a.ndim == 3 else a[None, None]
+        for a in (model.F, model.Q, model.H, model.R)
+    )
+    u = np.zeros((1, 1, F.shape[-1])) if model.u is None else model.u
+    return F, Q, H, R, u if u.ndim == 3 else u[:, None] if u.ndim == 2 else u[None, None]
+
+
+def constant(model: StateSpace) -> bool:
+    """Whether F, Q, H, R are the same at every sample."""
+    return all(a.ndim == 2 or len(a) == 1 for a in (model.F, model.Q, model.H, model.R))
+
+
+def pattern(z: Array) -> Flags:
+    """Channels present (time, channel), of z (time, channel) or (time, signal, channel) with common gaps."""
+    return np.isfinite(z if z.ndim == 2 else z[:, 0])
+
+
+def alike(z: Array) -> bool:
+    """Whether all signals z (time, signal, channel) have the same gaps."""
+    seen = np.isfinite(z)
+    return bool((seen == seen[:, :1]).all())
+
+
+def each_model(model: StateSpace, j: int) -> StateSpace:
+    """Model of signal j: its own start where there is one, or its own model of many."""
+    if model.P0.ndim == 3:
+        return model.one(j)
+    return model if model.x0.ndim == 1 else replace(model, x0=model.x0[j])
+
+
+def apart(solve: Callable[[Array], Filtered], z: Array) -> Filtered:
+    """Filter of signals with gaps of their own: each by itself, then side by side."""
+    each = [solve(z[:, j]) for j in range(z.shape[1])]
+    start, pick = shared_runs([f.gains.start for f in each])
+    side = (
+        np.stack([getattr(f.gains, name)[i] for f, i in zip(each, pick, strict=True)], 1)
+        for name in ("P_pred", "P", "K", "W")
+    )
+    return Filtered(each[0].model, z, np.stack([f.x for f in each], 1), Gains(len(z), start, *side))
+
+
+def smooth_apart(solve: Callable[[Array], Smoothed], z: Array) -> Smoothed:
+    """Smoother of signals with gaps of their own: each by itself, then side by side."""
+    each = [solve(z[:, j]) for j in range(z.shape[1])]
+    start, pick = shared_runs([s.start for s in each])
+    runs = np.stack([s.runs[i] for s, i in zip(each, pick, strict=True)], 1)
+    filtered = iter([s.filtered for s in each])
+    return Smoothed(np.stack([s.x for s in each], 1), start, runs, apart(lambda _: next(filtered), z))
+
+
+def shared_runs(starts: list[Indices]) -> tuple[Indices, list[Indices]]:
+    """Runs (run,) in which nothing changes for any of many signals, and where each finds its own."""
+    start = np.unique(np.concatenate(starts))
+    return start, [np.searchsorted(own, start, "right") - 1 for own in starts]
+
+
+def expand(runs: Array, start: Indices, time: int) -> Array:
+    """Values (run, ...) that hold from start (run,) on, for each sample (time, ...)."""
+    return np.repeat(runs, np.diff(np.append(start, time)), axis=0)
+
+
+def along(a: Array, x: Array) -> Array:
+    """Matrix times vector: a (., .), or (time, ., .) or (time, signal, ., .); x (time, [signal,] .)."""
+    if a.ndim == 3 and len(a) == 1:
+        a = a[0]
+    if a.ndim == 2:
+        return np.asarray(x @ a.T)
+    if x.ndim == 3 and a.ndim == 3:
+        return np.asarray(x @ a.swapaxes(-1, -2))
+    return np.asarray((a @ x[..., None])[..., 0])
+
+
+def check(failed: int) -> None:
+    """Raise where a pass names a sample."""
+    if failed >= 0:
+        raise EstimationError(
+            f"gives an innovation covariance that is not positive definite at sample {failed}",
+            "the linear model",
+            "state a measurement noise above zero",
+        )
 
 
 def combine(P: Array, information: Array) -> Array:
@@ -191,52 +349,6 @@ def square_root(P: Array) -> Array:
         return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
 
 
-def predict(model: StateSpace, k: int, x: Array, P: Array) -> tuple[Array, Array]:
-    """State and covariance one step on from sample k."""
-    F = model.at("F", k)
-    x = (F @ x[..., None])[..., 0]
-    return x if model.u is None else x + model.at("u", k), F @ P @ F.swapaxes(-1, -2) + model.at("Q", k)
-
-
-def update(
-    model: StateSpace, k: int, seen: Flags, x: Array, P: Array, z: Array
-) -> tuple[Array, Array, Array, Array]:
-    """One sample, in Joseph form: x, P, the whitened innovation and the log-likelihood it adds."""
-    H, R = model.at("H", k)[..., seen, :], model.at("R", k)[..., seen, :][..., seen]
-    innovation = (z - (H @ x[..., None])[..., 0])[..., None]
-    L, K = gain(P, H, R, k)
-    white: Array = innovation / L if L.shape[-1] == 1 else np.asarray(np.linalg.solve(L, innovation))
-    x = x + (K @ innovation)[..., 0]
-    I_KH = np.eye(x.shape[-1]) - K @ H
-    P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
-    white = white[..., 0]
-    gained = -0.5 * ((white**2).sum(-1) + white.shape[-1] * LOG_2PI)
-    gained = gained - np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
-    return x, 0.5 * (P + P.swapaxes(-1, -2)), white, gained
-
-
-def gain(P: Array, H: Array, R: Array, k: int) -> tuple[Array, Array]:
-    """Cholesky factor L of the innovation covariance of sample k, and the gain K.
-
-    Of many scalar models, those whose covariance has lost its sign go on as NaN; one model raises.
-    """
-    PHt = P @ H.swapaxes(-1, -2)
-    S = H @ PHt + R
-    if S.ndim > 2 and S.shape[-1] == 1:
-        S = np.where(S > 0, S, np.nan)
-        return np.sqrt(S), PHt / S
-    try:
-        L = np.linalg.cholesky(S)
-    except np.linalg.LinAlgError as e:
-        raise EstimationError(
-            f"gives an innovation covariance that is not positive definite at sample {k}",
-            "the linear model",
-            "state a measurement noise above zero",
-        ) from e
-    K = np.linalg.solve(L @ L.swapaxes(-1, -2), PHt.swapaxes(-1, -2)).swapaxes(-1, -2)
-    return np.asarray(L), np.asarray(K)
-
-
 def as_channels(z: Array) -> Array:
     """Measurements with a channel axis: (time,) becomes (time, 1)."""
     z = np.asarray(z, float)
@@ -244,6 +356,13 @@ def as_channels(z: Array) -> Array:
 
 
 def mean_square(innovation: Array) -> Array:
-    """Mean over the channels present of squared whitened innovations (time, channel); NaN where none is."""
+    """Mean over the channels present of squared whitened innovations (..., channel); NaN where none is."""
     seen = np.isfinite(innovation)
-    return np.where(seen.any(1), np.nansum(innovation**2, 1) / np.maximum(seen.sum(1), 1), np.nan)
+    return np.where(seen.any(-1), np.nansum(innovation**2, -1) / np.maximum(seen.sum(-1), 1), np.nan)
+
+
+def robust_log_likelihood(model: StateSpace, z: Array, limit: float) -> Array:
+    """Log-likelihood (model,) of many models of one channel by the fastest engine, outliers tamed."""
+    from forceid.kalman.engines import engine
+
+    return engine().log_likelihood(model, z, limit)

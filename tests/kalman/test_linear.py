@@ -1,17 +1,21 @@
 import dataclasses
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from linear_models import dense_moments, draw, hard_case, least_squares
+from linear_models import dense_moments, draw, hard_case, least_squares, random_cov
 from scipy.stats import chi2, multivariate_normal
 
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
+from forceid.kalman import engines
 from forceid.kalman.tuning import Start, load_chain
 
-ENGINES = ("numpy", "filterpy")
+BUILT = find_spec("forceid.kalman._compiled") is not None
+OURS = ("numpy", "compiled") if BUILT else ("numpy",)
+ENGINES = (*OURS, "filterpy")
 
 
 @pytest.fixture(params=ENGINES)
@@ -72,14 +76,97 @@ def test_whitened_innovations_carry_the_whole_quadratic_form_of_the_likelihood(e
     assert np.nansum(white**2) == pytest.approx(quadratic_form, abs=1e-8)
 
 
-def test_engines_agree_in_every_field():
+def assert_same(ours, reference, tolerance=1e-8):
+    filtered = ("x", "P", "x_pred", "P_pred", "innovation", "nis")
+    for a, b, names in ((ours, reference, ("x", "P")), (ours.filtered, reference.filtered, filtered)):
+        for name in names:
+            left, right = getattr(a, name), getattr(b, name)
+            size = np.nanmax(np.abs(right))
+            np.testing.assert_allclose(left, right, rtol=tolerance, atol=tolerance * size, err_msg=name)
+    np.testing.assert_allclose(
+        ours.filtered.log_likelihood, reference.filtered.log_likelihood, rtol=tolerance, atol=tolerance
+    )
+
+
+@pytest.mark.parametrize("ours", OURS)
+def test_engines_agree_in_every_number(ours):
     model, z = hard_case(seed=11, time=40)
-    ours, reference = (kalman.smooth(model, z, engine=name) for name in ENGINES)
-    for a, b in ((ours, reference), (ours.filtered, reference.filtered)):
-        for field in dataclasses.fields(a):
-            if field.name != "filtered":
-                left, right = getattr(a, field.name), getattr(b, field.name)
-                np.testing.assert_allclose(left, right, rtol=1e-8, atol=1e-8)
+    assert_same(kalman.smooth(model, z, engine=ours), kalman.smooth(model, z, engine="filterpy"))
+
+
+@pytest.mark.parametrize("ours", OURS)
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (3, 1), (5, 2), (6, 6), (12, 6), (19, 4), (30, 30)])
+def test_the_converged_gain_is_the_full_recursion_at_every_size_and_across_gaps(ours, n, m):
+    rng = np.random.default_rng(n + m)
+    F = 0.97 * np.linalg.qr(rng.standard_normal((n, n)))[0]
+    H, u = rng.standard_normal((m, n)), rng.standard_normal((399, n))
+    model = kalman.StateSpace(F, random_cov(rng, n), H, random_cov(rng, m), np.ones(n), np.eye(n), u)
+    z = rng.standard_normal((400, m)).cumsum(0)
+    z[200:215] = z[300:310, 0] = np.nan
+    smoothed = kalman.smooth(model, z, engine=ours)
+    assert len(smoothed.filtered.gains.start) < 300
+    assert len(smoothed.start) < 400
+    varying = dataclasses.replace(model, F=np.broadcast_to(F, (399, n, n)))
+    full = kalman.smooth(varying, z, engine=ours)
+    assert len(full.filtered.gains.start) == 400
+    assert_same(smoothed, full, 1e-9)
+    assert_same(smoothed, kalman.smooth(model, z, engine="filterpy"))
+
+
+def test_many_signals_of_one_model_are_each_signal_by_itself(engine):
+    model, rng = particle(), np.random.default_rng(4)
+    z = np.stack([draw(model, 200, rng)[1] for _ in range(11)], 1)
+    z[80:90] = np.nan
+    together = kalman.smooth(model, z, engine=engine)
+    each = [kalman.smooth(model, z[:, j], engine=engine) for j in range(11)]
+    np.testing.assert_allclose(together.x, np.stack([s.x for s in each], 1), atol=1e-12)
+    likelihood = [s.filtered.log_likelihood for s in each]
+    np.testing.assert_allclose(together.filtered.log_likelihood, likelihood, rtol=1e-10)
+    np.testing.assert_allclose(kalman.log_likelihood(model, z, engine=engine), likelihood, rtol=1e-10)
+    nis = np.stack([s.filtered.nis for s in each], 1)
+    np.testing.assert_allclose(together.filtered.nis, nis, atol=1e-7)
+
+
+def test_signals_with_gaps_of_their_own_have_covariances_of_their_own(engine):
+    model, rng = particle(), np.random.default_rng(6)
+    z = np.stack([draw(model, 60, rng)[1] for _ in range(3)], 1)
+    z[20:25, 0] = z[30:50, 2] = np.nan
+    together = kalman.smooth(model, z, engine=engine)
+    assert together.P.shape == (60, 3, 4, 4)
+    for j in range(3):
+        alone = kalman.smooth(model, z[:, j], engine=engine)
+        np.testing.assert_allclose(together.x[:, j], alone.x, atol=1e-12)
+        np.testing.assert_allclose(together.P[:, j], alone.P, rtol=1e-9)
+        np.testing.assert_allclose(together.filtered.x_pred[:, j], alone.filtered.x_pred, atol=1e-12)
+        np.testing.assert_allclose(together.filtered.nis[:, j], alone.filtered.nis, atol=1e-8)
+        together_likelihood = together.filtered.log_likelihood[j]
+        assert together_likelihood == pytest.approx(alone.filtered.log_likelihood, rel=1e-10)
+
+
+@pytest.mark.parametrize("ours", OURS)
+def test_a_channel_without_white_noise_smooths_to_the_dense_answer(ours):
+    """Colored noise alone leaves R = 0: nothing of the noise is inverted."""
+    model, rng = hard_case(seed=2, time=11)[0], np.random.default_rng(0)
+    z = rng.standard_normal((11, 3))
+    none = dataclasses.replace(model, R=0 * model.R)
+    tiny = dataclasses.replace(model, R=1e-12 * np.eye(3) + 0 * model.R)
+    x, P = least_squares(tiny, z)
+    smoothed = kalman.smooth(none, z, engine=ours)
+    np.testing.assert_allclose(smoothed.x, x, atol=1e-6 * np.abs(x).max())
+    np.testing.assert_allclose(smoothed.P, P, atol=1e-6 * np.abs(P).max())
+    np.testing.assert_allclose(np.einsum("tij,tj->ti", model.H, smoothed.x), z, atol=1e-9)
+
+
+@pytest.mark.skipif(not BUILT, reason="no compiler at install")
+@pytest.mark.parametrize("limit", [2.0, np.inf])
+def test_an_outlier_is_believed_less_by_either_engine_alike(limit):
+    model, rng = particle(), np.random.default_rng(8)
+    z = draw(model, 600, rng)[1]
+    z[[0, 9, 300, 301, 450]] += 5e-3
+    z[200:230] = np.nan
+    a, b = (kalman.engine(name).log_likelihood(model, z, limit) for name in OURS)
+    assert float(a) == pytest.approx(float(b), rel=1e-10)
+    assert float(a) < float(kalman.log_likelihood(model, draw(model, 600, rng)[1]))
 
 
 @settings(deadline=None, derandomize=True, max_examples=20)
@@ -92,9 +179,9 @@ def test_engines_agree_on_any_gaps_with_any_matrices_constant(gaps, which):
     model = dataclasses.replace(model, **{name: getattr(model, name)[2] for name in which})
     for k, channel in gaps:
         z[k, channel] = np.nan
-    ours, reference = (kalman.smooth(model, z, engine=name) for name in ENGINES)
-    np.testing.assert_allclose(ours.x, reference.x, rtol=1e-8, atol=1e-8 * np.abs(ours.x).max())
-    np.testing.assert_allclose(ours.P, reference.P, rtol=1e-8, atol=1e-8 * np.abs(ours.P).max())
+    reference = kalman.smooth(model, z, engine="filterpy")
+    for name in OURS:
+        assert_same(kalman.smooth(model, z, engine=name), reference)
 
 
 def test_a_signal_without_channel_axis_is_one_channel(engine):
@@ -142,14 +229,15 @@ def test_many_models_at_once_are_each_model_by_itself(engine):
     np.testing.assert_allclose(kalman.log_likelihood(many, z, engine=engine), each, rtol=1e-8)
 
 
+@pytest.mark.parametrize("engine", OURS)
 @pytest.mark.parametrize("order", [2, 3, 4])
-def test_variances_stay_positive_after_a_start_as_good_as_unknown(order):
+def test_variances_stay_positive_after_a_start_as_good_as_unknown(order, engine):
     """A micrometer of noise, and a start known to ten meters: thirteen decades of variance."""
     prior = kalman.with_mean(kalman.matern(order, std=1.0, rate=10.0), var=1e4)
     chain = kalman.integrate(kalman.integrate(prior, var=1e2), var=1e2)
     F, Q = kalman.discretize(chain, 1e-3)
     model = kalman.StateSpace(F, Q, 10 * chain.output[None], np.array([[1e-12]]), np.zeros(len(F)), chain.P0)
-    ours, reference = (kalman.smooth(model, np.zeros(150), engine=name).P for name in ENGINES)
+    ours, reference = (kalman.smooth(model, np.zeros(150), engine=name).P for name in (engine, "filterpy"))
     size = np.sqrt(np.diagonal(ours, axis1=1, axis2=2))
     assert np.linalg.eigvalsh(ours / size[:, :, None] / size[:, None]).min() > 0
     late = slice(20, None)  # where the reference has its digits back
@@ -225,9 +313,26 @@ def test_a_singular_innovation_is_an_error_that_names_the_sample(engine):
 
 
 def test_engine_is_chosen_by_name_and_a_wrong_name_gets_the_nearest():
-    assert kalman.engine("auto").name == "numpy"
+    assert kalman.engine("auto").name == ("compiled" if BUILT else "numpy")
     model, z = hard_case()
     reference = kalman.engine("filterpy").smooth(model, z)
     assert np.array_equal(reference.x, kalman.smooth(model, z, engine="filterpy").x)
     with pytest.raises(ConfigError, match=r"unknown engine 'nunpy'; did you mean 'numpy'\?"):
         kalman.smooth(model, z, engine="nunpy")
+
+
+def test_where_no_engine_was_compiled_numpy_takes_its_place(monkeypatch):
+    gone = {**engines.MODULES, "compiled": "forceid.kalman._not_built"}
+    monkeypatch.setattr(engines, "MODULES", gone)
+    assert kalman.engine("auto").name == "numpy"
+    with pytest.raises(ConfigError, match="install again with a C\\+\\+ compiler"):
+        kalman.engine("compiled")
+
+
+def test_an_engine_built_for_another_processor_is_passed_over(monkeypatch, tmp_path):
+    (tmp_path / "built_elsewhere.py").write_text("raise ImportError('built for a processor with AVX-512')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(engines, "MODULES", {**engines.MODULES, "compiled": "built_elsewhere"})
+    assert kalman.engine("auto").name == "numpy"
+    with pytest.raises(ConfigError, match="AVX-512"):
+        kalman.engine("compiled")

@@ -1,0 +1,774 @@
+// The passes of the linear Gaussian estimators, with sizes fixed at compile time for the usual models.
+//
+// Each pass is the same recursion as its namesake in passes.py, which says what it computes. Row-major
+// doubles throughout. A size of 0 means: known at run time only.
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+#include <vector>
+
+namespace py = pybind11;
+
+namespace {
+
+using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Mask = py::array_t<unsigned char, py::array::c_style | py::array::forcecast>;
+using Starts = py::array_t<py::ssize_t, py::array::c_style | py::array::forcecast>;
+using Buffer = std::vector<double>;
+
+constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
+constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
+constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
+constexpr double LOG_2PI = 1.8378770664093454836;
+
+#define INLINE inline __attribute__((always_inline))
+
+// ---- small dense algebra; sizes are constants wherever the caller's are -------------------------------
+
+// c (n, m) = a (n, k) b (k, m)
+INLINE void multiply(const double *a, const double *b, double *c, int n, int k, int m) {
+  for (int i = 0; i < n; ++i) {
+    double *row = c + i * m;
+    for (int j = 0; j < m; ++j) row[j] = 0.0;
+    for (int l = 0; l < k; ++l) {
+      const double f = a[i * k + l];
+      for (int j = 0; j < m; ++j) row[j] += f * b[l * m + j];
+    }
+  }
+}
+
+INLINE void transpose(const double *a, double *t, int n, int m) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < m; ++j) t[j * n + i] = a[i * m + j];
+}
+
+INLINE void symmetrize(double *a, int n) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) a[i * n + j] = a[j * n + i] = 0.5 * (a[i * n + j] + a[j * n + i]);
+}
+
+// Lower Cholesky factor in place, then its inverse w; false where a is not positive definite.
+INLINE bool whitening(double *a, double *w, int m) {
+  for (int j = 0; j < m; ++j) {
+    double d = a[j * m + j];
+    for (int l = 0; l < j; ++l) d -= a[j * m + l] * a[j * m + l];
+    if (!(d > 0.0)) return false;
+    d = a[j * m + j] = std::sqrt(d);
+    for (int i = j + 1; i < m; ++i) {
+      double s = a[i * m + j];
+      for (int l = 0; l < j; ++l) s -= a[i * m + l] * a[j * m + l];
+      a[i * m + j] = s / d;
+    }
+  }
+  for (int j = 0; j < m; ++j) {
+    for (int i = 0; i < j; ++i) w[i * m + j] = 0.0;
+    w[j * m + j] = 1.0 / a[j * m + j];
+    for (int i = j + 1; i < m; ++i) {
+      double s = 0.0;
+      for (int l = j; l < i; ++l) s -= a[i * m + l] * w[l * m + j];
+      w[i * m + j] = s / a[i * m + i];
+    }
+  }
+  return true;
+}
+
+// x (n, m) = a^-1 x by elimination with row exchange; a is overwritten.
+INLINE void solve(double *a, double *x, int n, int m) {
+  for (int j = 0; j < n; ++j) {
+    int pivot = j;
+    for (int i = j + 1; i < n; ++i)
+      if (std::fabs(a[i * n + j]) > std::fabs(a[pivot * n + j])) pivot = i;
+    if (pivot != j) {
+      for (int l = 0; l < n; ++l) std::swap(a[j * n + l], a[pivot * n + l]);
+      for (int l = 0; l < m; ++l) std::swap(x[j * m + l], x[pivot * m + l]);
+    }
+    const double inverse = 1.0 / a[j * n + j];
+    for (int i = j + 1; i < n; ++i) {
+      const double f = a[i * n + j] * inverse;
+      if (f == 0.0) continue;
+      for (int l = j + 1; l < n; ++l) a[i * n + l] -= f * a[j * n + l];
+      for (int l = 0; l < m; ++l) x[i * m + l] -= f * x[j * m + l];
+    }
+  }
+  for (int j = n - 1; j >= 0; --j) {
+    const double inverse = 1.0 / a[j * n + j];
+    for (int l = 0; l < m; ++l) {
+      double s = x[j * m + l];
+      for (int i = j + 1; i < n; ++i) s -= a[j * n + i] * x[i * m + l];
+      x[j * m + l] = s * inverse;
+    }
+  }
+}
+
+// ---- models -------------------------------------------------------------------------------------------
+
+// A matrix of each sample or step, or one for all: (1 or time, model or 1, ...).
+struct Along {
+  const double *data;
+  py::ssize_t time, model, size;
+  explicit Along(const Array &a) : data(a.data()), time(a.shape(0)), model(a.shape(1)), size(1) {
+    for (int i = 2; i < a.ndim(); ++i) size *= a.shape(i);
+  }
+  const double *at(py::ssize_t k, py::ssize_t j = 0) const {
+    return data + ((time > 1 ? k : 0) * model + (model > 1 ? j : 0)) * size;
+  }
+};
+
+bool is_driven(const Along &u) {
+  return u.time > 1 || std::any_of(u.data, u.data + u.size, [](double v) { return v != 0.0; });
+}
+
+// Whether a covariance that is looked at sample by sample has come to rest.
+struct Rest {
+  Buffer before;
+  double change = 0.0;
+  int since = 0;
+
+  void restart() { since = -1; }
+
+  bool reached(const double *P, int n) {
+    if (since < 0) {
+      before.assign(P, P + n * n);
+      since = 0;
+      change = 0.0;
+      return false;
+    }
+    if (++since < LAG) return false;
+    since = 0;
+    double now = 0.0;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j <= i; ++j) {
+        const double d = std::fabs(P[i * n + j] - before[i * n + j]);
+        if (d > 0.0) now = std::max(now, d / std::sqrt(std::fabs(P[i * n + i] * P[j * n + j])));
+      }
+    before.assign(P, P + n * n);
+    const double ratio = change > 0.0 ? now / change : 1.0;
+    change = now;
+    return now < ROUNDING || (ratio < 1.0 && now * ratio < REMAINING * (1.0 - ratio));
+  }
+};
+
+// One step of the covariance, prediction and update in Joseph's form.
+template <int N, int M> struct Covariance {
+  const int n, m;
+  Buffer P_pred, P, K, W, F_t, H_s, H_t, R_s, S, S_inv, PH, I_KH, work, work2;
+  int count = 0; // of the channels seen
+  std::vector<int> channel;
+
+  Covariance(int n_, int m_)
+      : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), F_t(n * n), H_s(m * n),
+        H_t(n * m), R_s(m * m), S(m * m), S_inv(m * m), PH(n * m), I_KH(n * n), work(n * std::max(n, m)),
+        work2(n * std::max(n, m)), channel(m) {}
+
+  void predict(const double *F, const double *Q) {
+    const int n = N ? N : this->n;
+    transpose(F, F_t.data(), n, n);
+    multiply(F, P.data(), work.data(), n, n, n);
+    multiply(work.data(), F_t.data(), P_pred.data(), n, n, n);
+    for (int i = 0; i < n * n; ++i) P_pred[i] += Q[i];
+    symmetrize(P_pred.data(), n);
+  }
+
+  // inflated: of a single channel, the least innovation variance to be believed
+  bool update(const double *H, const double *R, const unsigned char *seen, double inflated = 0.0) {
+    count = 0;
+    for (int c = 0; c < m; ++c)
+      if (seen[c]) channel[count++] = c;
+    std::fill(K.begin(), K.end(), 0.0);
+    std::fill(W.begin(), W.end(), 0.0);
+    if (count == 0) {
+      P = P_pred;
+      return true;
+    }
+    return count == M ? gain<M>(H, R, M, inflated) : gain<0>(H, R, count, inflated);
+  }
+
+  template <int C> bool gain(const double *H, const double *R, int c_, double inflated) {
+    const int n = N ? N : this->n, m = M ? M : this->m, c = C ? C : c_;
+    for (int i = 0; i < c; ++i) {
+      std::memcpy(&H_s[i * n], H + channel[i] * n, n * sizeof(double));
+      for (int j = 0; j < c; ++j) R_s[i * c + j] = R[channel[i] * m + channel[j]];
+    }
+    transpose(H_s.data(), H_t.data(), c, n);
+    multiply(P_pred.data(), H_t.data(), PH.data(), n, n, c);
+    multiply(H_s.data(), PH.data(), S.data(), c, n, c);
+    for (int i = 0; i < c * c; ++i) S[i] += R_s[i];
+    if (inflated > S[0]) { // the sample is believed less: its noise grows by what is missing
+      R_s[0] += inflated - S[0];
+      S[0] = inflated;
+    }
+    if (!whitening(S.data(), work.data(), c)) return false;
+    for (int i = 0; i < c; ++i)
+      for (int j = 0; j < c; ++j) W[channel[i] * m + channel[j]] = work[i * c + j];
+    for (int i = 0; i < c; ++i)
+      for (int j = 0; j < c; ++j) {
+        double s = 0.0;
+        for (int l = std::max(i, j); l < c; ++l) s += work[l * c + i] * work[l * c + j];
+        S_inv[i * c + j] = s;
+      }
+    multiply(PH.data(), S_inv.data(), work2.data(), n, c, c); // K of the channels seen
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < c; ++j) K[i * m + channel[j]] = work2[i * c + j];
+    multiply(work2.data(), H_s.data(), I_KH.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) I_KH[i] = -I_KH[i];
+    for (int i = 0; i < n; ++i) I_KH[i * n + i] += 1.0;
+    multiply(work2.data(), R_s.data(), work.data(), n, c, c); // K R
+    transpose(work2.data(), H_t.data(), n, c);                // K^T
+    multiply(work.data(), H_t.data(), P.data(), n, c, n);
+    multiply(I_KH.data(), P_pred.data(), work.data(), n, n, n);
+    transpose(I_KH.data(), work2.data(), n, n);
+    for (int i = 0; i < n; ++i)
+      for (int l = 0; l < n; ++l) {
+        const double f = work[i * n + l];
+        for (int j = 0; j < n; ++j) P[i * n + j] += f * work2[l * n + j];
+      }
+    symmetrize(P.data(), n);
+    return true;
+  }
+};
+
+// ---- a recursion y <- A y + ... in vector registers -----------------------------------------------------
+
+constexpr int padded(int n) { return n <= 2 ? n : n <= 4 ? 4 : (n + 7) / 8 * 8; }
+
+// Columns of a matrix (rows, columns), each padded with zeros to full vectors.
+template <int N> struct Columns {
+  static constexpr int NP = padded(N), WIDTH = NP < 8 ? NP : 8, COUNT = NP / WIDTH;
+  typedef double Vector __attribute__((vector_size(WIDTH * 8), may_alias));
+  std::vector<double> memory;
+  double *data;
+
+  Columns(const double *a, int columns) : memory(NP * columns + 8, 0.0) {
+    data = memory.data();
+    while (reinterpret_cast<std::uintptr_t>(data) % 64) ++data;
+    for (int j = 0; j < columns; ++j)
+      for (int i = 0; i < N; ++i) data[j * NP + i] = a[i * columns + j];
+  }
+  Columns(const Columns &) = delete;
+
+  // y += this x, in two independent sums so that the chain of additions is half as long
+  INLINE void add(const double *x, Vector *y, int columns) const {
+    Vector odd[COUNT] = {};
+    const Vector *column = reinterpret_cast<const Vector *>(data);
+    int j = 0;
+    for (; j + 1 < columns; j += 2)
+      for (int b = 0; b < COUNT; ++b) {
+        y[b] += column[j * COUNT + b] * x[j];
+        odd[b] += column[(j + 1) * COUNT + b] * x[j + 1];
+      }
+    if (j < columns)
+      for (int b = 0; b < COUNT; ++b) y[b] += column[j * COUNT + b] * x[j];
+    for (int b = 0; b < COUNT; ++b) y[b] += odd[b];
+  }
+};
+
+// The same for sizes known at run time, and a face that both share.
+template <> struct Columns<0> {
+  Buffer data;
+  int rows;
+  Columns(const double *a, int n, int columns) : data(n * columns), rows(n) {
+    transpose(a, data.data(), n, columns);
+  }
+  void add(const double *x, double *y, int columns) const {
+    for (int j = 0; j < columns; ++j)
+      for (int i = 0; i < rows; ++i) y[i] += data[j * rows + i] * x[j];
+  }
+};
+
+template <int N> struct Recursion { // y <- A y + B v
+  Columns<N> A, B;
+  alignas(64) double y[padded(N)] = {};
+  const int m;
+  Recursion(const double *a, const double *b, int n, int m_) : A(a, n), B(b, m_), m(m_) {}
+  INLINE void step(const double *v, int m) {
+    typename Columns<N>::Vector next[Columns<N>::COUNT] = {};
+    B.add(v, next, m);
+    A.add(y, next, N);
+    std::memcpy(y, next, sizeof y);
+  }
+};
+
+template <> struct Recursion<0> {
+  Columns<0> A, B;
+  Buffer memory, next;
+  double *y;
+  const int m;
+  Recursion(const double *a, const double *b, int n, int m_)
+      : A(a, n, n), B(b, n, m_), memory(n), next(n), y(memory.data()), m(m_) {}
+  void step(const double *v, int m) {
+    std::fill(next.begin(), next.end(), 0.0);
+    B.add(v, next.data(), m);
+    A.add(y, next.data(), static_cast<int>(next.size()));
+    std::copy(next.begin(), next.end(), y);
+  }
+};
+
+INLINE void row_times(const double *a, const double *x, double *y, int n, int m) { // y = a x
+  for (int i = 0; i < n; ++i) {
+    double s = 0.0;
+    for (int j = 0; j < m; ++j) s += a[i * m + j] * x[j];
+    y[i] = s;
+  }
+}
+
+// (1 - K H) F, the transition of the filtered state
+void closed_loop(const double *F, const double *H, const double *K, double *A, int n, int m) {
+  Buffer HF(m * n);
+  multiply(H, F, HF.data(), m, n, n);
+  multiply(K, HF.data(), A, n, m, n);
+  for (int i = 0; i < n * n; ++i) A[i] = F[i] - A[i];
+}
+
+// ---- the passes -----------------------------------------------------------------------------------------
+
+Array wrap(const Buffer &values, std::vector<py::ssize_t> shape) {
+  Array a(shape);
+  std::copy(values.begin(), values.end(), a.mutable_data());
+  return a;
+}
+
+py::array_t<py::ssize_t> wrap(const std::vector<py::ssize_t> &values) {
+  py::array_t<py::ssize_t> a(values.size());
+  std::copy(values.begin(), values.end(), a.mutable_data());
+  return a;
+}
+
+void append(Buffer &all, const Buffer &more) { all.insert(all.end(), more.begin(), more.end()); }
+
+// Returns (start, P_pred, P, K, W, failed sample or -1).
+template <int N, int M>
+py::tuple covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen_, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_);
+  const py::ssize_t T = seen_.shape(0);
+  const int m = static_cast<int>(seen_.shape(1)), n = static_cast<int>(P0.shape(0));
+  Covariance<N, M> now(n, m);
+  std::copy(P0.data(), P0.data() + n * n, now.P_pred.begin());
+  std::vector<py::ssize_t> start;
+  Buffer P_pred, P, K, W;
+  py::ssize_t failed = -1;
+  {
+    py::gil_scoped_release unlocked;
+    Rest rest;
+    rest.restart();
+    bool resting = false;
+    for (py::ssize_t k = 0; k < T; ++k) {
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k > 0 && std::memcmp(seen, seen - m, m) != 0) {
+        resting = false;
+        rest.restart();
+      }
+      if (resting) continue;
+      if (k > 0) now.predict(F.at(k - 1), Q.at(k - 1));
+      if (!now.update(H.at(k), R.at(k), seen)) {
+        failed = k;
+        break;
+      }
+      start.push_back(k);
+      append(P_pred, now.P_pred);
+      append(P, now.P);
+      append(K, now.K);
+      append(W, now.W);
+      if (steady && k > 0) resting = rest.reached(now.P.data(), n);
+    }
+  }
+  const auto r = static_cast<py::ssize_t>(start.size());
+  return py::make_tuple(wrap(start), wrap(P_pred, {r, n, n}), wrap(P, {r, n, n}), wrap(K, {r, n, m}),
+                        wrap(W, {r, m, m}), failed);
+}
+
+constexpr int LANES = 8;
+typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
+
+INLINE double zero_if_missing(double z) { return z == z ? z : 0.0; }
+
+// Filtered states x (time, signal, state) under the gains of covariance_pass.
+template <int N, int M>
+Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0, Array z_) {
+  const Along F(F_), u(u_), H(H_);
+  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(z_.shape(2));
+  const bool driven = is_driven(u);
+  Array x_({T, signals, static_cast<py::ssize_t>(n)});
+  double *x = x_.mutable_data();
+  const double *z = z_.data();
+  const py::ssize_t *start = start_.data();
+  py::gil_scoped_release unlocked;
+  Buffer pred(n), e(m), A(n * n), v(m + 2 * n), B(n * (m + n)), I_KH(n * n);
+  for (py::ssize_t r = 0; r < runs; ++r) {
+    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+    const double *K = K_.data() + r * n * m;
+    // the first sample of a run in two steps: it may follow another gain
+    for (py::ssize_t s = 0; s < signals; ++s) {
+      double *now = x + (first * signals + s) * n;
+      if (first == 0) {
+        std::copy(x0.data() + s * n, x0.data() + (s + 1) * n, pred.begin());
+      } else {
+        row_times(F.at(first - 1), now - signals * n, pred.data(), n, n);
+        if (driven)
+          for (int i = 0; i < n; ++i) pred[i] += u.at(first - 1)[i];
+      }
+      row_times(H.at(first), pred.data(), e.data(), m, n);
+      for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[(first * signals + s) * m + c]) - e[c];
+      row_times(K, e.data(), now, n, m);
+      for (int i = 0; i < n; ++i) now[i] += pred[i];
+    }
+    if (stop - first < 2) continue;
+    closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
+    // inputs of the recursion: the measurement, and the known input through 1 - K H
+    const int inputs = driven ? m + n : m;
+    multiply(K, H.at(0), I_KH.data(), n, m, n);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < inputs; ++j)
+        B[i * inputs + j] = j < m ? K[i * m + j] : (i == j - m) - I_KH[i * n + j - m];
+    py::ssize_t s = 0;
+    if (N) {
+      constexpr int C = N ? N : 1;
+      for (; s + LANES <= signals; s += LANES) { // many signals: one in each lane
+        Lanes X[C], Z[M ? M : 1], next[C];
+        Buffer Zs(M ? 1 : m * LANES);
+        auto *zl = M ? reinterpret_cast<double *>(Z) : Zs.data();
+        auto *xl = reinterpret_cast<double *>(X);
+        for (int i = 0; i < n; ++i)
+          for (int l = 0; l < LANES; ++l) xl[i * LANES + l] = x[(first * signals + s + l) * n + i];
+        for (py::ssize_t k = first + 1; k < stop; ++k) {
+          const double *zk = z + (k * signals + s) * m;
+          for (int c = 0; c < m; ++c)
+            for (int l = 0; l < LANES; ++l) zl[c * LANES + l] = zero_if_missing(zk[l * m + c]);
+          for (int i = 0; i < n; ++i) {
+            Lanes sum = {};
+            for (int c = 0; c < m; ++c) {
+              Lanes lane;
+              std::memcpy(&lane, zl + c * LANES, sizeof lane);
+              sum += lane * B[i * inputs + c];
+            }
+            if (driven)
+              for (int j = 0; j < n; ++j) sum += B[i * inputs + m + j] * u.at(k - 1)[j];
+            for (int j = 0; j < n; ++j) sum += X[j] * A[i * n + j];
+            next[i] = sum;
+          }
+          double *out = x + (k * signals + s) * n;
+          for (int i = 0; i < n; ++i) X[i] = next[i];
+          for (int l = 0; l < LANES; ++l)
+            for (int i = 0; i < n; ++i) out[l * n + i] = xl[i * LANES + l];
+        }
+      }
+    }
+    for (; s < signals; ++s) {
+      Recursion<N> path(A.data(), B.data(), n, inputs);
+      std::copy(x + (first * signals + s) * n, x + (first * signals + s + 1) * n, path.y);
+      for (py::ssize_t k = first + 1; k < stop; ++k) {
+        const double *zk = z + (k * signals + s) * m;
+        for (int c = 0; c < m; ++c) v[c] = zero_if_missing(zk[c]);
+        if (driven) {
+          std::copy(u.at(k - 1), u.at(k - 1) + n, v.begin() + m);
+          path.step(v.data(), inputs);
+        } else {
+          path.step(v.data(), m);
+        }
+        std::copy(path.y, path.y + n, x + (k * signals + s) * n);
+      }
+    }
+  }
+  return x_;
+}
+
+// Smoothed states (time, signal, state): x + P rt, with the adjoint rt of Bryson and Frazier.
+template <int N, int M>
+Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array K_, Array W_, Array z_,
+                   Array x_) {
+  const Along F(F_), u(u_), H(H_);
+  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = N ? N : static_cast<int>(x_.shape(2)), m = M ? M : static_cast<int>(z_.shape(2));
+  const bool driven = is_driven(u);
+  Array smoothed_({T, signals, static_cast<py::ssize_t>(n)});
+  double *smoothed = smoothed_.mutable_data();
+  const double *x = x_.data(), *z = z_.data();
+  const py::ssize_t *start = start_.data();
+  py::gil_scoped_release unlocked;
+  Buffer adjoint(signals * n, 0.0), pred(n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n),
+      A_t(n * n), HF(m * n), Hu(m), E(n * m), back(n);
+  for (py::ssize_t r = runs; r-- > 0;) {
+    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+    const double *K = K_.data() + r * n * m, *W = W_.data() + r * m * m, *P = P_.data() + r * n * n;
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j < m; ++j) {
+        double sum = 0.0;
+        for (int l = 0; l < m; ++l) sum += W[l * m + i] * W[l * m + j];
+        S_inv[i * m + j] = sum;
+      }
+    const bool steady = stop - first > 1;
+    if (steady) {
+      closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
+      transpose(A.data(), A_t.data(), n, n);
+      transpose(H.at(0), H_t.data(), m, n);
+      transpose(F.at(0), F_t.data(), n, n);
+      multiply(H_t.data(), S_inv.data(), E.data(), n, m, m);
+      Buffer E0 = E;
+      multiply(F_t.data(), E0.data(), E.data(), n, n, m);
+      multiply(H.at(0), F.at(0), HF.data(), m, n, n);
+    }
+    for (py::ssize_t s = 0; s < signals; ++s) {
+      double *rt = adjoint.data() + s * n;
+      py::ssize_t k = stop - 1;
+      if (steady) {
+        Recursion<N> path(A_t.data(), E.data(), n, m);
+        Columns<N> gain = [&] {
+          if constexpr (N > 0) return Columns<N>(P, n);
+          else return Columns<N>(P, n, n);
+        }();
+        std::copy(rt, rt + n, path.y);
+        for (; k > first; --k) {
+          const py::ssize_t at = k * signals + s;
+          if constexpr (N > 0) {
+            alignas(64) double out[padded(N)] = {};
+            std::copy(x + at * n, x + (at + 1) * n, out);
+            typename Columns<N>::Vector sum[Columns<N>::COUNT];
+            std::memcpy(sum, out, sizeof out);
+            gain.add(path.y, sum, N);
+            std::memcpy(out, sum, sizeof out);
+            std::copy(out, out + N, smoothed + at * n);
+          } else {
+            std::copy(x + at * n, x + (at + 1) * n, smoothed + at * n);
+            gain.add(path.y, smoothed + at * n, n);
+          }
+          row_times(HF.data(), x + (at - signals) * n, e.data(), m, n);
+          for (int c = 0; c < m; ++c) // a channel that is missing has a zero column in E
+            e[c] = zero_if_missing(z[at * m + c]) - e[c];
+          if (driven) {
+            row_times(H.at(0), u.at(k - 1), Hu.data(), m, n);
+            for (int c = 0; c < m; ++c) e[c] -= Hu[c];
+          }
+          path.step(e.data(), m);
+        }
+        std::copy(path.y, path.y + n, rt);
+      }
+      const py::ssize_t at = k * signals + s; // k == first
+      row_times(P, rt, smoothed + at * n, n, n);
+      for (int i = 0; i < n; ++i) smoothed[at * n + i] += x[at * n + i];
+      if (k == 0) continue;
+      row_times(F.at(k - 1), x + (at - signals) * n, pred.data(), n, n);
+      for (int i = 0; i < n; ++i) pred[i] += u.at(k - 1)[i];
+      row_times(H.at(k), pred.data(), e.data(), m, n);
+      // of a channel that is missing, S_inv and K are zero: it adds nothing
+      for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[at * m + c]) - e[c];
+      row_times(S_inv.data(), e.data(), g.data(), m, m);
+      for (int c = 0; c < m; ++c)
+        for (int i = 0; i < n; ++i) g[c] -= K[i * m + c] * rt[i];
+      for (int c = 0; c < m; ++c)
+        for (int i = 0; i < n; ++i) rt[i] += H.at(k)[c * n + i] * g[c];
+      for (int i = 0; i < n; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < n; ++j) sum += F.at(k - 1)[j * n + i] * rt[j];
+        back[i] = sum;
+      }
+      std::copy(back.begin(), back.end(), rt);
+    }
+  }
+  return smoothed_;
+}
+
+// Information of later samples: (start, later), later holding from start to the next; failed sample or -1.
+template <int N, int M>
+py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_);
+  const py::ssize_t T = seen_.shape(0);
+  const int m = M ? M : static_cast<int>(seen_.shape(1)), n = N ? N : static_cast<int>(F_.shape(3));
+  std::vector<py::ssize_t> last; // of each run, backwards
+  Buffer later, now(n * n, 0.0), D(n * n), Y(n * n), Y_t(n * n), Q_c(n * n), S(m * m), W(m * m), H_s(m * n),
+      H_t(n * m), HY(m * n), told(n * n), F_t(n * n), work(n * std::max(n, m));
+  py::ssize_t failed = -1;
+  {
+    py::gil_scoped_release unlocked;
+    Rest rest;
+    rest.restart();
+    bool resting = false;
+    last.push_back(T - 1);
+    append(later, now);
+    for (py::ssize_t k = T - 1; k > 0; --k) { // from what is told after sample k to what after k - 1
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k < T - 1 && std::memcmp(seen, seen + m, m) != 0) {
+        resting = false;
+        rest.restart();
+      }
+      if (resting) continue;
+      const double *Qk = Q.at(k - 1), *Fk = F.at(k - 1), *Rk = R.at(k);
+      // Y = (1 + now Q)^-1, told = Y now
+      multiply(now.data(), Qk, D.data(), n, n, n);
+      for (int i = 0; i < n; ++i) D[i * n + i] += 1.0;
+      std::fill(Y.begin(), Y.end(), 0.0);
+      for (int i = 0; i < n; ++i) Y[i * n + i] = 1.0;
+      solve(D.data(), Y.data(), n, n);
+      multiply(Y.data(), now.data(), told.data(), n, n, n);
+      int count = 0;
+      std::vector<int> channel(m);
+      for (int c = 0; c < m; ++c)
+        if (seen[c]) channel[count++] = c;
+      if (count) {
+        const int c = count;
+        for (int i = 0; i < c; ++i) std::memcpy(&H_s[i * n], H.at(k) + channel[i] * n, n * sizeof(double));
+        multiply(Qk, Y.data(), Q_c.data(), n, n, n); // of the state, given what is told and the step before
+        transpose(H_s.data(), H_t.data(), c, n);
+        multiply(Q_c.data(), H_t.data(), work.data(), n, n, c);
+        multiply(H_s.data(), work.data(), S.data(), c, n, c);
+        for (int i = 0; i < c; ++i)
+          for (int j = 0; j < c; ++j) S[i * c + j] += Rk[channel[i] * m + channel[j]];
+        symmetrize(S.data(), c);
+        if (!whitening(S.data(), W.data(), c)) {
+          failed = k;
+          break;
+        }
+        transpose(Y.data(), Y_t.data(), n, n);
+        multiply(H_s.data(), Y_t.data(), HY.data(), c, n, n);
+        multiply(W.data(), HY.data(), H_s.data(), c, c, n); // whitened
+        for (int l = 0; l < c; ++l)
+          for (int i = 0; i < n; ++i) {
+            const double f = H_s[l * n + i];
+            for (int j = 0; j < n; ++j) told[i * n + j] += f * H_s[l * n + j];
+          }
+      }
+      transpose(Fk, F_t.data(), n, n);
+      multiply(F_t.data(), told.data(), work.data(), n, n, n);
+      multiply(work.data(), Fk, now.data(), n, n, n);
+      symmetrize(now.data(), n);
+      last.push_back(k - 1);
+      append(later, now);
+      if (steady) resting = rest.reached(now.data(), n);
+    }
+  }
+  const auto r = static_cast<py::ssize_t>(last.size());
+  return py::make_tuple(wrap(last), wrap(later, {r, n, n}), failed);
+}
+
+// Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
+template <int N, int M>
+Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
+                     Mask seen_, double limit, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
+  const py::ssize_t T = z_.shape(0), models = x0.shape(0);
+  const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(seen_.shape(1));
+  Array total_(models);
+  double *total = total_.mutable_data();
+  py::gil_scoped_release unlocked;
+  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m), v(m), Au(n), u_K(n);
+  for (py::ssize_t j = 0; j < models; ++j) {
+    Covariance<N, M> now(n, m);
+    std::copy(P0.data() + j * n * n, P0.data() + (j + 1) * n * n, now.P_pred.begin());
+    std::copy(x0.data() + j * n, x0.data() + (j + 1) * n, pred.begin());
+    double sum = 0.0;
+    Rest rest;
+    rest.restart();
+    for (py::ssize_t k = 0; k < T; ++k) {
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k > 0) {
+        now.predict(F.at(k - 1, j), Q.at(k - 1, j));
+        row_times(F.at(k - 1, j), x.data(), pred.data(), n, n);
+        for (int i = 0; i < n; ++i) pred[i] += u.at(k - 1, j)[i];
+        if (std::memcmp(seen, seen - m, m) != 0) rest.restart();
+      }
+      row_times(H.at(k, j), pred.data(), e.data(), m, n);
+      for (int c = 0; c < m; ++c) e[c] = seen[c] ? Z.at(k, j)[c] - e[c] : 0.0;
+      const double inflated = m == 1 ? (e[0] / limit) * (e[0] / limit) : 0.0;
+      if (!now.update(H.at(k, j), R.at(k, j), seen, inflated)) {
+        sum = std::numeric_limits<double>::quiet_NaN();
+        break;
+      }
+      row_times(now.W.data(), e.data(), white.data(), m, m);
+      double log_det = 0.0;
+      for (int c = 0; c < m; ++c) {
+        sum -= 0.5 * white[c] * white[c];
+        if (seen[c]) log_det += std::log(now.W[c * m + c]) - 0.5 * LOG_2PI;
+      }
+      sum += log_det;
+      row_times(now.K.data(), e.data(), x.data(), n, m);
+      for (int i = 0; i < n; ++i) x[i] += pred[i];
+      const bool wild = m == 1 && seen[0] && std::fabs(white[0]) >= 0.999999 * limit;
+      if (wild) rest.restart();
+      if (!steady || k == 0 || wild || !rest.reached(now.P.data(), n)) continue;
+      // at rest: one recursion, until the channels seen change or a sample is wild
+      closed_loop(F.at(0, j), H.at(0, j), now.K.data(), A.data(), n, m);
+      multiply(H.at(0, j), F.at(0, j), HF.data(), m, n, n);
+      Recursion<N> path(A.data(), now.K.data(), n, m);
+      std::copy(x.begin(), x.end(), path.y);
+      for (; k + 1 < T && std::memcmp(seen, seen + m, m) == 0; ++k, seen += m) {
+        const double *z = Z.at(k + 1, j), *push = u.at(k, j);
+        row_times(HF.data(), path.y, e.data(), m, n);
+        row_times(H.at(0, j), push, Hu.data(), m, n);
+        for (int c = 0; c < m; ++c) {
+          v[c] = (seen[c] ? z[c] : 0.0) - Hu[c];
+          e[c] = seen[c] ? v[c] - e[c] : 0.0;
+        }
+        row_times(now.W.data(), e.data(), white.data(), m, m);
+        if (m == 1 && std::fabs(white[0]) > limit) break;
+        double square = 0.0;
+        for (int c = 0; c < m; ++c) square += white[c] * white[c];
+        sum += log_det - 0.5 * square;
+        path.step(v.data(), m);
+        for (int i = 0; i < n; ++i) path.y[i] += push[i];
+      }
+      std::copy(path.y, path.y + n, x.begin());
+      rest.restart();
+    }
+    total[j] = sum;
+  }
+  return total_;
+}
+
+// ---- sizes ------------------------------------------------------------------------------------------------
+
+#define SIZES(X)                                                                                              \
+  X(1, 1) X(2, 1) X(3, 1) X(4, 1) X(5, 1) X(6, 1) X(7, 1) X(8, 1) X(9, 1) X(6, 2) X(6, 3) X(9, 3) X(12, 3)    \
+  X(12, 6) X(30, 30)
+
+// call(N, M) with the sizes as constants where they are usual ones, with 0, 0 otherwise
+template <typename Call> auto sized(py::ssize_t n, py::ssize_t m, Call call) {
+#define TRY(N, M)                                                                                             \
+  if (n == N && m == M) return call(std::integral_constant<int, N>{}, std::integral_constant<int, M>{});
+  SIZES(TRY)
+#undef TRY
+  return call(std::integral_constant<int, 0>{}, std::integral_constant<int, 0>{});
+}
+
+} // namespace
+
+PYBIND11_MODULE(_compiled, module) {
+#if defined(__x86_64__) && defined(__AVX512F__)
+  if (!__builtin_cpu_supports("avx512f")) throw py::import_error("built for a processor with AVX-512");
+#elif defined(__x86_64__) && defined(__AVX2__)
+  if (!__builtin_cpu_supports("avx2")) throw py::import_error("built for a processor with AVX2");
+#endif
+  module.doc() = "The passes of passes.py, compiled";
+  module.def("covariance_pass", [](Array F, Array Q, Array H, Array R, Array P0, Mask seen, bool steady) {
+    return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+      return covariance_pass<N(), M()>(F, Q, H, R, P0, seen, steady);
+    });
+  });
+  module.def("mean_pass", [](Array F, Array u, Array H, Starts start, Array K, Array x0, Array z) {
+    return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
+      return mean_pass<N(), M()>(F, u, H, start, K, x0, z);
+    });
+  });
+  module.def("adjoint_pass", [](Array F, Array u, Array H, Starts start, Array P, Array K, Array W, Array z,
+                                Array x) {
+    return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
+      return adjoint_pass<N(), M()>(F, u, H, start, P, K, W, z, x);
+    });
+  });
+  module.def("information_pass", [](Array F, Array Q, Array H, Array R, Mask seen, bool steady) {
+    return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+      return information_pass<N(), M()>(F, Q, H, R, seen, steady);
+    });
+  });
+  module.def("log_likelihood", [](Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z,
+                                  Mask seen, double limit, bool steady) {
+    return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+      return log_likelihood<N(), M()>(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
+    });
+  });
+}

@@ -1,0 +1,25 @@
+"""The compiled engine: built where a C++ compiler is, and done without where none is."""
+
+import platform
+
+from setuptools import setup
+
+try:
+    from pybind11.setup_helpers import Pybind11Extension
+except ImportError:  # no build requirement installed: the numpy engine is complete
+    extensions = []
+else:
+    flags = ["-O3", "-march=native"]  # compiled on the machine it runs on; it checks that when loaded
+    if platform.machine() in ("x86_64", "AMD64"):
+        flags.append("-mprefer-vector-width=512")
+    extensions = [
+        Pybind11Extension(
+            "forceid.kalman._compiled",
+            ["forceid/kalman/_compiled.cpp"],
+            cxx_std=17,
+            extra_compile_args=flags,
+            optional=True,
+        )
+    ]
+
+setup(ext_modules=extensions)
