@@ -26,19 +26,21 @@ using Buffer = std::vector<double>;
 constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
 constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
 constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
+constexpr double MOST = 0.99;       // of a variance that an update may take without Joseph's form
 constexpr double LOG_2PI = 1.8378770664093454836;
 
 #define INLINE inline __attribute__((always_inline))
 
 // ---- small dense algebra; sizes are constants wherever the caller's are -------------------------------
 
-// c (n, m) = a (n, k) b (k, m)
+// c (n, m) = a (n, k) b (k, m); zeros in a cost nothing
 INLINE void multiply(const double *a, const double *b, double *c, int n, int k, int m) {
   for (int i = 0; i < n; ++i) {
     double *row = c + i * m;
     for (int j = 0; j < m; ++j) row[j] = 0.0;
     for (int l = 0; l < k; ++l) {
       const double f = a[i * k + l];
+      if (f == 0.0) continue;
       for (int j = 0; j < m; ++j) row[j] += f * b[l * m + j];
     }
   }
@@ -52,6 +54,14 @@ INLINE void transpose(const double *a, double *t, int n, int m) {
 INLINE void symmetrize(double *a, int n) {
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) a[i * n + j] = a[j * n + i] = 0.5 * (a[i * n + j] + a[j * n + i]);
+}
+
+// s = a p a^T of a symmetric p; a is sparse as a rule and goes first in both products
+INLINE void sandwich(const double *a, const double *p, double *s, double *work, int n) {
+  multiply(a, p, s, n, n, n);
+  transpose(s, work, n, n);
+  multiply(a, work, s, n, n, n);
+  symmetrize(s, n);
 }
 
 // Lower Cholesky factor in place, then its inverse w; false where a is not positive definite.
@@ -158,22 +168,19 @@ struct Rest {
 // One step of the covariance, prediction and update in Joseph's form.
 template <int N, int M> struct Covariance {
   const int n, m;
-  Buffer P_pred, P, K, W, F_t, H_s, H_t, R_s, S, S_inv, PH, I_KH, work, work2;
+  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, S_inv, PH, I_KH, work, work2;
   int count = 0; // of the channels seen
   std::vector<int> channel;
 
   Covariance(int n_, int m_)
-      : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), F_t(n * n), H_s(m * n),
-        H_t(n * m), R_s(m * m), S(m * m), S_inv(m * m), PH(n * m), I_KH(n * n), work(n * std::max(n, m)),
-        work2(n * std::max(n, m)), channel(m) {}
+      : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), H_s(m * n), H_t(n * m),
+        R_s(m * m), S(m * m), S_inv(m * m), PH(n * m), I_KH(n * n), work(std::max(n, m) * std::max(n, m)),
+        work2(std::max(n, m) * std::max(n, m)), channel(m) {}
 
   void predict(const double *F, const double *Q) {
     const int n = N ? N : this->n;
-    transpose(F, F_t.data(), n, n);
-    multiply(F, P.data(), work.data(), n, n, n);
-    multiply(work.data(), F_t.data(), P_pred.data(), n, n, n);
+    sandwich(F, P.data(), P_pred.data(), work.data(), n);
     for (int i = 0; i < n * n; ++i) P_pred[i] += Q[i];
-    symmetrize(P_pred.data(), n);
   }
 
   // inflated: of a single channel, the least innovation variance to be believed
@@ -216,21 +223,29 @@ template <int N, int M> struct Covariance {
     multiply(PH.data(), S_inv.data(), work2.data(), n, c, c); // K of the channels seen
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < c; ++j) K[i * m + channel[j]] = work2[i * c + j];
+    // P - K (P H^T)^T is as good as Joseph's form until it takes most of a variance away
+    transpose(PH.data(), H_t.data(), n, c);
+    multiply(work2.data(), H_t.data(), P.data(), n, c, n);
+    double taken = 0.0;
+    for (int i = 0; i < n; ++i) {
+      taken = std::max(taken, P_pred[i * n + i] > 0.0 ? P[i * n + i] / P_pred[i * n + i] : 0.0);
+      for (int j = 0; j < n; ++j) P[i * n + j] = P_pred[i * n + j] - P[i * n + j];
+    }
+    if (taken > MOST) joseph(c);
+    symmetrize(P.data(), n);
+    return true;
+  }
+
+  void joseph(int c) { // gain of the channels seen in work2
+    const int n = N ? N : this->n;
     multiply(work2.data(), H_s.data(), I_KH.data(), n, c, n);
     for (int i = 0; i < n * n; ++i) I_KH[i] = -I_KH[i];
     for (int i = 0; i < n; ++i) I_KH[i * n + i] += 1.0;
-    multiply(work2.data(), R_s.data(), work.data(), n, c, c); // K R
-    transpose(work2.data(), H_t.data(), n, c);                // K^T
-    multiply(work.data(), H_t.data(), P.data(), n, c, n);
-    multiply(I_KH.data(), P_pred.data(), work.data(), n, n, n);
-    transpose(I_KH.data(), work2.data(), n, n);
-    for (int i = 0; i < n; ++i)
-      for (int l = 0; l < n; ++l) {
-        const double f = work[i * n + l];
-        for (int j = 0; j < n; ++j) P[i * n + j] += f * work2[l * n + j];
-      }
-    symmetrize(P.data(), n);
-    return true;
+    transpose(work2.data(), H_t.data(), n, c); // K^T
+    multiply(work2.data(), R_s.data(), PH.data(), n, c, c);
+    sandwich(I_KH.data(), P_pred.data(), P.data(), work.data(), n);
+    multiply(PH.data(), H_t.data(), work.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) P[i] += work[i];
   }
 };
 
@@ -581,8 +596,9 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
   const py::ssize_t T = seen_.shape(0);
   const int m = M ? M : static_cast<int>(seen_.shape(1)), n = N ? N : static_cast<int>(F_.shape(3));
   std::vector<py::ssize_t> last; // of each run, backwards
-  Buffer later, now(n * n, 0.0), D(n * n), Y(n * n), Y_t(n * n), Q_c(n * n), S(m * m), W(m * m), H_s(m * n),
-      H_t(n * m), HY(m * n), told(n * n), F_t(n * n), work(n * std::max(n, m));
+  Buffer later, now(n * n, 0.0), D(n * n), X(n * (n + m)), S(m * m), W(m * m), H_s(m * n), YH(n * m),
+      told(n * n), F_t(n * n), work(n * std::max(n, m)), white(m * n);
+  std::vector<int> channel(m);
   py::ssize_t failed = -1;
   {
     py::gil_scoped_release unlocked;
@@ -599,23 +615,25 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
       }
       if (resting) continue;
       const double *Qk = Q.at(k - 1), *Fk = F.at(k - 1), *Rk = R.at(k);
-      // Y = (1 + now Q)^-1, told = Y now
-      multiply(now.data(), Qk, D.data(), n, n, n);
-      for (int i = 0; i < n; ++i) D[i * n + i] += 1.0;
-      std::fill(Y.begin(), Y.end(), 0.0);
-      for (int i = 0; i < n; ++i) Y[i * n + i] = 1.0;
-      solve(D.data(), Y.data(), n, n);
-      multiply(Y.data(), now.data(), told.data(), n, n, n);
-      int count = 0;
-      std::vector<int> channel(m);
-      for (int c = 0; c < m; ++c)
-        if (seen[c]) channel[count++] = c;
-      if (count) {
-        const int c = count;
-        for (int i = 0; i < c; ++i) std::memcpy(&H_s[i * n], H.at(k) + channel[i] * n, n * sizeof(double));
-        multiply(Qk, Y.data(), Q_c.data(), n, n, n); // of the state, given what is told and the step before
-        transpose(H_s.data(), H_t.data(), c, n);
-        multiply(Q_c.data(), H_t.data(), work.data(), n, n, c);
+      int c = 0;
+      for (int i = 0; i < m; ++i)
+        if (seen[i]) channel[c++] = i;
+      for (int i = 0; i < c; ++i) std::memcpy(&H_s[i * n], H.at(k) + channel[i] * n, n * sizeof(double));
+      // with Y = (1 + now Q)^-1: Y now, and Y H^T
+      multiply(Qk, now.data(), work.data(), n, n, n);
+      transpose(work.data(), D.data(), n, n);
+      for (int i = 0; i < n; ++i) {
+        D[i * n + i] += 1.0;
+        std::memcpy(&X[i * (n + c)], &now[i * n], n * sizeof(double));
+        for (int j = 0; j < c; ++j) X[i * (n + c) + n + j] = H_s[j * n + i];
+      }
+      solve(D.data(), X.data(), n, n + c);
+      for (int i = 0; i < n; ++i) {
+        std::memcpy(&told[i * n], &X[i * (n + c)], n * sizeof(double));
+        for (int j = 0; j < c; ++j) YH[i * c + j] = X[i * (n + c) + n + j];
+      }
+      if (c) {
+        multiply(Qk, YH.data(), work.data(), n, n, c);
         multiply(H_s.data(), work.data(), S.data(), c, n, c);
         for (int i = 0; i < c; ++i)
           for (int j = 0; j < c; ++j) S[i * c + j] += Rk[channel[i] * m + channel[j]];
@@ -624,19 +642,17 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
           failed = k;
           break;
         }
-        transpose(Y.data(), Y_t.data(), n, n);
-        multiply(H_s.data(), Y_t.data(), HY.data(), c, n, n);
-        multiply(W.data(), HY.data(), H_s.data(), c, c, n); // whitened
+        transpose(YH.data(), work.data(), n, c);
+        multiply(W.data(), work.data(), white.data(), c, c, n);
         for (int l = 0; l < c; ++l)
           for (int i = 0; i < n; ++i) {
-            const double f = H_s[l * n + i];
-            for (int j = 0; j < n; ++j) told[i * n + j] += f * H_s[l * n + j];
+            const double f = white[l * n + i];
+            for (int j = 0; j < n; ++j) told[i * n + j] += f * white[l * n + j];
           }
       }
+      symmetrize(told.data(), n);
       transpose(Fk, F_t.data(), n, n);
-      multiply(F_t.data(), told.data(), work.data(), n, n, n);
-      multiply(work.data(), Fk, now.data(), n, n, n);
-      symmetrize(now.data(), n);
+      sandwich(F_t.data(), told.data(), now.data(), work.data(), n);
       last.push_back(k - 1);
       append(later, now);
       if (steady) resting = rest.reached(now.data(), n);

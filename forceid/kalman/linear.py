@@ -184,7 +184,7 @@ def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
     z = as_channels(z)
     if z.ndim == 3 and not alike(z):
         return apart(lambda one: filter(passes, model, one), z)
-    F, Q, H, R, u = arrays(model)
+    F, Q, H, R, u = arrays(model, z)
     seen = pattern(z)
     start, P_pred, P, K, W, failed = passes.covariance_pass(F, Q, H, R, model.P0, seen, constant(model))
     check(failed)
@@ -207,7 +207,7 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     if z.ndim == 3 and not alike(z):
         return smooth_apart(lambda one: smooth(passes, model, one), z)
     f = filter(passes, model, z)
-    F, Q, H, R, u = arrays(model)
+    F, Q, H, R, u = arrays(model, z)
     g, x = f.gains, f.x if z.ndim == 3 else f.x[:, None]
     signals = z if z.ndim == 3 else z[:, None]
     smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, signals, x)
@@ -231,7 +231,7 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     if z.ndim == 3 and not alike(z):
         each = [log_likelihood(passes, each_model(model, j), z[:, j], limit) for j in range(z.shape[1])]
         return np.array(each)
-    F, Q, H, R, u = arrays(model)
+    F, Q, H, R, u = arrays(model, z)
     count = max(1 if model.x0.ndim == 1 else len(model.x0), 1 if z.ndim == 2 else z.shape[1])
     x0 = np.broadcast_to(model.x0, (count, model.x0.shape[-1]))
     P0 = np.broadcast_to(model.P0, (count, *model.P0.shape[-2:]))
@@ -242,14 +242,28 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     return np.asarray(total if model.x0.ndim == 2 or z.ndim == 3 else total[0])
 
 
-def arrays(model: StateSpace) -> tuple[Array, Array, Array, Array, Array]:
-    """F, Q, H, R (time or 1, model or 1, ., .) and u (time or 1, model or 1, state) of a model."""
-    F, Q, H, R = (
-        a if a.ndim == 4 else a[:, None] if a.ndim == 3 else a[None, None]
-        for a in (model.F, model.Q, model.H, model.R)
-    )
-    u = np.zeros((1, 1, F.shape[-1])) if model.u is None else model.u
-    return F, Q, H, R, u if u.ndim == 3 else u[:, None] if u.ndim == 2 else u[None, None]
+def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """F, Q, H, R (time or 1, model or 1, ., .) and u (time or 1, model or 1, state) of a model.
+
+    Raises EstimationError where a shape does not fit the others, or z (time, ..., channel).
+    """
+    n, m, T = model.P0.shape[-1], z.shape[-1], len(z)
+    u = np.zeros(n) if model.u is None else model.u
+    given = {"F": model.F, "Q": model.Q, "H": model.H, "R": model.R, "u": u}
+    sizes = {"F": (n, n), "Q": (n, n), "H": (m, n), "R": (m, m), "u": (n,)}
+    out = []
+    for name, a in given.items():
+        core, times = sizes[name], (T, 1) if name in "HR" else (T - 1, T, 1)
+        lead = a.shape[: a.ndim - len(core)]
+        if a.shape[a.ndim - len(core) :] != core or (lead and lead[0] not in times) or len(lead) > 2:
+            expected = " or ".join(str((*t, *core)) for t in ((), (times[0],)))
+            raise EstimationError(f"has {name} of shape {a.shape}, expected {expected}", "the linear model")
+        out.append(a if len(lead) == 2 else a[:, None] if len(lead) == 1 else a[None, None])
+    for name, shape in (("x0", (n,)), ("P0", (n, n))):
+        if getattr(model, name).shape[-len(shape) :] != shape:
+            found = getattr(model, name).shape
+            raise EstimationError(f"has {name} of shape {found}, expected {shape}", "the linear model")
+    return out[0], out[1], out[2], out[3], out[4]
 
 
 def constant(model: StateSpace) -> bool:
@@ -365,4 +379,4 @@ def robust_log_likelihood(model: StateSpace, z: Array, limit: float) -> Array:
     """Log-likelihood (model,) of many models of one channel by the fastest engine, outliers tamed."""
     from forceid.kalman.engines import engine
 
-    return engine().log_likelihood(model, z, limit)
+    return engine().log_likelihood(model, z[..., None], limit)

@@ -20,6 +20,7 @@ LOG_2PI = float(np.log(2 * np.pi))
 LAG = 8  # samples between two looks at whether a covariance has come to rest
 REMAINING = 1e-12  # of a covariance, still to go by the rate at which it comes to rest
 ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes
+MOST = 0.99  # of a variance that an update may take without Joseph's form
 
 
 @dataclass
@@ -55,7 +56,7 @@ def covariance_pass(
     channel) which whitens an innovation, and the sample where its covariance is not positive definite, or -1.
     A channel that is missing has zero columns in K, zero rows and columns in W.
     """
-    P_pred, rest, one = P0, Rest(), np.eye(len(P0))
+    P_pred, rest = P0, Rest()
     runs: list[tuple[int, Array, Array, Array, Array]] = []
     failed, which = -1, seen.astype(bool)
     stirred = changes(which)
@@ -67,7 +68,7 @@ def covariance_pass(
             F_k = of(F, k - 1)
             P_pred = F_k @ runs[-1][2] @ F_k.T + of(Q, k - 1)
             P_pred = 0.5 * (P_pred + P_pred.T)
-        K, W, P = np.zeros((len(one), seen.shape[1])), np.zeros((seen.shape[1],) * 2), P_pred
+        K, W, P = np.zeros((len(P0), seen.shape[1])), np.zeros((seen.shape[1],) * 2), P_pred
         if (c := which[k]).any():
             H_k, R_k = of(H, k)[c], of(R, k)[c][:, c]
             PHt = P_pred @ H_k.T
@@ -77,19 +78,32 @@ def covariance_pass(
                 failed = k
                 break
             K_c = PHt @ W_c.T @ W_c
-            I_KH = one - K_c @ H_k
-            P = I_KH @ P_pred @ I_KH.T + K_c @ R_k @ K_c.T
-            P = 0.5 * (P + P.T)
+            P = updated(P_pred, K_c, H_k, R_k, PHt)
             K[:, c] = K_c
             W[np.ix_(c, c)] = W_c
         runs.append((k, P_pred, P, K, W))
         still = steady and k > 0 and rest.reached(P)
         k = min((i for i in stirred if i > k), default=len(seen)) if still else k + 1
-    n, m = len(one), seen.shape[1]
+    n, m = len(P0), seen.shape[1]
     shapes = ((n, n), (n, n), (n, m), (m, m))
     first, *others = zip(*runs, strict=True) if runs else ((),) * 5
     P_preds, Ps, Ks, Ws = (np.array(a).reshape(-1, *s) for a, s in zip(others, shapes, strict=True))
     return np.array(first, np.intp), P_preds, Ps, Ks, Ws, failed
+
+
+def updated(P: Array, K: Array, H: Array, R: Array, PHt: Array) -> Array:
+    """Covariances (..., state, state) after an update: in Joseph's form where it takes most of a variance.
+
+    Elsewhere P - K (P H^T)^T is as good: what it loses to rounding is small against what is left.
+    """
+    taken = K @ PHt.swapaxes(-1, -2)
+    part = np.diagonal(taken, axis1=-2, axis2=-1) > MOST * np.diagonal(P, axis1=-2, axis2=-1)
+    if part.any():
+        I_KH = np.eye(P.shape[-1]) - K @ H
+        P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+    else:
+        P = P - taken
+    return np.asarray(0.5 * (P + P.swapaxes(-1, -2)))
 
 
 def mean_pass(F: Array, u: Array, H: Array, start: Indices, K: Array, x0: Array, z: Array) -> Array:
@@ -181,7 +195,7 @@ def log_likelihood(
     """
     x, P, total, which = x0, P0, np.zeros(len(x0)), seen.astype(bool)
     L: Array = np.zeros((len(x0), 1, 1))
-    rest, resting, one = Rest(), False, np.eye(x0.shape[1])
+    rest, resting = Rest(), False
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for k, c in enumerate(which):
             if k > 0 and (c != which[k - 1]).any():
@@ -213,8 +227,7 @@ def log_likelihood(
                         return np.full(len(x0), np.nan)
                     K = np.linalg.solve(S, PHt.swapaxes(1, 2)).swapaxes(1, 2)
                 log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1) + 0.5 * c.sum() * LOG_2PI
-                I_KH = one - K @ H_k
-                P = I_KH @ P @ I_KH.swapaxes(1, 2) + K @ R_k @ K.swapaxes(1, 2)
+                P = updated(P, K, H_k, R_k, PHt)
                 resting = steady and k > 0 and rest.reached(np.nan_to_num(P))
             white = e / L[:, 0] if c.sum() == 1 else np.linalg.solve(L, e[..., None])[..., 0]
             total -= 0.5 * (white**2).sum(1) + log_det
