@@ -325,6 +325,25 @@ template <> struct Recursion<0> {
   }
 };
 
+// y = this x, rows in vector registers
+template <int N> INLINE void times(const Columns<N> &a, const double *x, double *y, int columns) {
+  typename Columns<N>::Vector sum[Columns<N>::COUNT] = {};
+  a.add(x, sum, columns);
+  alignas(64) double out[padded(N)];
+  std::memcpy(out, sum, sizeof out);
+  std::copy(out, out + N, y);
+}
+
+INLINE void times(const Columns<0> &a, const double *x, double *y, int columns) {
+  std::fill(y, y + a.rows, 0.0);
+  a.add(x, y, columns);
+}
+
+template <int N> Columns<N> columns_of(const double *a, int rows, int columns) {
+  if constexpr (N > 0) return Columns<N>(a, columns);
+  else return Columns<N>(a, rows, columns);
+}
+
 INLINE void row_times(const double *a, const double *x, double *y, int n, int m) { // y = a x
   for (int i = 0; i < n; ++i) {
     double s = 0.0;
@@ -534,10 +553,8 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
       py::ssize_t k = stop - 1;
       if (steady) {
         Recursion<N> path(A_t.data(), E.data(), n, m);
-        Columns<N> gain = [&] {
-          if constexpr (N > 0) return Columns<N>(P, n);
-          else return Columns<N>(P, n, n);
-        }();
+        const Columns<N> gain = columns_of<N>(P, n, n);
+        const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n);
         std::copy(rt, rt + n, path.y);
         for (; k > first; --k) {
           const py::ssize_t at = k * signals + s;
@@ -553,7 +570,7 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
             std::copy(x + at * n, x + (at + 1) * n, smoothed + at * n);
             gain.add(path.y, smoothed + at * n, n);
           }
-          row_times(HF.data(), x + (at - signals) * n, e.data(), m, n);
+          times(HF_rows, x + (at - signals) * n, e.data(), n);
           for (int c = 0; c < m; ++c) // a channel that is missing has a zero column in E
             e[c] = zero_if_missing(z[at * m + c]) - e[c];
           if (driven) {
@@ -672,7 +689,7 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
   Array total_(models);
   double *total = total_.mutable_data();
   py::gil_scoped_release unlocked;
-  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m), v(m), Au(n), u_K(n);
+  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m, 0.0), v(m);
   for (py::ssize_t j = 0; j < models; ++j) {
     Covariance<N, M> now(n, m);
     std::copy(P0.data() + j * n * n, P0.data() + (j + 1) * n * n, now.P_pred.begin());
@@ -711,22 +728,25 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
       closed_loop(F.at(0, j), H.at(0, j), now.K.data(), A.data(), n, m);
       multiply(H.at(0, j), F.at(0, j), HF.data(), m, n, n);
       Recursion<N> path(A.data(), now.K.data(), n, m);
+      const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n), W_rows = columns_of<M>(now.W.data(), m, m);
+      const bool driven = is_driven(u);
       std::copy(x.begin(), x.end(), path.y);
       for (; k + 1 < T && std::memcmp(seen, seen + m, m) == 0; ++k, seen += m) {
         const double *z = Z.at(k + 1, j), *push = u.at(k, j);
-        row_times(HF.data(), path.y, e.data(), m, n);
-        row_times(H.at(0, j), push, Hu.data(), m, n);
+        times(HF_rows, path.y, e.data(), n);
+        if (driven) row_times(H.at(0, j), push, Hu.data(), m, n);
         for (int c = 0; c < m; ++c) {
           v[c] = (seen[c] ? z[c] : 0.0) - Hu[c];
           e[c] = seen[c] ? v[c] - e[c] : 0.0;
         }
-        row_times(now.W.data(), e.data(), white.data(), m, m);
+        times(W_rows, e.data(), white.data(), m);
         if (m == 1 && std::fabs(white[0]) > limit) break;
         double square = 0.0;
         for (int c = 0; c < m; ++c) square += white[c] * white[c];
         sum += log_det - 0.5 * square;
         path.step(v.data(), m);
-        for (int i = 0; i < n; ++i) path.y[i] += push[i];
+        if (driven)
+          for (int i = 0; i < n; ++i) path.y[i] += push[i];
       }
       std::copy(path.y, path.y + n, x.begin());
       rest.restart();
