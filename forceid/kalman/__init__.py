@@ -15,32 +15,55 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from forceid.kalman.engines import Engine, engine
-from forceid.kalman.linear import Filtered, Smoothed, StateSpace
+from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace
 from forceid.records import Array
 
-_LAZY = {  # these need scipy.linalg
-    "Process": "forceid.kalman.process",
-    "matern": "forceid.kalman.process",
-    "with_mean": "forceid.kalman.process",
-    "integrate": "forceid.kalman.process",
-    "discretize": "forceid.kalman.process",
-}
+_LAZY = {  # where each name lives; what needs scipy is loaded with the name
+    "calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
+    "process": (
+        "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
+        "sensitivity", "superpose", "with_mean",
+    ),
+    "sensors": ("biased", "colored", "state_space"),
+    "structure": ("Structure", "System", "discretize_input", "drive", "modal"),
+}  # fmt: skip
+_HOME = {name: home for home, names in _LAZY.items() for name in names}
 __all__ = [
-    "Engine", "Filtered", "Smoothed", "StateSpace", "engine", "filter", "log_likelihood", "smooth", *_LAZY,
+    "Engine", "Filtered", "Gains", "Smoothed", "StateSpace", "engine", "filter", "log_likelihood", "smooth",
+    *_HOME,
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from forceid.kalman.calibration import Consistency as Consistency
+    from forceid.kalman.calibration import chi_square_band as chi_square_band
+    from forceid.kalman.calibration import consistency as consistency
+    from forceid.kalman.calibration import nees as nees
     from forceid.kalman.process import Process as Process
     from forceid.kalman.process import discretize as discretize
     from forceid.kalman.process import integrate as integrate
+    from forceid.kalman.process import integrated_wiener as integrated_wiener
     from forceid.kalman.process import matern as matern
+    from forceid.kalman.process import random_walk as random_walk
+    from forceid.kalman.process import resonator as resonator
+    from forceid.kalman.process import sensitivity as sensitivity
+    from forceid.kalman.process import superpose as superpose
     from forceid.kalman.process import with_mean as with_mean
+    from forceid.kalman.sensors import biased as biased
+    from forceid.kalman.sensors import colored as colored
+    from forceid.kalman.sensors import state_space as state_space
+    from forceid.kalman.structure import Structure as Structure
+    from forceid.kalman.structure import System as System
+    from forceid.kalman.structure import discretize_input as discretize_input
+    from forceid.kalman.structure import drive as drive
+    from forceid.kalman.structure import modal as modal
 
 _engine = engine  # the keyword below has the same name
 
 
 def filter(model: StateSpace, z: Array, engine: str = "auto") -> Filtered:
     """Kalman filter over z (time, channel) or (time,), NaN = missing; engine as in `kalman.engine`.
+
+    Many signals of one model at once: z (time, signal, channel).
 
     Raises EstimationError where an innovation covariance is not positive definite.
     """
@@ -50,13 +73,15 @@ def filter(model: StateSpace, z: Array, engine: str = "auto") -> Filtered:
 def smooth(model: StateSpace, z: Array, engine: str = "auto") -> Smoothed:
     """Fixed-interval smoother over z (time, channel) or (time,), NaN = missing; engine as in `kalman.engine`.
 
+    Many signals of one model at once: z (time, signal, channel).
+
     Raises EstimationError where an innovation covariance is not positive definite.
     """
     return _engine(engine).smooth(model, z)
 
 
 def log_likelihood(model: StateSpace, z: Array, engine: str = "auto") -> Array:
-    """Log-likelihood of z (time, channel) or (time,); of each of many models, z (time, model, channel).
+    """Log-likelihood of z (time, channel) or (time,); of many models or signals, z (time, ., channel).
 
     Raises EstimationError where an innovation covariance is not positive definite.
     """
@@ -64,9 +89,9 @@ def log_likelihood(model: StateSpace, z: Array, engine: str = "auto") -> Array:
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
+    if name not in _HOME:
         raise AttributeError(f"module 'forceid.kalman' has no attribute '{name}'")
-    return getattr(import_module(_LAZY[name]), name)
+    return getattr(import_module(f"forceid.kalman.{_HOME[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -1,17 +1,40 @@
-"""Priors of loads as linear stochastic differential equations, and their exact discretization."""
+"""Priors of loads as linear stochastic differential equations, and their exact discretization.
+
+A load is the output of x' = A x + w. Parameters may be arrays (...): many loads at once. They may also be
+complex, theta + 1e-30j: the imaginary part of whatever follows is then 1e-30 times its derivative, exact to
+rounding, since no difference is taken (Squire and Trapp 1998). So nothing here takes a modulus or conjugate.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb, factorial
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_continuous_lyapunov
 
 from forceid.records import Array
 
 TERMS = 24  # of the series of a step, in which the fastest rate turns by 1/8 at most
+TINY = 1e-30  # imaginary step of a derivative: its square is lost to rounding beside any real part
+
+
+class Diffusion(Protocol):
+    """Whatever has x' = A x + w, white w of spectral density Qc: a load, or a structure under loads."""
+
+    @property
+    def A(self) -> Array:
+        """Rates (..., state, state)."""
+
+    @property
+    def Qc(self) -> Array:
+        """Spectral density (..., state, state) of w."""
+
+    @property
+    def P0(self) -> Array:
+        """Covariance (..., state, state) of x at the start."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +50,37 @@ class Process:
     output: Array
 
 
+def random_walk(density: ArrayLike, var: ArrayLike) -> Process:
+    """A load that wanders: variance var (...) at the start, and density (...) more each second.
+
+    Units: load^2 / s and load^2. With density 0, a constant. Source: principal equations 4e.
+
+    >>> F, Q = discretize(random_walk(density=2.0, var=1e6), step=0.5)
+    >>> F.tolist(), Q.tolist()
+    ([[1.0]], [[1.0]])
+    """
+    return integrated_wiener(1, density, values(var)[..., None])
+
+
+def integrated_wiener(order: int, density: ArrayLike, var: ArrayLike) -> Process:
+    """A load whose order-th derivative is white noise of density (...): a random walk, integrated.
+
+    order: number of states, the load and its derivatives; density: load^2 / s^(2 order - 1); var: start
+    variance of every state, or (..., order) of each; large where nothing is known. Source: principal
+    equations 4e.
+
+    >>> load = integrated_wiener(2, density=3.0, var=[100.0, 25.0])
+    >>> load.A.tolist(), load.Qc.tolist()
+    ([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 3.0]])
+    """
+    density, var = values(density), values(var)
+    var = np.broadcast_to(var, np.broadcast_shapes(var.shape, (*density.shape, order)))
+    P0 = var[..., None] * np.eye(order)
+    Qc = np.zeros(P0.shape, density.dtype)
+    Qc[..., -1, -1] = density
+    return Process(np.broadcast_to(np.eye(order, k=1), P0.shape), Qc, P0, np.eye(order)[0])
+
+
 def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     """A stationary load whose spectrum falls as |s + rate|^(-2 order): Matern of smoothness order - 1/2.
 
@@ -37,40 +91,67 @@ def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     >>> bool(np.isclose(load.Qc[-1, -1], 4 * (10 * np.pi) ** 3)), bool(np.isclose(load.P0[0, 0], 1.0))
     (True, True)
     """
-    std, rate = np.broadcast_arrays(np.asarray(std, float), np.asarray(rate, float))
-    A = np.zeros((*rate.shape, order, order))
+    std, rate = np.broadcast_arrays(values(std), values(rate))
+    A = np.zeros((*rate.shape, order, order), np.result_type(std, rate))
+    Qc = np.zeros_like(A)
     A[..., :-1, 1:] = np.eye(order - 1)
     A[..., -1, :] = -np.stack([comb(order, i) * rate ** (order - i) for i in range(order)], -1)
-    Qc = np.zeros_like(A)
     q = 2.0 ** (2 * order - 1) * factorial(order - 1) ** 2 / factorial(2 * order - 2)
     Qc[..., -1, -1] = q * std**2 * rate ** (2 * order - 1)
-    # the process of unit rate, then derivative i in units of rate^i
-    unit = np.diag(np.ones(order - 1), 1)
-    unit[-1] = [-comb(order, i) for i in range(order)]
+    # covariances of derivatives i and j are moments i + j of the spectrum, here of unit rate
+    moment = np.cumprod([1.0, *((k + 0.5) / (order - k - 1.5) for k in range(order - 1))])
+    i, j = np.indices((order, order))
+    P0: Array = np.where((i + j) % 2, 0.0, (-1.0) ** ((i - j) // 2) * moment[(i + j) // 2])
     scale = std[..., None] * rate[..., None] ** np.arange(order)
-    P0 = np.asarray(solve_continuous_lyapunov(unit, -np.diag([0.0] * (order - 1) + [q])), float)
     return Process(A, Qc, scale[..., :, None] * P0 * scale[..., None, :], np.eye(order)[0])
 
 
-def with_mean(load: Process, var: float) -> Process:
-    """`load` about a constant mean of variance var at the start; the mean is the first state."""
-    A, Qc, P0 = (np.pad(a, [(0, 0)] * (a.ndim - 2) + [(1, 0), (1, 0)]) for a in (load.A, load.Qc, load.P0))
-    P0[..., 0, 0] = var
-    return Process(A, Qc, P0, np.concatenate([[1.0], load.output]))
+def resonator(frequency: ArrayLike, std: ArrayLike, bandwidth: ArrayLike) -> Process:
+    """A load at one line: a phasor that turns at `frequency` (...) Hz and forgets at `bandwidth` (...) 1/s.
+
+    std (...): of the load, in its unit. Two states, the load and its quadrature; stationary, with
+    autocovariance std^2 exp(-bandwidth t) cos(2 pi frequency t): half the power lies within bandwidth / 2 pi
+    hertz of the line. bandwidth 0: constant amplitude and phase, both unknown. Source: principal
+    equations 4e (spin harmonics).
+
+    >>> load = resonator(frequency=10.0, std=2.0, bandwidth=0.0)
+    >>> F, Q = discretize(load, step=0.025)  # a quarter turn
+    >>> bool(np.allclose(F, [[0, -1], [1, 0]])), bool((Q == 0).all())
+    (True, True)
+    """
+    w, std, b = np.broadcast_arrays(2 * np.pi * values(frequency), values(std), values(bandwidth))
+    w, var, b = w[..., None, None], (std**2)[..., None, None], b[..., None, None]
+    one = np.eye(2)
+    return Process(w * np.array([[0.0, -1.0], [1.0, 0.0]]) - b * one, 2 * b * var * one, var * one, one[0])
 
 
-def integrate(load: Process, var: float) -> Process:
-    """The integral of `load`, of variance var at the start, as a new first state.
+def superpose(*loads: Process) -> Process:
+    """The sum of independent loads as one load: their states in a row, their outputs added up.
+
+    >>> load = superpose(matern(2, std=1.0, rate=30.0), resonator(10.0, std=0.3, bandwidth=0.1))
+    >>> load.A.shape, load.output.tolist()
+    ((4, 4), [1.0, 0.0, 1.0, 0.0])
+    """
+    A, Qc, P0 = (block_diagonal(*(getattr(p, name) for p in loads)) for name in ("A", "Qc", "P0"))
+    return Process(A, Qc, P0, np.concatenate([p.output for p in loads]))
+
+
+def with_mean(load: Process, var: ArrayLike) -> Process:
+    """`load` about a constant mean of variance var (...) at the start; the mean is the first state."""
+    return superpose(random_walk(0.0, var), load)
+
+
+def integrate(load: Process, var: ArrayLike) -> Process:
+    """The integral of `load`, of variance var (...) at the start, as a new first state.
 
     Of a force: the momentum; of that, the first moment of mass m c.
     """
-    A, Qc, P0 = (np.pad(a, [(0, 0)] * (a.ndim - 2) + [(1, 0), (1, 0)]) for a in (load.A, load.Qc, load.P0))
-    A[..., 0, 1:] = load.output
-    P0[..., 0, 0] = var
-    return Process(A, Qc, P0, np.eye(A.shape[-1])[0])
+    joint = superpose(random_walk(0.0, var), load)
+    joint.A[..., 0, 1:] = load.output
+    return Process(joint.A, joint.Qc, joint.P0, np.eye(len(joint.output))[0])
 
 
-def discretize(process: Process, step: ArrayLike) -> tuple[Array, Array]:
+def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     """Transition F and noise covariance Q of a step (...) in seconds, exactly.
 
     By Taylor series over a short step, then doubling: every entry keeps its own relative accuracy, however
@@ -82,16 +163,68 @@ def discretize(process: Process, step: ArrayLike) -> tuple[Array, Array]:
     (True, True)
     """
     h = np.asarray(step, float)[..., None, None]
-    A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h)
-    turn = (np.abs(np.linalg.eigvals(process.A)).max(-1) * np.asarray(step)).max()
-    doublings = int(np.ceil(np.log2(max(8 * turn, 1.0))))
-    h = h / 2**doublings
+    turn = np.abs(np.linalg.eigvals(process.A.real)).max(-1)[..., None, None] * h
+    doublings = np.ceil(np.log2(np.maximum(8 * turn, 1.0)))
+    A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h / 2**doublings)
     Ah, dF, dQ = A * h, np.eye(A.shape[-1]), Qc * h
     F, Q = dF, dQ
     for k in range(1, TERMS):
         dF, half = dF @ Ah / k, Ah @ dQ / (k + 1)
         dQ = half + half.swapaxes(-1, -2)
         F, Q = F + dF, Q + dQ
-    for _ in range(doublings):
-        F, Q = F @ F, Q + F @ Q @ F.swapaxes(-1, -2)
+    for k in range(int(doublings.max())):
+        # a step that is done waits for longer ones: each squaring doubles its rounding
+        more = doublings > k
+        F, Q = np.where(more, F @ F, F), np.where(more, Q + F @ Q @ F.swapaxes(-1, -2), Q)
     return F, 0.5 * (Q + Q.swapaxes(-1, -2))
+
+
+class Sensitivity(NamedTuple):
+    """F, Q, P0 (..., state, state) of a step, and their derivatives (parameter, ..., state, state)."""
+
+    F: Array
+    Q: Array
+    P0: Array
+    dF: Array  # noqa: N815
+    dQ: Array  # noqa: N815
+    dP0: Array  # noqa: N815
+
+
+def sensitivity(process_of: Callable[[Array], Diffusion], theta: ArrayLike, step: ArrayLike) -> Sensitivity:
+    """F, Q and P0 of the process with parameters theta, and their derivatives, exact to rounding.
+
+    process_of(theta) must take complex theta (parameter, ...), as everything in this module and a structure
+    under such loads do; step (...) s. By complex step (Squire and Trapp 1998), one process a parameter.
+
+    >>> s = sensitivity(lambda theta: matern(1, *theta), theta=[2.0, 3.0], step=0.1)
+    >>> bool(np.isclose(s.dF[1, 0, 0], -0.1 * np.exp(-0.3))), bool(np.isclose(s.dP0[0, 0, 0], 4.0))
+    (True, True)
+    """
+    theta, step = np.asarray(theta, float), np.asarray(step, float)
+    each = []
+    for i in range(len(theta)):
+        nudged = theta.astype(complex)
+        nudged[i] += 1j * TINY
+        each.append(process_of(nudged))
+    A, Qc, P0 = (np.stack([getattr(p, name) for p in each]) for name in ("A", "Qc", "P0"))
+    # the axis of parameters before those of the step
+    lead = (len(theta), *[1] * (step.ndim - A.ndim + 3))
+    A, Qc = (a.reshape(*lead, *a.shape[1:]) for a in (A, Qc))
+    F, Q = discretize(Process(A, Qc, P0, np.zeros(A.shape[-1])), step)
+    return Sensitivity(F[0].real, Q[0].real, P0[0].real, F.imag / TINY, Q.imag / TINY, P0.imag / TINY)
+
+
+def block_diagonal(*blocks: Array) -> Array:
+    """Square blocks (..., state, state) along the diagonal; leading axes broadcast."""
+    lead = np.broadcast_shapes(*(b.shape[:-2] for b in blocks))
+    size = sum(b.shape[-1] for b in blocks)
+    joint, at = np.zeros((*lead, size, size), np.result_type(float, *blocks)), 0
+    for b in blocks:
+        joint[..., at : at + b.shape[-1], at : at + b.shape[-1]] = b
+        at += b.shape[-1]
+    return joint
+
+
+def values(a: ArrayLike) -> Array:
+    """Numbers as an array of floats, or of complex numbers where they carry a derivative."""
+    return np.asarray(a, complex if np.iscomplexobj(a) else float)

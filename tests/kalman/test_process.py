@@ -7,7 +7,18 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from forceid.kalman.process import Process, discretize, integrate, matern, with_mean
+from forceid.kalman.process import (
+    Process,
+    discretize,
+    integrate,
+    integrated_wiener,
+    matern,
+    random_walk,
+    resonator,
+    sensitivity,
+    superpose,
+    with_mean,
+)
 
 
 def relative(a, b):
@@ -147,7 +158,139 @@ def test_integration_and_mean_read_out_what_they_say():
     assert F[0, 1] == pytest.approx(0.25)  # a constant mean adds up in proportion to time
 
 
+def test_short_steps_keep_their_digits_beside_a_long_gap():
+    load, steps = matern(2, 1.0, 100.0), np.array([1e-6, 1e-3, 1e4])
+    F, Q = discretize(load, steps)
+    for i, h in enumerate(steps):
+        F_one, Q_one = discretize(load, h)
+        assert np.array_equal(F[i], F_one)
+        assert np.array_equal(Q[i], Q_one)
+    x = 100.0 * steps[:2]
+    np.testing.assert_allclose(F[:2, 0, 0], (1 + x) * np.exp(-x), rtol=1e-15)
+
+
 def test_companion_form_has_one_pole_as_often_as_the_order():
     for order in (1, 2, 3, 4):
         expected = [comb(order, i) * 3.0**i for i in range(order + 1)]
         np.testing.assert_allclose(np.poly(matern(order, 1.0, 3.0).A), expected, rtol=1e-12)
+
+
+def everything(theta):
+    """One of each kind in a sum about a mean, twice integrated: frequency, width, sizes and rates free."""
+    std, rate, frequency, line, width, density, var = theta
+    load = superpose(
+        matern(3, std, rate), resonator(frequency, line, width), integrated_wiener(2, density, [1.0, 2.0])
+    )
+    return integrate(integrate(with_mean(load, var), var=3.0), var * rate)
+
+
+THETA = np.array([1.3, 20.0, 7.0, 0.4, 0.2, 5.0, 2.0])
+
+
+def test_a_random_walk_wanders_by_its_density_and_keeps_what_it_has():
+    many = random_walk(density=np.array([0.0, 2.0]), var=9.0)
+    F, Q = discretize(many, 0.5)
+    assert np.array_equal(F, np.ones((2, 1, 1)))
+    assert np.array_equal(Q.ravel(), [0.0, 1.0])
+    assert np.array_equal(many.P0, np.full((2, 1, 1), 9.0))
+
+
+def test_an_integrated_wiener_load_is_a_walk_integrated():
+    once, twice = integrated_wiener(2, 3.0, [5.0, 7.0]), integrate(random_walk(3.0, 7.0), 5.0)
+    for a, b in zip(
+        (once.A, once.Qc, once.P0, once.output), (twice.A, twice.Qc, twice.P0, twice.output), strict=True
+    ):
+        assert np.array_equal(a, b)
+    assert np.array_equal(np.diag(integrated_wiener(3, 3.0, 5.0).P0), [5.0, 5.0, 5.0])
+    many = integrated_wiener(2, np.array([1.0, 2.0, 3.0]), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))
+    assert np.array_equal(many.Qc[:, 1, 1], [1.0, 2.0, 3.0])
+    assert np.array_equal(many.P0[2], np.diag([5.0, 6.0]))
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    frequency=st.floats(0, 50), std=st.floats(1e-3, 1e3), width=st.floats(0, 1e2), step=st.floats(1e-4, 1.0)
+)
+def test_a_resonator_decays_and_turns_as_its_closed_form(frequency, std, width, step):
+    """Autocovariance std^2 exp(-b t) cos(w t), cross-covariance with the quadrature a sine; stationary."""
+    load = resonator(frequency, std, width)
+    F, Q = discretize(load, step)
+    turn, rounding = 2 * np.pi * frequency * step, 1e-13 * (1 + 2 * np.pi * frequency * step + width * step)
+    c, s = np.cos(turn), np.sin(turn)
+    assert np.abs(F - np.exp(-width * step) * np.array([[c, -s], [s, c]])).max() < rounding
+    assert np.abs(F @ load.P0 @ F.T + Q - load.P0).max() < std**2 * rounding
+    np.testing.assert_allclose(
+        Q, -np.expm1(-2 * width * step) * std**2 * np.eye(2), rtol=1e-11, atol=1e-14 * std**2
+    )
+
+
+def test_the_sum_of_loads_has_the_sum_of_their_autocovariances():
+    parts = [matern(2, 1.5, 9.0), resonator(3.0, 0.7, 0.5), matern(1, 0.3, 50.0)]
+    lag = np.linspace(0, 1, 7)
+
+    def autocovariance(load):
+        F, _ = discretize(load, lag)
+        return load.output @ (F @ load.P0) @ load.output
+
+    expected = sum(autocovariance(p) for p in parts)
+    np.testing.assert_allclose(autocovariance(superpose(*parts)), expected, rtol=1e-12)
+
+
+def test_sums_broadcast_over_leading_axes():
+    std, rate = np.array([0.5, 2.0, 9.0]), np.array([[1.0], [30.0]])
+    many = superpose(matern(2, std, rate), resonator(5.0, std, 0.1), random_walk(1.0, 2.0))
+    assert many.A.shape == many.P0.shape == (2, 3, 5, 5)
+    F, Q = discretize(many, 0.03)
+    one = superpose(matern(2, 9.0, 30.0), resonator(5.0, 9.0, 0.1), random_walk(1.0, 2.0))
+    F_one, Q_one = discretize(one, 0.03)
+    np.testing.assert_allclose(F[1, 2], F_one, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(Q[1, 2], Q_one, rtol=1e-11, atol=1e-13)
+
+
+def test_derivatives_of_an_exponential_load_are_their_closed_forms():
+    std, rate, h = 2.0, 3.0, np.array([1e-6, 0.1, 4.0])
+    s = sensitivity(lambda theta: matern(1, *theta), [std, rate], h)
+    decay = np.exp(-rate * h)
+    np.testing.assert_allclose(s.F[:, 0, 0], decay, rtol=1e-14)
+    np.testing.assert_allclose(s.dF[:, :, 0, 0], [0 * h, -h * decay], rtol=1e-13)
+    # after twelve correlation times Q no longer depends on the rate: to the rounding of Q itself
+    dQ = [-2 * std * np.expm1(-2 * rate * h), 2 * h * std**2 * decay**2]
+    np.testing.assert_allclose(s.dQ[:, :, 0, 0], dQ, rtol=1e-13, atol=np.finfo(float).eps * std**2)
+    np.testing.assert_allclose(s.dP0.ravel(), [2 * std, 0.0], rtol=1e-15)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.7])
+def test_derivatives_agree_with_central_differences(step):
+    s = sensitivity(everything, THETA, step)
+    F, Q = discretize(everything(THETA), step)
+    np.testing.assert_allclose(s.F, F, rtol=1e-14)
+    np.testing.assert_allclose(s.Q, Q, rtol=1e-14)
+    assert s.dF.shape == (7, 10, 10)
+
+    def at(theta):
+        process = everything(theta)
+        return np.stack([*discretize(process, step), process.P0])
+
+    for i, h in enumerate(np.diag(1e-3 * THETA)):
+        # differences of two widths, extrapolated: error O(h^4)
+        coarse, fine = (at(THETA + h) - at(THETA - h)) / 2, at(THETA + h / 2) - at(THETA - h / 2)
+        difference = (4 * fine - coarse) / 3 / h[i]
+        for ours, theirs in zip((s.dF[i], s.dQ[i], s.dP0[i]), difference, strict=True):
+            assert np.abs(ours - theirs).max() <= 1e-8 * max(np.abs(theirs).max(), 1e-3)
+
+
+def test_derivatives_of_many_loads_at_once_are_those_of_each():
+    theta = np.array([[1.0, 2.0], [5.0, 40.0]])  # std and rate of two loads
+    both = sensitivity(lambda t: matern(3, *t), theta, 0.02)
+    for j in range(2):
+        one = sensitivity(lambda t: matern(3, *t), theta[:, j], 0.02)
+        np.testing.assert_allclose(both.dF[:, j], one.dF, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(both.dQ[:, j], one.dQ, rtol=1e-12, atol=1e-14)
+
+
+def test_discretization_of_complex_parameters_has_the_real_part_of_the_real_ones():
+    nudged = THETA + 1e-30j
+    F, Q = discretize(everything(nudged), 0.3)
+    F_real, Q_real = discretize(everything(THETA), 0.3)
+    np.testing.assert_allclose(F.real, F_real, rtol=1e-13)
+    np.testing.assert_allclose(Q.real, Q_real, rtol=1e-13)

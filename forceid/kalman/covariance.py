@@ -1,0 +1,29 @@
+"""Covariances and information of a state, combined and rooted without losing their sign."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.records import Array
+
+
+def combine(P: Array, information: Array) -> Array:
+    """(P^-1 + information)^-1 of every sample (time, state, state), positive by construction.
+
+    With P = C C^T it is C (1 + C^T information C)^-1 C^T.
+    """
+    C = square_root(P)
+    known = np.eye(P.shape[-1]) + C.swapaxes(1, 2) @ information @ C
+    root = np.linalg.solve(square_root(0.5 * (known + known.swapaxes(1, 2))), C.swapaxes(1, 2))
+    return np.asarray(root.swapaxes(1, 2) @ root)
+
+
+def square_root(P: Array) -> Array:
+    """C with C C^T = P for each of many P (..., state, state)."""
+    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
+    correlation = P / (size * size.swapaxes(-1, -2))
+    try:
+        return np.asarray(size * np.linalg.cholesky(correlation))
+    except np.linalg.LinAlgError:  # semidefinite to rounding
+        spread, axes = np.linalg.eigh(correlation)
+        return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
