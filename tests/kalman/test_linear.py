@@ -244,20 +244,47 @@ def test_variances_stay_positive_after_a_start_as_good_as_unknown(order, engine)
     np.testing.assert_allclose(ours[late, 3, 3], reference[late, 3, 3], rtol=1e-3)
 
 
-def test_covariances_stay_symmetric_and_positive_over_twenty_thousand_samples():
-    prior = kalman.matern(3, std=1.0, rate=30.0)
+def nanometers(order, step):
+    """A load of that order seen as position to 1e-9 m."""
+    prior = kalman.matern(order, std=1.0, rate=30.0)
     chain = kalman.integrate(kalman.integrate(prior, var=1.0), var=1.0)
-    F, Q = kalman.discretize(chain, 1e-3)
-    model = kalman.StateSpace(F, Q, chain.output[None], np.array([[1e-12]]), np.zeros(5), chain.P0)
-    z = np.zeros((20_000, 1))
-    z[5_000:6_000] = np.nan
-    smoothed = kalman.smooth(model, z)
-    for P in (smoothed.P, smoothed.filtered.P):
+    chain = chain if np.ndim(step) == 0 else dataclasses.replace(chain, A=chain.A[None], Qc=chain.Qc[None])
+    F, Q = kalman.discretize(chain, step)
+    n = len(chain.output)
+    return kalman.StateSpace(F, Q, chain.output[None], np.array([[1e-18]]), np.zeros(n), chain.P0)
+
+
+def assert_positive(*covariances):
+    for P in covariances:
         size = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
         assert np.isfinite(size).all()
         scaled = P / size[:, :, None] / size[:, None, :]
         np.testing.assert_allclose(scaled, scaled.transpose(0, 2, 1), atol=1e-9)
         assert np.linalg.eigvalsh(scaled).min() > 0
+
+
+@pytest.mark.parametrize("engine", OURS)
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_million_samples_at_ten_kilohertz_stay_symmetric_positive_and_in_place(order, engine):
+    model, rng = nanometers(order, 1e-4), np.random.default_rng(order)
+    z = 1e-9 * rng.standard_normal((1_000_000, 1))  # nothing moves
+    z[400_000:400_300] = np.nan
+    smoothed = kalman.smooth(model, z, engine=engine)
+    gains = smoothed.filtered.gains
+    assert_positive(smoothed.runs, gains.P, gains.P_pred)
+    assert np.isfinite(smoothed.x).all()
+    assert np.abs(smoothed.x[-1000:, 0]).max() < 6e-9  # and nothing drifted away
+
+
+@pytest.mark.parametrize(("engine", "count"), [("numpy", 10_000), *([("compiled", 100_000)] if BUILT else [])])
+def test_a_long_irregular_record_stays_symmetric_and_positive(engine, count):
+    rng = np.random.default_rng(0)
+    model = nanometers(3, 1e-4 * rng.uniform(0.5, 1.5, count - 1))
+    z = 1e-9 * rng.standard_normal((count, 1))
+    z[count // 4 : count // 3] = np.nan
+    smoothed = kalman.smooth(model, z, engine=engine)
+    for P in (smoothed.P, smoothed.filtered.P):
+        assert_positive(P)
 
 
 def known_offset():
