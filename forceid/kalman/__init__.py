@@ -19,13 +19,18 @@ from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace
 from forceid.records import Array
 
 _LAZY = {  # where each name lives; what needs scipy is loaded with the name
+    "bounds": (
+        "Steady", "constant_acceleration_bound", "driven_load_bound", "integrated_wiener_bound", "steady",
+    ),
     "calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
+    "observability": ("gramian", "invariant_zeros", "pbh", "prior_only", "variance_ratio"),
     "process": (
         "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
         "sensitivity", "superpose", "with_mean",
     ),
     "sensors": ("biased", "colored", "state_space"),
     "structure": ("Structure", "System", "discretize_input", "drive", "modal"),
+    "unknown_input": ("InputFiltered", "input_filter"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _LAZY.items() for name in names}
 __all__ = [
@@ -34,10 +39,20 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from forceid.kalman.bounds import Steady as Steady
+    from forceid.kalman.bounds import constant_acceleration_bound as constant_acceleration_bound
+    from forceid.kalman.bounds import driven_load_bound as driven_load_bound
+    from forceid.kalman.bounds import integrated_wiener_bound as integrated_wiener_bound
+    from forceid.kalman.bounds import steady as steady
     from forceid.kalman.calibration import Consistency as Consistency
     from forceid.kalman.calibration import chi_square_band as chi_square_band
     from forceid.kalman.calibration import consistency as consistency
     from forceid.kalman.calibration import nees as nees
+    from forceid.kalman.observability import gramian as gramian
+    from forceid.kalman.observability import invariant_zeros as invariant_zeros
+    from forceid.kalman.observability import pbh as pbh
+    from forceid.kalman.observability import prior_only as prior_only
+    from forceid.kalman.observability import variance_ratio as variance_ratio
     from forceid.kalman.process import Process as Process
     from forceid.kalman.process import discretize as discretize
     from forceid.kalman.process import integrate as integrate
@@ -56,6 +71,8 @@ if TYPE_CHECKING:
     from forceid.kalman.structure import discretize_input as discretize_input
     from forceid.kalman.structure import drive as drive
     from forceid.kalman.structure import modal as modal
+    from forceid.kalman.unknown_input import InputFiltered as InputFiltered
+    from forceid.kalman.unknown_input import input_filter as input_filter
 
 _engine = engine  # the keyword below has the same name
 
