@@ -679,6 +679,153 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
   return py::make_tuple(wrap(last), wrap(later, {r, n, n}), failed);
 }
 
+// A step of many models of one channel, one in each lane; zeros common to all cost nothing.
+template <int N> struct Fleet {
+  Lanes F[N * N], Q[N * N], P[N * N], P_pred[N * N], h[N], r, x[N], PH[N], K[N];
+  bool holds_F[N * N], holds_h[N];
+
+  static Lanes load(const Along &a, py::ssize_t k, const py::ssize_t *model, py::ssize_t entry) {
+    Lanes lanes;
+    for (int l = 0; l < LANES; ++l) lanes[l] = a.at(k, model[l])[entry];
+    return lanes;
+  }
+
+  static bool any(const Lanes &a) {
+    bool found = false;
+    for (int l = 0; l < LANES; ++l) found |= a[l] != 0.0;
+    return found;
+  }
+
+  void steps(const Along &F_, const Along &Q_, py::ssize_t k, const py::ssize_t *model) {
+    for (int i = 0; i < N * N; ++i) {
+      F[i] = load(F_, k, model, i);
+      Q[i] = load(Q_, k, model, i);
+      holds_F[i] = any(F[i]);
+    }
+  }
+
+  void reads(const Along &H_, py::ssize_t k, const py::ssize_t *model) {
+    for (int i = 0; i < N; ++i) {
+      h[i] = load(H_, k, model, i);
+      holds_h[i] = any(h[i]);
+    }
+  }
+
+  void predict() {
+    Lanes FP[N * N], y[N];
+    for (int i = 0; i < N; ++i) {
+      Lanes row[N] = {};
+      y[i] = Lanes{};
+      for (int l = 0; l < N; ++l) {
+        if (!holds_F[i * N + l]) continue;
+        const Lanes f = F[i * N + l];
+        y[i] += f * x[l];
+        for (int j = 0; j < N; ++j) row[j] += f * P[l * N + j];
+      }
+      for (int j = 0; j < N; ++j) FP[i * N + j] = row[j];
+    }
+    for (int j = 0; j < N; ++j) {
+      x[j] = y[j];
+      for (int i = j; i < N; ++i) {
+        Lanes sum = Q[i * N + j];
+        for (int l = 0; l < N; ++l)
+          if (holds_F[j * N + l]) sum += FP[i * N + l] * F[j * N + l];
+        P_pred[i * N + j] = P_pred[j * N + i] = sum;
+      }
+    }
+  }
+
+  // Returns e^2 / S; S goes out by reference.
+  Lanes update(const Lanes &z, double limit, Lanes &S) {
+    Lanes e = z, noise = r;
+    S = r;
+    for (int i = 0; i < N; ++i) {
+      PH[i] = Lanes{};
+      for (int l = 0; l < N; ++l)
+        if (holds_h[l]) PH[i] += P_pred[i * N + l] * h[l];
+    }
+    for (int l = 0; l < N; ++l)
+      if (holds_h[l]) {
+        e -= h[l] * x[l];
+        S += h[l] * PH[l];
+      }
+    const Lanes least = (e / limit) * (e / limit);
+    noise = least > S ? noise + (least - S) : noise; // the sample is believed less
+    S = least > S ? least : S;
+    bool most = false;
+    for (int i = 0; i < N; ++i) {
+      K[i] = PH[i] / S;
+      x[i] += K[i] * e;
+      most |= any(Lanes(K[i] * PH[i] > MOST * P_pred[i * N + i] ? Lanes{} + 1.0 : Lanes{}));
+    }
+    if (most)
+      joseph(noise);
+    else
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j <= i; ++j) P[i * N + j] = P[j * N + i] = P_pred[i * N + j] - K[i] * PH[j];
+    return e * e / S;
+  }
+
+  void joseph(const Lanes &noise) {
+    Lanes A[N * N], AP[N * N];
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) A[i * N + j] = (i == j ? 1.0 : 0.0) - K[i] * h[j];
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) {
+        Lanes sum = {};
+        for (int l = 0; l < N; ++l) sum += A[i * N + l] * P_pred[l * N + j];
+        AP[i * N + j] = sum;
+      }
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j <= i; ++j) {
+        Lanes sum = K[i] * noise * K[j];
+        for (int l = 0; l < N; ++l) sum += AP[i * N + l] * A[j * N + l];
+        P[i * N + j] = P[j * N + i] = sum;
+      }
+  }
+};
+
+// Log-likelihood of LANES models of one channel; logarithms of a few innovation variances at a time.
+template <int N>
+void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const Along &R, const Along &u,
+                          const double *x0, const double *P0, const Along &Z, const unsigned char *seen,
+                          py::ssize_t T, double limit, const py::ssize_t *model, double *total) {
+  Fleet<N> now{};
+  const bool driven = is_driven(u);
+  for (int l = 0; l < LANES; ++l) {
+    for (int i = 0; i < N; ++i) now.x[i][l] = x0[model[l] * N + i];
+    for (int i = 0; i < N * N; ++i) now.P_pred[i][l] = P0[model[l] * N * N + i];
+  }
+  Lanes sum = {}, product = Lanes{} + 1.0;
+  py::ssize_t count = 0, pending = 0;
+  const auto settle = [&] {
+    for (int l = 0; l < LANES; ++l) sum[l] += std::log(product[l]);
+    product = Lanes{} + 1.0;
+    pending = 0;
+  };
+  for (py::ssize_t k = 0; k < T; ++k) {
+    if (k > 0) {
+      if (k == 1 || F.time > 1 || Q.time > 1) now.steps(F, Q, k - 1, model);
+      now.predict();
+      if (driven)
+        for (int i = 0; i < N; ++i) now.x[i] += Fleet<N>::load(u, k - 1, model, i);
+    }
+    if (!seen[k]) {
+      std::copy(now.P_pred, now.P_pred + N * N, now.P);
+      continue;
+    }
+    if (count == 0 || H.time > 1) now.reads(H, k, model);
+    if (count == 0 || R.time > 1) now.r = Fleet<N>::load(R, k, model, 0);
+    Lanes S;
+    sum += now.update(Fleet<N>::load(Z, k, model, 0), limit, S);
+    product *= S;
+    ++count;
+    if (++pending == 4) settle(); // four variances stay far from the ends of the exponent
+  }
+  settle();
+  for (int l = 0; l < LANES; ++l) total[model[l]] = -0.5 * (sum[l] + count * LOG_2PI);
+}
+
 // Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
 template <int N, int M>
 Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
@@ -689,6 +836,16 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
   Array total_(models);
   double *total = total_.mutable_data();
   py::gil_scoped_release unlocked;
+  if constexpr (M == 1) {
+    if (models >= LANES / 2) {
+      for (py::ssize_t first = 0; first < models; first += LANES) {
+        py::ssize_t model[LANES];
+        for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
+        fleet_log_likelihood<N>(F, Q, H, R, u, x0.data(), P0.data(), Z, seen_.data(), T, limit, model, total);
+      }
+      return total_;
+    }
+  }
   Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m, 0.0), v(m);
   for (py::ssize_t j = 0; j < models; ++j) {
     Covariance<N, M> now(n, m);
@@ -759,7 +916,7 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
 // ---- sizes ------------------------------------------------------------------------------------------------
 
 #define SIZES(X)                                                                                              \
-  X(1, 1) X(2, 1) X(3, 1) X(4, 1) X(5, 1) X(6, 1) X(7, 1) X(8, 1) X(9, 1) X(6, 2) X(6, 3) X(9, 3) X(12, 3)    \
+  X(1, 1) X(2, 1) X(3, 1) X(4, 1) X(5, 1) X(6, 1) X(7, 1) X(8, 1) X(9, 1) X(10, 1) X(11, 1) X(6, 2) X(6, 3) X(9, 3) X(12, 3)    \
   X(12, 6) X(30, 30)
 
 // call(N, M) with the sizes as constants where they are usual ones, with 0, 0 otherwise

@@ -230,6 +230,26 @@ def test_many_models_at_once_are_each_model_by_itself(engine):
 
 
 @pytest.mark.parametrize("engine", OURS)
+@pytest.mark.parametrize("limit", [3.0, np.inf])
+@pytest.mark.parametrize("models", [1, 4, 11])
+def test_any_number_of_models_at_once_meets_outliers_as_each_by_itself(models, limit, engine):
+    rng, time = np.random.default_rng(models), 300
+    std, rate = rng.uniform(0.5, 4.0, models), rng.uniform(3.0, 100.0, models)
+    chain = load_chain(3, std, rate, Start(1e-2, 1e-2, 1.0))
+    F, Q = kalman.discretize(chain, 0.004)
+    H = 10 * chain.output[None, None, None]
+    R = np.full((1, models, 1, 1), 1e-7)
+    many = kalman.StateSpace(F[None], Q[None], H, R, np.zeros((models, 6)), chain.P0)
+    z = 1e-2 * rng.standard_normal((time, 1)).cumsum(0)
+    z[100:120] = np.nan
+    z[[40, 200]] += 1.0
+    engine = kalman.engine(engine)
+    together = engine.log_likelihood(many, np.repeat(z[:, None], models, 1), limit)
+    each = [kalman.engine("numpy").log_likelihood(many.one(j), z, limit) for j in range(models)]
+    np.testing.assert_allclose(together, each, rtol=1e-9)
+
+
+@pytest.mark.parametrize("engine", OURS)
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_variances_stay_positive_after_a_start_as_good_as_unknown(order, engine):
     """A micrometer of noise, and a start known to ten meters: thirteen decades of variance."""
