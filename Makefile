@@ -16,7 +16,7 @@ test: .venv/ready
 bench: .venv-bench/ready
 	.venv-bench/bin/python -m benchmarks -o bench $(BENCH)
 
-.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml
+.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
