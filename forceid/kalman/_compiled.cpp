@@ -33,20 +33,28 @@ constexpr double LOG_2PI = 1.8378770664093454836;
 
 // ---- small dense algebra; sizes are constants wherever the caller's are -------------------------------
 
-// c (n, m) = a (n, k) b (k, m); zeros in a cost nothing
-INLINE void multiply(const double *a, const double *b, double *c, int n, int k, int m) {
+// c (n, m) = a (n, k) b (k, m), four terms at a time; zeros in a cost nothing
+INLINE void multiply(const double *__restrict a, const double *__restrict b, double *__restrict c, int n, int k,
+                     int m) {
   for (int i = 0; i < n; ++i) {
-    double *row = c + i * m;
+    double *__restrict row = c + i * m;
+    const double *f = a + i * k;
     for (int j = 0; j < m; ++j) row[j] = 0.0;
-    for (int l = 0; l < k; ++l) {
-      const double f = a[i * k + l];
-      if (f == 0.0) continue;
-      for (int j = 0; j < m; ++j) row[j] += f * b[l * m + j];
+    int l = 0;
+    for (; l + 3 < k; l += 4) {
+      const double f0 = f[l], f1 = f[l + 1], f2 = f[l + 2], f3 = f[l + 3];
+      if (f0 == 0.0 && f1 == 0.0 && f2 == 0.0 && f3 == 0.0) continue;
+      const double *b0 = b + l * m, *b1 = b0 + m, *b2 = b1 + m, *b3 = b2 + m;
+      for (int j = 0; j < m; ++j) row[j] += f0 * b0[j] + f1 * b1[j] + f2 * b2[j] + f3 * b3[j];
+    }
+    for (; l < k; ++l) {
+      if (f[l] == 0.0) continue;
+      for (int j = 0; j < m; ++j) row[j] += f[l] * b[l * m + j];
     }
   }
 }
 
-INLINE void transpose(const double *a, double *t, int n, int m) {
+INLINE void transpose(const double *__restrict a, double *__restrict t, int n, int m) {
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < m; ++j) t[j * n + i] = a[i * m + j];
 }
@@ -89,6 +97,11 @@ INLINE bool whitening(double *a, double *w, int m) {
   return true;
 }
 
+// y -= f x
+INLINE void subtract(double f, const double *__restrict x, double *__restrict y, int n) {
+  for (int i = 0; i < n; ++i) y[i] -= f * x[i];
+}
+
 // x (n, m) = a^-1 x by elimination with row exchange; a is overwritten.
 INLINE void solve(double *a, double *x, int n, int m) {
   for (int j = 0; j < n; ++j) {
@@ -103,17 +116,16 @@ INLINE void solve(double *a, double *x, int n, int m) {
     for (int i = j + 1; i < n; ++i) {
       const double f = a[i * n + j] * inverse;
       if (f == 0.0) continue;
-      for (int l = j + 1; l < n; ++l) a[i * n + l] -= f * a[j * n + l];
-      for (int l = 0; l < m; ++l) x[i * m + l] -= f * x[j * m + l];
+      subtract(f, a + j * n + j + 1, a + i * n + j + 1, n - j - 1);
+      subtract(f, x + j * m, x + i * m, m);
     }
   }
   for (int j = n - 1; j >= 0; --j) {
+    double *__restrict row = x + j * m;
+    for (int i = j + 1; i < n; ++i)
+      if (a[j * n + i] != 0.0) subtract(a[j * n + i], x + i * m, row, m);
     const double inverse = 1.0 / a[j * n + j];
-    for (int l = 0; l < m; ++l) {
-      double s = x[j * m + l];
-      for (int i = j + 1; i < n; ++i) s -= a[j * n + i] * x[i * m + l];
-      x[j * m + l] = s * inverse;
-    }
+    for (int l = 0; l < m; ++l) row[l] *= inverse;
   }
 }
 
@@ -420,6 +432,20 @@ py::tuple covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask
 constexpr int LANES = 8;
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
 
+// Rows of LANES signals, (lane, N) in memory, as one vector a column; and back.
+template <int N> INLINE void gather(const double *rows, Lanes *columns) {
+  for (int i = 0; i < N; ++i) {
+    double column[LANES];
+    for (int l = 0; l < LANES; ++l) column[l] = rows[l * N + i];
+    std::memcpy(&columns[i], column, sizeof column);
+  }
+}
+
+template <int N> INLINE void scatter(const Lanes *columns, double *rows) {
+  for (int l = 0; l < LANES; ++l)
+    for (int i = 0; i < N; ++i) rows[l * N + i] = columns[i][l];
+}
+
 INLINE double zero_if_missing(double z) { return z == z ? z : 0.0; }
 
 // Filtered states x (time, signal, state) under the gains of covariance_pass.
@@ -462,37 +488,30 @@ Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0,
       for (int j = 0; j < inputs; ++j)
         B[i * inputs + j] = j < m ? K[i * m + j] : (i == j - m) - I_KH[i * n + j - m];
     py::ssize_t s = 0;
-    if (N) {
-      constexpr int C = N ? N : 1;
-      for (; s + LANES <= signals; s += LANES) { // many signals: one in each lane
-        Lanes X[C], Z[M ? M : 1], next[C];
-        Buffer Zs(M ? 1 : m * LANES);
-        auto *zl = M ? reinterpret_cast<double *>(Z) : Zs.data();
-        auto *xl = reinterpret_cast<double *>(X);
-        for (int i = 0; i < n; ++i)
-          for (int l = 0; l < LANES; ++l) xl[i * LANES + l] = x[(first * signals + s + l) * n + i];
-        for (py::ssize_t k = first + 1; k < stop; ++k) {
-          const double *zk = z + (k * signals + s) * m;
-          for (int c = 0; c < m; ++c)
-            for (int l = 0; l < LANES; ++l) zl[c * LANES + l] = zero_if_missing(zk[l * m + c]);
-          for (int i = 0; i < n; ++i) {
-            Lanes sum = {};
-            for (int c = 0; c < m; ++c) {
-              Lanes lane;
-              std::memcpy(&lane, zl + c * LANES, sizeof lane);
-              sum += lane * B[i * inputs + c];
-            }
-            if (driven)
-              for (int j = 0; j < n; ++j) sum += B[i * inputs + m + j] * u.at(k - 1)[j];
-            for (int j = 0; j < n; ++j) sum += X[j] * A[i * n + j];
-            next[i] = sum;
+    if constexpr (N > 0 && M > 0) { // many signals: one in each lane, sample after sample
+      const py::ssize_t fleets = signals / LANES;
+      std::vector<Lanes> X(fleets * N);
+      for (py::ssize_t f = 0; f < fleets; ++f)
+        gather<N>(x + (first * signals + f * LANES) * N, &X[f * N]);
+      for (py::ssize_t k = first + 1; k < stop && fleets; ++k) {
+        Lanes push[N] = {}; // the same for all signals
+        if (driven)
+          for (int i = 0; i < N; ++i)
+            for (int j = 0; j < N; ++j) push[i] += B[i * inputs + M + j] * u.at(k - 1)[j];
+        for (py::ssize_t f = 0; f < fleets; ++f) {
+          Lanes Z[M], next[N];
+          gather<M>(z + (k * signals + f * LANES) * M, Z);
+          for (int c = 0; c < M; ++c) Z[c] = Z[c] == Z[c] ? Z[c] : Lanes{};
+          for (int i = 0; i < N; ++i) {
+            next[i] = push[i];
+            for (int c = 0; c < M; ++c) next[i] += Z[c] * B[i * inputs + c];
+            for (int j = 0; j < N; ++j) next[i] += X[f * N + j] * A[i * N + j];
           }
-          double *out = x + (k * signals + s) * n;
-          for (int i = 0; i < n; ++i) X[i] = next[i];
-          for (int l = 0; l < LANES; ++l)
-            for (int i = 0; i < n; ++i) out[l * n + i] = xl[i * LANES + l];
+          for (int i = 0; i < N; ++i) X[f * N + i] = next[i];
+          scatter<N>(next, x + (k * signals + f * LANES) * N);
         }
       }
+      s = fleets * LANES;
     }
     for (; s < signals; ++s) {
       Recursion<N> path(A.data(), B.data(), n, inputs);
@@ -548,10 +567,42 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
       multiply(F_t.data(), E0.data(), E.data(), n, n, m);
       multiply(H.at(0), F.at(0), HF.data(), m, n, n);
     }
+    py::ssize_t in_lanes = 0; // signals whose run is done but for its first sample
+    if constexpr (N > 0 && M > 0)
+      if (steady) {
+        const py::ssize_t fleets = signals / LANES;
+        in_lanes = fleets * LANES;
+        std::vector<Lanes> RT(fleets * N);
+        for (py::ssize_t f = 0; f < fleets; ++f) gather<N>(adjoint.data() + f * LANES * N, &RT[f * N]);
+        for (py::ssize_t k = stop - 1; k > first && fleets; --k) {
+          if (driven) row_times(H.at(0), u.at(k - 1), Hu.data(), m, n);
+          for (py::ssize_t f = 0; f < fleets; ++f) {
+            const py::ssize_t at = k * signals + f * LANES;
+            Lanes now[N], before[N], Z[M], next[N], *rt = &RT[f * N];
+            gather<N>(x + at * N, now);
+            gather<N>(x + (at - signals) * N, before);
+            gather<M>(z + at * M, Z);
+            for (int i = 0; i < N; ++i)
+              for (int j = 0; j < N; ++j) now[i] += rt[j] * P[i * N + j];
+            scatter<N>(now, smoothed + at * N);
+            for (int c = 0; c < M; ++c) {
+              Z[c] = (Z[c] == Z[c] ? Z[c] : Lanes{}) - (driven ? Hu[c] : 0.0);
+              for (int j = 0; j < N; ++j) Z[c] -= before[j] * HF[c * N + j];
+            }
+            for (int i = 0; i < N; ++i) {
+              next[i] = Lanes{};
+              for (int c = 0; c < M; ++c) next[i] += Z[c] * E[i * M + c];
+              for (int j = 0; j < N; ++j) next[i] += rt[j] * A_t[i * N + j];
+            }
+            std::copy(next, next + N, rt);
+          }
+        }
+        for (py::ssize_t f = 0; f < fleets; ++f) scatter<N>(&RT[f * N], adjoint.data() + f * LANES * N);
+      }
     for (py::ssize_t s = 0; s < signals; ++s) {
       double *rt = adjoint.data() + s * n;
-      py::ssize_t k = stop - 1;
-      if (steady) {
+      py::ssize_t k = s < in_lanes ? first : stop - 1;
+      if (steady && s >= in_lanes) {
         Recursion<N> path(A_t.data(), E.data(), n, m);
         const Columns<N> gain = columns_of<N>(P, n, n);
         const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n);
@@ -677,6 +728,56 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
   }
   const auto r = static_cast<py::ssize_t>(last.size());
   return py::make_tuple(wrap(last), wrap(later, {r, n, n}), failed);
+}
+
+// Lower C with C C^T = P in place, by correlations; a pivot that is zero to rounding ends its column.
+INLINE void semidefinite_root(double *P, double *size, double *column, int n) {
+  for (int i = 0; i < n; ++i) size[i] = std::sqrt(std::max(P[i * n + i], 1e-300));
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) P[i * n + j] /= size[i] * size[j];
+  for (int j = 0; j < n; ++j) {
+    const double pivot = P[j * n + j];
+    const double inverse = pivot > 1e-15 ? 1.0 / std::sqrt(pivot) : 0.0;
+    for (int i = j; i < n; ++i) P[i * n + j] *= inverse;
+    for (int i = 0; i < j; ++i) P[i * n + j] = 0.0;
+    for (int i = j + 1; i < n; ++i) column[i] = P[i * n + j];
+    for (int i = j + 1; i < n; ++i) {
+      const double f = column[i];
+      for (int l = j + 1; l <= i; ++l) P[i * n + l] -= f * column[l];
+    }
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) P[i * n + j] *= size[i];
+}
+
+// (P^-1 + later)^-1 of each sample: C (1 + C^T later C)^-1 C^T.
+template <int N> Array combine(Array P_, Array later_) {
+  const py::ssize_t T = P_.shape(0);
+  const int n = N ? N : static_cast<int>(P_.shape(1));
+  Array out_({T, P_.shape(1), P_.shape(2)});
+  double *out = out_.mutable_data();
+  py::gil_scoped_release unlocked;
+  Buffer C(n * n), C_t(n * n), known(n * n), work(n * n), size(n), column(n);
+  for (py::ssize_t k = 0; k < T; ++k) {
+    std::copy(P_.data() + k * n * n, P_.data() + (k + 1) * n * n, C.begin());
+    semidefinite_root(C.data(), size.data(), column.data(), n);
+    transpose(C.data(), C_t.data(), n, n);
+    sandwich(C_t.data(), later_.data() + k * n * n, known.data(), work.data(), n);
+    for (int i = 0; i < n; ++i) known[i * n + i] += 1.0;
+    semidefinite_root(known.data(), size.data(), column.data(), n);
+    for (int j = 0; j < n; ++j) { // C_t <- known^-1 C_t
+      const double inverse = 1.0 / known[j * n + j];
+      for (int l = 0; l < n; ++l) C_t[j * n + l] *= inverse;
+      for (int i = j + 1; i < n; ++i) {
+        const double f = known[i * n + j];
+        for (int l = 0; l < n; ++l) C_t[i * n + l] -= f * C_t[j * n + l];
+      }
+    }
+    transpose(C_t.data(), work.data(), n, n);
+    multiply(work.data(), C_t.data(), out + k * n * n, n, n, n);
+    symmetrize(out + k * n * n, n);
+  }
+  return out_;
 }
 
 // A step of many models of one channel, one in each lane; zeros common to all cost nothing.
@@ -957,6 +1058,9 @@ PYBIND11_MODULE(_compiled, module) {
     return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
       return information_pass<N(), M()>(F, Q, H, R, seen, steady);
     });
+  });
+  module.def("combine", [](Array P, Array later) {
+    return sized(P.shape(1), 1, [&](auto N, auto) { return combine<N()>(P, later); });
   });
   module.def("log_likelihood", [](Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z,
                                   Mask seen, double limit, bool steady) {
