@@ -9,7 +9,8 @@ try:
 except ImportError:  # no build requirement installed: the numpy engine is complete
     extensions = []
 else:
-    flags = ["-O3", "-march=native", "-Wno-ignored-attributes", "-Wno-array-bounds"]  # compiled on the machine it runs on; it checks that when loaded
+    # for the processor it is compiled on; it checks that when loaded
+    flags = ["-O3", "-march=native", "-Wno-ignored-attributes", "-Wno-array-bounds"]
     if platform.machine() in ("x86_64", "AMD64"):
         flags.append("-mprefer-vector-width=512")
     extensions = [

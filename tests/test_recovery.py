@@ -132,3 +132,55 @@ def test_a_torque_free_top_shows_no_wrench_to_any_rank_six_set_of_markers():
     assert len(inside) == 42
     assert np.mean(inside) >= 0.99
     assert max(sizes) < 2.0
+
+
+def axis_rms(estimate, truth, name):
+    n = len(truth[name])
+    inner = slice(n // 8, n - n // 8)
+    error = (getattr(estimate, name) - truth[name])[inner]
+    return np.sqrt((error**2).mean(0)), error / getattr(estimate, f"{name}_std")[inner]
+
+
+def test_load_at_twice_the_spin_is_found_on_its_axis_and_costs_the_others_nothing():
+    """Amplitude 0.2 N at 20 Hz: the noise of the record alone makes 0.019 N of it."""
+    recording, estimate = recover("spin_synchronous")
+    without = recover("centripetal_trap")[1]  # the same flight without it
+    error, score = axis_rms(estimate, recording.truth, "force")
+    plain, _ = axis_rms(without, read_motion(SYNTHETIC / "centripetal_trap.h5").truth, "force")
+    assert error[0] <= 0.025
+    assert (error[1:] <= 1.1 * plain[1:]).all()
+    assert 0.4 <= np.mean(score[:, 0] ** 2) <= 1.6  # two amplitudes: a chi-square of two
+    assert estimate.verdict.level == "ok"
+    assert estimate.tuned["force_line_1_frequency"] == pytest.approx(20.0, abs=0.01)
+    assert "force_line_2_frequency" not in estimate.tuned
+
+
+def test_nutation_that_dies_out_is_followed_as_a_moment_that_rings_down():
+    recording, estimate = recover("frisbee")
+    error, score = axis_rms(estimate, recording.truth, "moment")
+    assert (error <= 4e-4).all()  # of 0.1 N m; 5e-4 where the nutation passes for noise
+    assert np.mean(score[:, :2] ** 2) < 3
+    assert 17 < estimate.tuned["moment_line_1_frequency"] < 21
+    assert estimate.tuned["moment_line_1_bandwidth"] > 5
+
+
+def test_markers_that_trade_places_are_traded_back_and_said():
+    recording = top_with([0, 1, 2, 3], frames=200)
+    position = recording.motion.position.copy()
+    position[90:130, [1, 2]] = recording.motion.position[90:130, [2, 1]]
+    swapped = replace(recording, motion=replace(recording.motion, position=position))
+    plain, mended = (estimate_recording(r, load_settings()) for r in (recording, swapped))
+    np.testing.assert_allclose(mended.moment, plain.moment, atol=1e-6 * mended.moment_std.max())
+    assert mended.verdict.level == "degraded"
+    assert any("traded places" in reason for reason in mended.verdict.reasons)
+    assert not any("traded places" in reason for reason in plain.verdict.reasons)
+
+
+def test_one_wild_frame_is_rejected_and_counted():
+    recording = top_with([0, 1, 2, 3], frames=200)
+    position = recording.motion.position.copy()
+    position[100] += 0.05
+    wild = replace(recording, motion=replace(recording.motion, position=position))
+    estimate = estimate_recording(wild, load_settings())
+    assert (np.abs(estimate.force) <= 3.5 * estimate.force_std).mean() >= 0.98
+    assert any("rejected as outliers: 1 (1 alone, 0 in bursts)" in r for r in estimate.verdict.reasons)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics, shape_at
+from forceid.kalman.channels import driven, load_chain, start_of
 from forceid.kalman.engines import Engine
-from forceid.kalman.tuning import driven, load_chain, start_of, tune_loads
+from forceid.kalman.tuning import tune_loads
 from forceid.principal.mass import mass_properties
 from forceid.principal.wrench import momentum
 from forceid.records import Array

@@ -8,27 +8,49 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.errors import EstimationError
 from forceid.estimation.deformation import Deformation, smooth_deformation
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
-from forceid.estimation.verdict import colored
+from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.slow_errors import (
+    HIDDEN,
+    errors_shared,
+    noise_by_prediction,
+    widened,
+    with_shared_error,
+)
+from forceid.estimation.slow_errors import SHARED as SHARED
+from forceid.estimation.slow_errors import slow_and_small as slow_and_small
+from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, LoadPrior, smooth_flight, smooth_translation
-from forceid.kalman.tuning import Tuned, load_axes, start_of, tune_loads
-from forceid.motion.first_moment import angular_channel
+from forceid.kalman.flight import Flight, FlightState, Reference, seen_part, smooth_flight, smooth_translation
+from forceid.kalman.lines import Line, candidates, find_line, let_drift
+from forceid.kalman.prior import LoadPrior
+from forceid.kalman.robust import WILD, drop_wild, runs, unswap
+from forceid.motion.window import noise_growth
 from forceid.records import Array, Body, Flags, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
-SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
-SHARED = (
-    "the tracks are smoother than independent errors of the stated size allow: half of their variance is "
-    "taken as common to all markers, and slow errors pass for force; the claimed errors are too small where "
-    "markers slide or were smoothed"
+MOST_LINES, AT_ONCE = 24, 4  # of both loads together; candidates of one load judged against one prior
+TRADED = (
+    "markers traded places ({}): exchanged back {} times, first at {:.4g} s; look at the labels, and at what "
+    "the exchange leaves"
 )
-WILD = 5.0  # innovation in standard deviations
-MOST_WILD = 0.02  # part of the frames that may be dropped for it
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of the force and of the moment."""
+
+    force: tuple[Line, ...] = ()
+    moment: tuple[Line, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.force) + len(self.moment)
+
+
+NO_LINES = Lines()
 
 
 @dataclass(frozen=True)
@@ -49,31 +71,58 @@ class Solution:
 
 
 def estimate_flight(
-    body: Body, motion: Motion, settings: Settings, engine: Engine, reasons: tuple[str, ...] = ()
+    body: Body,
+    motion: Motion,
+    settings: Settings,
+    engine: Engine,
+    reasons: tuple[str, ...] = (),
+    lines: Lines = NO_LINES,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
-    reasons: sentences from a first pass that rejected frames.
+    reasons: sentences from a first pass that rejected frames; lines: of the loads, that a pass without
+    them found.
     """
+    if motion.position is not None:
+        position, traded = unswap(motion.position)
+        if traded:
+            motion = replace(motion, position=position)
+            names = sorted({body.node[t.channel] for t in traded})
+            reasons = (
+                *reasons,
+                TRADED.format(", ".join(names), len(traded) // 2, motion.time[traded[0].sample]),
+            )
     kin = kinematics(body, motion, settings)
     source = "position" if motion.position is not None else "center"
-    force = tune_force(kin, motion.gravity, STATED if kin.stated[source] else UNSTATED)
+    gravity = motion.gravity
+    force = tune_channel(force_channel(kin, gravity), STATED if kin.stated[source] else UNSTATED, lines.force)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
-    if kin.stated[source] and errors_shared(kin, force, motion.gravity, engine):
-        reasons = (*reasons, SHARED)
+    notes: tuple[str, ...] = ()
+    hidden = not kin.stated[source] and (
+        force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+    )
+    if hidden:
+        factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
+        kin = kinematics(body, motion, settings, scaled(kin, {source: factor}))
+        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force)
+        notes = (HIDDEN.format(source, kin.noise[source], length),)
+        at_limit = {}  # said in the note
+    shared = kin.stated[source] and errors_shared(kin, force, gravity, engine)
+    if shared:
+        notes = (SHARED,)
         kin = with_shared_error(kin)
-        force = tune_force(kin, motion.gravity, (1.0, 1.0))
+        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force)
     causal = settings.method == "filter"
     deformation = smooth_deformation(kin, engine, causal)
-    tuned = {"force": force.tuned}
+    priors = {"force": force}
     if kin.attitude:
         limits = (1.0, 1.0)
         if "orientation" in kin.noise:
             limits = STATED if kin.stated["orientation"] else UNSTATED
-        moment = tune_moment(kin, deformation, limits)
-        tuned["moment"] = moment.tuned
+        moment = tune_channel(moment_channel(kin, deformation), limits, lines.moment)
+        priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
             kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
@@ -83,13 +132,21 @@ def estimate_flight(
             return smooth_translation(flight, force, engine.smooth, causal)
         return smooth_flight(flight, force, moment, engine.smooth, causal)
 
-    flight = flight_of(kin, deformation, motion.gravity)
+    flight = flight_of(kin, deformation, gravity)
     state = solve(flight)
     dropped, sentence = wild_frames(flight, state, solve)
     if dropped.any():
-        return estimate_flight(body, without_frames(motion, dropped), settings, engine, (*reasons, sentence))
-    reasons = (*reasons, sentence) if sentence else reasons
-    return Solution(kin, deformation, state, engine.name, named(kin, tuned), at_limit, reasons)
+        motion, reasons = without_frames(motion, dropped), (*reasons, sentence)
+        return estimate_flight(body, motion, settings, engine, reasons, lines)
+    # a moment of deformation that no marker shows turns with the body, and would pass for lines
+    searched = {"force": force} if mass_hidden(kin) else priors
+    more = lines if sentence else more_lines(flight, state, searched, engine)  # an impact holds every line
+    if len(lines) < len(more) <= MOST_LINES:
+        return estimate_flight(body, motion, settings, engine, reasons, more)
+    reasons = (*reasons, *notes, *([sentence] if sentence else []))
+    if shared or hidden:
+        state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
+    return Solution(kin, deformation, state, engine.name, named(kin, priors), at_limit, reasons)
 
 
 def wild_frames(
@@ -100,27 +157,34 @@ def wild_frames(
     A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
     wildness stays, it is not the frames but the motion: then none is dropped.
     """
-    state, dropped = first, np.zeros(len(flight.time), bool)
-    size = float(np.nanmax(np.abs(first.innovation)))
-    while (wild := np.any(np.abs(state.innovation) > WILD, axis=1)).any():
-        # the first of each run: the ones behind it suffer from what it did to the state
-        dropped |= wild & ~np.concatenate([[False], wild[:-1]])
-        when = flight.time[dropped][0]
-        if dropped.sum() > max(2, MOST_WILD * len(dropped)):
-            return np.zeros_like(dropped), (
-                f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact "
-                "faster than the prior follows, or markers that changed places; force and moment are blurred "
-                "around such times"
-            )
-        kept = np.where(dropped, np.nan, 1.0)[:, None]
+
+    def again(dropped: Flags) -> Array:
+        kept = np.where(dropped[:, 0], np.nan, 1.0)[:, None]
         center, rotation = flight.center * kept, flight.rotation * kept[..., None]
-        state = solve(replace(flight, center=center, rotation=rotation))
+        return wildest(solve(replace(flight, center=center, rotation=rotation)))
+
+    every = wildest(first)
+    wild, ended = drop_wild(every, again)
+    dropped, size = wild[:, 0], float(every.max())
     if not dropped.any():
         return dropped, ""
+    when = flight.time[dropped][0]
+    if not ended:
+        return np.zeros_like(dropped), (
+            f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact "
+            "faster than the prior follows, or markers that changed places; force and moment are blurred "
+            "around such times"
+        )
+    alone = sum(length == 1 for _, length in runs(dropped))
     return dropped, (
-        f"frames rejected as outliers: {dropped.sum()}, the first at {flight.time[dropped][0]:.4g} s, up to "
-        f"{size:.0f} sigma off; look at the markers there"
+        f"frames rejected as outliers: {dropped.sum()} ({alone} alone, {dropped.sum() - alone} in bursts), "
+        f"the first at {when:.4g} s, up to {size:.0f} sigma off; look at the markers there"
     )
+
+
+def wildest(state: FlightState) -> Array:
+    """Largest innovation (time, 1) of every frame, in standard deviations; zero where nothing is seen."""
+    return np.asarray(np.abs(np.nan_to_num(state.innovation)).max(1, keepdims=True))
 
 
 def without_frames(motion: Motion, dropped: Flags) -> Motion:
@@ -134,76 +198,55 @@ def without_frames(motion: Motion, dropped: Flags) -> Motion:
     return replace(motion, **gone)
 
 
-def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:
-    """Whether the mass center moves far more smoothly than independent errors of its markers would let it.
+def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:
+    """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found.
 
-    Tracks that were smoothed at the source, or a skin or segment model, have errors that are common to the
-    markers and slow: innovations small and correlated. Averaging over the markers then helps nobody.
+    Of a line, the frequency in Hz, the std along world axes, and the bandwidth in 1/s.
     """
-    still = np.zeros((len(kin.time), 3))
-    flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
-    path = smooth_translation(flight, force, engine.smooth)
-    return slow_and_small(path.innovation, path.nis)
-
-
-def slow_and_small(innovation: Array, nis: Array) -> bool:
-    """Whether innovations (time, channel) are far smaller than predicted and follow each other."""
-    return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
-
-
-def with_shared_error(kin: Kinematics) -> Kinematics:
-    """The same with half the variance of the stated error common to all markers: it does not average out.
-
-    How much of it is shared nobody states; a half is the middle of what is possible.
-    """
-    cov = kin.pose.cov.copy()
-    cov[:, :3, :3] += 0.5 * max(kin.noise.values()) ** 2 * np.eye(3)
-    return replace(kin, pose=replace(kin.pose, cov=cov))
-
-
-def named(kin: Kinematics, priors: dict[str, Tuned]) -> dict[str, float]:
-    """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found."""
     found = {f"noise_std_{name}": level for name, level in kin.noise.items()}
-    for load, tuned in priors.items():
-        found[f"{load}_order"] = tuned.order
+    for load, prior in priors.items():
+        found[f"{load}_order"] = prior.tuned.order
         for i in range(3):
-            found[f"{load}_std_{i + 1}"] = float(tuned.std[i])
-            found[f"{load}_rate_{i + 1}"] = float(tuned.rate[i])
+            found[f"{load}_std_{i + 1}"] = float(prior.tuned.std[i])
+            found[f"{load}_rate_{i + 1}"] = float(prior.tuned.rate[i])
+        for k, line in enumerate(prior.lines, 1):
+            found[f"{load}_line_{k}_frequency"] = line.frequency
+            found[f"{load}_line_{k}_bandwidth"] = line.bandwidth
+            for axis, share in zip("xyz", line.std * np.abs(line.direction), strict=True):
+                found[f"{load}_line_{k}_std_{axis}"] = float(share)
     return found
 
 
-def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:
-    """The poses and the inertia that the flight smoother works on."""
-    cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
-    inertia, h = deformation.inertia, deformation.h
-    return Flight(kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity)
+def more_lines(flight: Flight, state: FlightState, priors: dict[str, LoadPrior], engine: Engine) -> Lines:
+    """The lines of the priors, and those that the innovations of a solved flight show beside them."""
+    time, spin = flight.time, 0.0
+    if state.reference is not None:
+        spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
+    found = []
+    for first, prior in zip((0, 3), priors.values(), strict=False):
+        about = state.reference if first else None
+        shown = state.innovation[:, first : first + 3]
+        taken = [line.frequency for line in prior.lines]
+        for candidate in candidates(time, shown, spin, taken)[:AT_ONCE]:
+            model, z = seen_part(flight, prior, about)
+            for line in find_line(model, engine.filter(model, z), time, prior.axes, candidate):
+
+                def likelihood(
+                    line: Line, prior: LoadPrior = prior, about: Reference | None = about
+                ) -> float:
+                    model, z = seen_part(flight, beside(prior, line), about)
+                    return float(engine.log_likelihood(model, z))
+
+                prior = beside(prior, let_drift(likelihood, line, float(np.ptp(time))))
+        found.append(prior.lines)
+    return Lines(*found)
 
 
-def tune_force(kin: Kinematics, gravity: Array, limits: tuple[float, float]) -> LoadPrior:
-    """Prior of the force and factor on the marker noise, from the mass center with the fall removed."""
-    center, time = kin.pose.center, kin.time - kin.time[0]
-    seen = np.isfinite(center).all(1)
-    if seen.sum() < 5:
-        raise EstimationError(
-            f"shows the mass center in {seen.sum()} frames, fewer than the 5 that a force needs",
-            "the recording",
-            "restore the markers, or give the center of a longer record",
-        )
-    z = center - 0.5 * time[:, None] ** 2 * gravity
-    axes = load_axes(time[seen], z[seen])
-    cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
-    var = np.einsum("ai,tab,bi->ti", axes, cov, axes)
-    gain = 1 / kin.inertia.mass
-    tuned = tune_loads(time, z @ axes, gain, var, np.zeros(3), limits)
-    return LoadPrior(tuned, axes, start_of(time, (z - z[seen][0]) @ axes, gain))
+def mass_hidden(kin: Kinematics) -> bool:
+    """Whether a deforming body carries mass where it carries no marker."""
+    return bool(len(kin.shapes) and ((kin.inertia.weight > 0) & ~kin.seen).any())
 
 
-def tune_moment(kin: Kinematics, deformation: Deformation, limits: tuple[float, float]) -> LoadPrior:
-    """Prior of the moment, from the integrated angular momentum of the measured rotations."""
-    pose = kin.pose
-    ch = angular_channel(kin.time, pose.rotation, pose.cov[:, 3:, 3:], deformation.inertia, deformation.h)
-    axes = load_axes(ch.time, ch.Y)
-    var = np.einsum("ai,tab,bi->ti", axes, ch.noise_cov, axes)
-    drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
-    tuned = tune_loads(ch.time, ch.Y @ axes, 1.0, var, drift, limits)
-    return LoadPrior(tuned, axes, start_of(ch.time, ch.Y @ axes, 1.0))
+def beside(prior: LoadPrior, line: Line) -> LoadPrior:
+    """The prior with one line more."""
+    return replace(prior, lines=(*prior.lines, line))

@@ -23,6 +23,11 @@ _LAZY = {  # where each name lives; what needs scipy is loaded with the name
         "Steady", "constant_acceleration_bound", "driven_load_bound", "integrated_wiener_bound", "steady",
     ),
     "calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
+    "fit": ("Fit", "tune"),
+    "gradient": ("Score", "score"),
+    "input_smoothing": ("InputSmoothed", "input_smoother"),
+    "lines": ("Line",),
+    "robust": ("Rejection", "reject", "unswap"),
     "observability": ("gramian", "invariant_zeros", "pbh", "prior_only", "variance_ratio"),
     "process": (
         "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
@@ -48,6 +53,13 @@ if TYPE_CHECKING:
     from forceid.kalman.calibration import chi_square_band as chi_square_band
     from forceid.kalman.calibration import consistency as consistency
     from forceid.kalman.calibration import nees as nees
+    from forceid.kalman.fit import Fit as Fit
+    from forceid.kalman.fit import tune as tune
+    from forceid.kalman.gradient import Score as Score
+    from forceid.kalman.gradient import score as score
+    from forceid.kalman.input_smoothing import InputSmoothed as InputSmoothed
+    from forceid.kalman.input_smoothing import input_smoother as input_smoother
+    from forceid.kalman.lines import Line as Line
     from forceid.kalman.observability import gramian as gramian
     from forceid.kalman.observability import invariant_zeros as invariant_zeros
     from forceid.kalman.observability import pbh as pbh
@@ -63,6 +75,9 @@ if TYPE_CHECKING:
     from forceid.kalman.process import sensitivity as sensitivity
     from forceid.kalman.process import superpose as superpose
     from forceid.kalman.process import with_mean as with_mean
+    from forceid.kalman.robust import Rejection as Rejection
+    from forceid.kalman.robust import reject as reject
+    from forceid.kalman.robust import unswap as unswap
     from forceid.kalman.sensors import biased as biased
     from forceid.kalman.sensors import colored as colored
     from forceid.kalman.sensors import state_space as state_space

@@ -171,7 +171,8 @@ struct Rest {
         if (d > 0.0) now = std::max(now, d / std::sqrt(std::fabs(P[i * n + i] * P[j * n + j])));
       }
     before.assign(P, P + n * n);
-    const double ratio = change > 0.0 ? now / change : 1.0;
+    // no rate tells that while it still falls from a start as good as unknown
+    const double ratio = change > 0.0 && change < 1.0 ? now / change : 1.0;
     change = now;
     return now < ROUNDING || (ratio < 1.0 && now * ratio < REMAINING * (1.0 - ratio));
   }
@@ -180,13 +181,13 @@ struct Rest {
 // One step of the covariance, prediction and update in Joseph's form.
 template <int N, int M> struct Covariance {
   const int n, m;
-  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, S_inv, PH, I_KH, work, work2;
+  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, W_t, PH, white, I_KH, work, work2;
   int count = 0; // of the channels seen
   std::vector<int> channel;
 
   Covariance(int n_, int m_)
       : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), H_s(m * n), H_t(n * m),
-        R_s(m * m), S(m * m), S_inv(m * m), PH(n * m), I_KH(n * n), work(std::max(n, m) * std::max(n, m)),
+        R_s(m * m), S(m * m), W_t(m * m), PH(n * m), white(n * m), I_KH(n * n), work(std::max(n, m) * std::max(n, m)),
         work2(std::max(n, m) * std::max(n, m)), channel(m) {}
 
   void predict(const double *F, const double *Q) {
@@ -226,18 +227,15 @@ template <int N, int M> struct Covariance {
     if (!whitening(S.data(), work.data(), c)) return false;
     for (int i = 0; i < c; ++i)
       for (int j = 0; j < c; ++j) W[channel[i] * m + channel[j]] = work[i * c + j];
-    for (int i = 0; i < c; ++i)
-      for (int j = 0; j < c; ++j) {
-        double s = 0.0;
-        for (int l = std::max(i, j); l < c; ++l) s += work[l * c + i] * work[l * c + j];
-        S_inv[i * c + j] = s;
-      }
-    multiply(PH.data(), S_inv.data(), work2.data(), n, c, c); // K of the channels seen
+    // white = P H^T W^T, K = white W; the inverse of S is never formed
+    transpose(work.data(), W_t.data(), c, c);
+    multiply(PH.data(), W_t.data(), white.data(), n, c, c);
+    multiply(white.data(), work.data(), work2.data(), n, c, c); // K of the channels seen
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < c; ++j) K[i * m + channel[j]] = work2[i * c + j];
-    // P - K (P H^T)^T is as good as Joseph's form until it takes most of a variance away
-    transpose(PH.data(), H_t.data(), n, c);
-    multiply(work2.data(), H_t.data(), P.data(), n, c, n);
+    // P - white white^T is as good as Joseph's form until it takes most of a variance away
+    transpose(white.data(), H_t.data(), n, c);
+    multiply(white.data(), H_t.data(), P.data(), n, c, n);
     double taken = 0.0;
     for (int i = 0; i < n; ++i) {
       taken = std::max(taken, P_pred[i * n + i] > 0.0 ? P[i * n + i] / P_pred[i * n + i] : 0.0);

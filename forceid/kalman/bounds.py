@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.errors import ConfigError, EstimationError
+from forceid.kalman.covariance import root
 from forceid.kalman.linear import StateSpace
-from forceid.kalman.unknown_input import root
 from forceid.records import Array
 
 DOUBLINGS = 100  # 2^100 samples: what has not settled by then never will

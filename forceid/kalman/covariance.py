@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from forceid.errors import EstimationError
 from forceid.records import Array
 
 
@@ -27,3 +28,25 @@ def square_root(P: Array) -> Array:
     except np.linalg.LinAlgError:  # semidefinite to rounding
         spread, axes = np.linalg.eigh(correlation)
         return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
+
+
+def root(R: Array) -> Array:
+    """Triangular L with L L^T = R, the covariance of a measurement noise.
+
+    Raises EstimationError where R is not positive definite.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(R), float)
+    except np.linalg.LinAlgError as e:
+        where, step = "R of the model", "state a measurement noise above zero"
+        raise EstimationError("is not positive definite", where, step) from e
+
+
+def positive(R: Array) -> bool:
+    """Whether all R (..., channel, channel) are positive definite, beyond rounding of their correlations."""
+    size = np.sqrt(np.maximum(np.diagonal(R, axis1=-2, axis2=-1), 1e-300))[..., None]
+    try:
+        np.linalg.cholesky(R / (size * size.swapaxes(-1, -2)))
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -10,7 +10,7 @@ most probable flight. Source: principal equations 4b, 4d, 4f.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.errors import EstimationError
 from forceid.kalman.linear import Filtered, Smoothed, StateSpace
-from forceid.kalman.process import Process, discretize
-from forceid.kalman.tuning import Start, Tuned, load_chain
+from forceid.kalman.lines import Line
+from forceid.kalman.prior import LoadPrior as LoadPrior
+from forceid.kalman.prior import along_world, chain_along, load_rows
 from forceid.motion.pose import exp, log
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
@@ -52,40 +53,16 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class LoadPrior:
-    """A tuned Matern prior along three axes (columns of `axes`, world), and how unknown its start is."""
-
-    tuned: Tuned
-    axes: Array
-    start: Start
-
-
-@dataclass(frozen=True)
 class Reference:
     """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
 
-    axes (3, 3): of the chain, as columns in world axes.
+    axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each.
     """
 
     rotation: Array
     chain: Array
     axes: Array = field(default_factory=lambda: np.eye(3))
-
-
-def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
-    """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, on its axes.
-
-    Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
-    """
-    chain = load_chain(prior.tuned.order, prior.tuned.std, prior.tuned.rate, prior.start)
-    unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
-
-    def interleave(a: Array) -> Array:
-        wide = np.einsum("...ijl,ab,bi->...jalb", a, np.eye(3), np.eye(3))
-        return np.asarray(wide.reshape(*a.shape[:-3], 3 * a.shape[-1], 3 * a.shape[-1]))
-
-    return interleave(F)[which], interleave(Q)[which], interleave(chain.P0)
+    lines: tuple[Line, ...] = ()
 
 
 def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
@@ -112,7 +89,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
     """
     time, step = flight.time, np.diff(flight.time)
     J_of, h_of = CubicSpline(time, flight.inertia), CubicSpline(time, flight.h)
-    H, T, dT = along_world(reference.chain[:-1], reference.axes)
+    H, T, dT = along_world(reference.chain[:-1], reference.axes, reference.lines)
     R = reference.rotation[:-1]
 
     def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
@@ -161,6 +138,23 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)
 
 
+def error_angle(flight: Flight, reference: Reference) -> Array:
+    """Measured rotation error theta (time, 3) from a reference, NaN where no rotation is seen."""
+    seen = np.all(np.isfinite(flight.rotation), axis=(1, 2))
+    theta = np.full((len(seen), 3), np.nan)
+    theta[seen] = log(flight.rotation[seen] @ reference.rotation[seen].swapaxes(1, 2))
+    return theta
+
+
+def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) -> tuple[StateSpace, Array]:
+    """One load by itself and what is seen of it: the mass center, or the rotation about a reference."""
+    if about is None:
+        return translation(flight, prior), flight.center
+    new = 2 * (len(prior.lines) - len(about.lines))  # lines at rest, behind those of the reference
+    wider = replace(about, chain=np.pad(about.chain, ((0, 0), (0, new))), lines=prior.lines)
+    return rotation(flight, prior, wider), error_angle(flight, about)
+
+
 def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
     """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
     n, m = len(a.x0), len(b.x0)
@@ -177,7 +171,7 @@ class FlightState:
     """A smoothed (or filtered) flight, world axes: wrench with covariance, mean motion, innovations.
 
     center, velocity, force, moment, H, omega (time, 3); rotation (time, 3, 3); wrench_cov, pose_cov
-    (time, 6, 6); innovation (time, channel) whitened, nis (time,).
+    (time, 6, 6); innovation (time, channel) whitened, nis (time,); reference: where it was linearized.
     """
 
     center: Array
@@ -192,6 +186,7 @@ class FlightState:
     innovation: Array
     nis: Array
     log_likelihood: float
+    reference: Reference | None = None
 
 
 def smooth_flight(
@@ -212,13 +207,11 @@ def smooth_flight(
     size = np.inf
     for _ in range(ITERATIONS):
         model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
-        seen = np.all(np.isfinite(flight.rotation), axis=(1, 2))
-        theta = np.full((len(seen), 3), np.nan)
-        theta[seen] = log(flight.rotation[seen] @ reference.rotation[seen].swapaxes(1, 2))
-        path = smoother(model, np.concatenate([flight.center, theta], 1))
+        path = smoother(model, np.concatenate([flight.center, error_angle(flight, reference)], 1))
         turned = path.x[:, n : n + 3]
         previous = reference
-        reference = Reference(exp(turned) @ reference.rotation, at_rest(path.x[:, n:]), moment.axes)
+        turned_to = exp(turned) @ reference.rotation
+        reference = Reference(turned_to, at_rest(path.x[:, n:]), moment.axes, moment.lines)
         last, size = size, float(np.abs(turned).max())
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
@@ -228,7 +221,7 @@ def smooth_flight(
             "the smoother on rotations",
             "raise the sample rate, or state a noise_std nearer to the truth",
         )
-    return read(flight, previous, path.filtered if causal else path, path.filtered, n, force.axes)
+    return read(flight, previous, path.filtered if causal else path, path.filtered, n, force)
 
 
 def smooth_translation(
@@ -238,11 +231,11 @@ def smooth_translation(
     path = smoother(translation(flight, force), flight.center)
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
-    P_world, F, _ = along_world(x, force.axes)
+    P_world, F, _ = along_world(x, force.axes, force.lines)
     none = np.full((len(x), 3), np.nan)
     wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)
-    both = np.tile(force.axes, 2)
-    wrench_cov[:, :3, :3] = both @ P[:, 6:12, 6:12] @ both.T
+    out = load_rows(x.shape[1], force.axes, force.lines)
+    wrench_cov[:, :3, :3] = out @ P @ out.T
     pose_cov[:, :3, :3] = force.axes @ P[:, :3, :3] @ force.axes.T
     return FlightState(
         x[:, :3] @ force.axes.T, P_world / flight.mass, np.full((len(x), 3, 3), np.nan), none, none, F, none,
@@ -251,22 +244,23 @@ def smooth_translation(
 
 
 def read(
-    flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, axes: Array
+    flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, force: LoadPrior
 ) -> FlightState:
     """The physical quantities in the state of a path; its moment part starts at state n."""
     x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation
-    P, F, _ = along_world(x[:, :n], axes)
-    H, T, _ = along_world(x[:, n:], reference.axes)
+    axes = force.axes
+    P, F, _ = along_world(x[:, :n], axes, force.lines)
+    H, T, _ = along_world(x[:, n:], reference.axes, reference.lines)
     read_wrench, read_pose = np.zeros((2, 6, x.shape[1]))
-    read_wrench[:3, 6:12] = np.tile(axes, 2)
-    read_wrench[3:, n + 6 : n + 12] = np.tile(reference.axes, 2)
+    read_wrench[:3, :n] = load_rows(n, axes, force.lines)
+    read_wrench[3:, n:] = load_rows(x.shape[1] - n, reference.axes, reference.lines)
     read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ path.P @ read_wrench.T, read_pose @ path.P @ read_pose.T,
-        f.innovation, f.nis, f.log_likelihood,
+        f.innovation, f.nis, f.log_likelihood, reference,
     )  # fmt: skip
 
 
@@ -278,17 +272,11 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     rot = bridge(np.clip(time, *time[seen][[0, -1]])).as_matrix()
     omega = log(rot[1:] @ rot[:-1].swapaxes(1, 2)) / np.diff(time)[:, None]
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
-    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3)))
+    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3) + 2 * len(moment.lines)))
     h = (rot @ flight.h[..., None])[..., 0]
     H = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
     chain[:, 3:6] = H @ moment.axes
-    return Reference(rot, chain, moment.axes)
-
-
-def along_world(chain: Array, axes: Array) -> tuple[Array, Array, Array]:
-    """Momentum, load and rate of the load (time, 3), world axes, in the states of a chain (time, state)."""
-    rate = chain[:, 12:15] if chain.shape[1] > 12 else np.zeros((len(chain), 3))
-    return chain[:, 3:6] @ axes.T, (chain[:, 6:9] + chain[:, 9:12]) @ axes.T, rate @ axes.T
+    return Reference(rot, chain, moment.axes, moment.lines)
 
 
 def at_rest(chain: Array) -> Array:

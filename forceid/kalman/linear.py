@@ -13,11 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.kalman.covariance import combine, square_root
+from forceid.kalman.conditioning import covariance_pass, smoothed_states
+from forceid.kalman.conditioning import smoothed as smoothed_runs
 from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, mean_square
 from forceid.records import Array, Flags, Indices
 
-__all__ = ["Filtered", "Gains", "Smoothed", "StateSpace", "combine", "mean_square", "square_root"]
+__all__ = ["Filtered", "Gains", "Smoothed", "StateSpace", "mean_square"]
 
 
 class Passes(Protocol):
@@ -27,6 +28,7 @@ class Passes(Protocol):
     mean_pass: Callable[..., Array]
     adjoint_pass: Callable[..., Array]
     information_pass: Callable[..., tuple[Indices, Array, int]]
+    combine: Callable[[Array, Array], Array]
     log_likelihood: Callable[..., Array]
 
 
@@ -41,15 +43,19 @@ def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
     z = as_channels(z)
     if z.ndim == 3 and not alike(z):
         return apart(lambda one: filter(passes, model, one), z)
+    return filter_with_factors(passes, model, z)[0]
+
+
+def filter_with_factors(passes: Passes, model: StateSpace, z: Array) -> tuple[Filtered, Array | None]:
+    """Filter of z (time, [signal,] channel) with common gaps; factors of P where conditioning asks."""
     F, Q, H, R, u = arrays(model, z)
-    seen = pattern(z)
-    start, P_pred, P, K, W, failed = passes.covariance_pass(F, Q, H, R, model.P0, seen, constant(model))
-    check(failed)
-    g = Gains(len(z), start, P_pred, P, K, W)
+    runs, C = covariance_pass(passes.covariance_pass, F, Q, H, R, model.P0, pattern(z), constant(model))
+    check(runs[-1])
+    g = Gains(len(z), *runs[:-1])
     signals = z if z.ndim == 3 else z[:, None]
     x0 = np.broadcast_to(model.x0, (signals.shape[1], model.P0.shape[-1]))
     x = passes.mean_pass(F, u, H, g.start, g.K, x0, signals)
-    return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g)
+    return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g), C
 
 
 def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
@@ -63,18 +69,19 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     z = as_channels(z)
     if z.ndim == 3 and not alike(z):
         return smooth_apart(lambda one: smooth(passes, model, one), z)
-    f = filter(passes, model, z)
+    f, C = filter_with_factors(passes, model, z)
     F, Q, H, R, u = arrays(model, z)
     g, x = f.gains, f.x if z.ndim == 3 else f.x[:, None]
     signals = z if z.ndim == 3 else z[:, None]
     smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, signals, x)
-    last, later, failed = passes.information_pass(F, Q, H, R, pattern(z), constant(model))
+    if C is not None:
+        smoothed = smoothed_states(F, Q, u, g.start, C, x, smoothed)
+    seen, steady = pattern(z), constant(model)
+    start, runs, failed = smoothed_runs(
+        passes.information_pass, passes.combine, F, Q, H, R, seen, steady, g.start, g.P, C
+    )
     check(failed)
-    begin = np.append(last[1:] + 1, 0)[::-1]  # of each run of later samples, forward
-    start = np.union1d(g.start, begin)
-    P = g.P[np.searchsorted(g.start, start, "right") - 1]
-    told = later[::-1][np.searchsorted(begin, start, "right") - 1]
-    return Smoothed(smoothed if z.ndim == 3 else smoothed[:, 0], start, combine(P, told), f)
+    return Smoothed(smoothed if z.ndim == 3 else smoothed[:, 0], start, runs, f)
 
 
 def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = np.inf) -> Array:
@@ -94,7 +101,9 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     P0 = np.broadcast_to(model.P0, (count, *model.P0.shape[-2:]))
     signals = z if z.ndim == 3 else z[:, None]
     total = passes.log_likelihood(F, Q, H, R, u, x0, P0, signals, pattern(z), limit, constant(model))
-    if model.x0.ndim == 1 and np.isnan(total).any():
+    if model.x0.ndim == 1 and np.isnan(total).any() and limit == np.inf:
+        total = np.atleast_1d(filter(passes, model, z).log_likelihood)
+    elif model.x0.ndim == 1 and np.isnan(total).any():
         check(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), constant(model))[-1])
     return np.asarray(total if model.x0.ndim == 2 or z.ndim == 3 else total[0])
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals, matrix_balance, null_space
 
+from forceid.kalman.covariance import root
 from forceid.kalman.engines import engine
 from forceid.kalman.linear import StateSpace
-from forceid.kalman.unknown_input import root
 from forceid.records import Array, Flags
 
 Complex = NDArray[np.complex128]

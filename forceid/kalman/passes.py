@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.kalman.covariance import combine as combine
 from forceid.kalman.scan import scan
 from forceid.records import Array, Flags, Indices
 
@@ -42,7 +43,8 @@ class Rest:
         size = np.sqrt(np.abs(np.diagonal(P, axis1=-2, axis2=-1)))
         scale, moved = size[..., None] * size[..., None, :], np.abs(P - self.before)
         now = float((moved / np.where(moved > 0, scale, 1.0)).max())
-        ratio = now / self.change if self.change > 0 else 1.0
+        # no rate tells that while it still falls from a start as good as unknown
+        ratio = now / self.change if 0 < self.change < 1 else 1.0
         self.before, self.change, self.since = P.copy(), now, 0
         return now < ROUNDING or (ratio < 1 and now * ratio < REMAINING * (1 - ratio))
 
@@ -74,11 +76,12 @@ def covariance_pass(
             PHt = P_pred @ H_k.T
             try:
                 W_c = np.linalg.inv(np.linalg.cholesky(H_k @ PHt + R_k))
+                white = PHt @ W_c.T
             except np.linalg.LinAlgError:
                 failed = k
                 break
-            K_c = PHt @ W_c.T @ W_c
-            P = updated(P_pred, K_c, H_k, R_k, PHt)
+            K_c = white @ W_c
+            P = updated(P_pred, K_c, H_k, R_k, white @ white.T)
             K[:, c] = K_c
             W[np.ix_(c, c)] = W_c
         runs.append((k, P_pred, P, K, W))
@@ -91,12 +94,12 @@ def covariance_pass(
     return np.array(first, np.intp), P_preds, Ps, Ks, Ws, failed
 
 
-def updated(P: Array, K: Array, H: Array, R: Array, PHt: Array) -> Array:
+def updated(P: Array, K: Array, H: Array, R: Array, taken: Array) -> Array:
     """Covariances (..., state, state) after an update: in Joseph's form where it takes most of a variance.
 
-    Elsewhere P - K (P H^T)^T is as good: what it loses to rounding is small against what is left.
+    Elsewhere P - taken, with taken = P H^T S^-1 H P, is as good: what it loses to rounding is small against
+    what is left.
     """
-    taken = K @ PHt.swapaxes(-1, -2)
     part = np.diagonal(taken, axis1=-2, axis2=-1) > MOST * np.diagonal(P, axis1=-2, axis2=-1)
     if part.any():
         I_KH = np.eye(P.shape[-1]) - K @ H
@@ -218,6 +221,7 @@ def log_likelihood(
                     more = np.maximum((e[:, :, None] / limit) ** 2 - S, 0.0)
                     S, R_k = S + more, R_k + more
                     L, K = np.sqrt(np.where(S > 0, S, np.nan)), PHt / S
+                    taken = K @ PHt.swapaxes(1, 2)
                     if (more > 0).any():
                         rest = Rest()
                 else:
@@ -225,9 +229,11 @@ def log_likelihood(
                         L = np.asarray(np.linalg.cholesky(S), float)
                     except np.linalg.LinAlgError:
                         return np.full(len(x0), np.nan)
-                    K = np.linalg.solve(S, PHt.swapaxes(1, 2)).swapaxes(1, 2)
+                    white = np.linalg.solve(L, PHt.swapaxes(1, 2))
+                    K = np.linalg.solve(L.swapaxes(1, 2), white).swapaxes(1, 2)
+                    taken = white.swapaxes(1, 2) @ white
                 log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1) + 0.5 * c.sum() * LOG_2PI
-                P = updated(P, K, H_k, R_k, PHt)
+                P = updated(P, K, H_k, R_k, taken)
                 resting = steady and k > 0 and rest.reached(np.nan_to_num(P))
             white = e / L[:, 0] if c.sum() == 1 else np.linalg.solve(L, e[..., None])[..., 0]
             total -= 0.5 * (white**2).sum(1) + log_det

@@ -185,9 +185,9 @@ class Sensitivity(NamedTuple):
     F: Array
     Q: Array
     P0: Array
-    dF: Array  # noqa: N815
-    dQ: Array  # noqa: N815
-    dP0: Array  # noqa: N815
+    dF: Array
+    dQ: Array
+    dP0: Array
 
 
 def sensitivity(process_of: Callable[[Array], Diffusion], theta: ArrayLike, step: ArrayLike) -> Sensitivity:

@@ -18,6 +18,7 @@ from forceid.kalman.flight import (
     translation,
     turn,
 )
+from forceid.kalman.lines import Line
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 TORQUE, TORQUE_RATE = np.array([0.05, -0.03, 0.02]), np.array([1.0, 2.0, -1.0])  # N m, N m/s
@@ -175,9 +176,16 @@ def test_rotating_the_world_rotates_the_estimate(monkeypatch):
     )
     # three different priors, along axes that turn with the world
     uneven = replace(MOMENT.tuned, std=np.array([0.02, 0.05, 0.1]), rate=np.array([10.0, 30.0, 50.0]))
-    moment = replace(MOMENT, tuned=uneven, axes=exp([0.3, 0.2, 0.1]))
-    here = smooth(flight, moment=moment)
-    there = smooth(moved, replace(FORCE, axes=W), replace(moment, axes=W @ moment.axes))
+    force_line = Line(9.0, 0.3, 1e-3, np.array([0.6, 0.0, 0.8]), driven=False)
+    moment_line = Line(4.0, 0.02, 2.0, np.array([0.0, 1.0, 0.0]))
+    force = replace(FORCE, lines=(force_line,))
+    moment = replace(MOMENT, tuned=uneven, axes=exp([0.3, 0.2, 0.1]), lines=(moment_line,))
+    here = smooth(flight, force, moment)
+    there = smooth(
+        moved,
+        replace(force, axes=W, lines=(force_line.along(W.T),)),
+        replace(moment, axes=W @ moment.axes, lines=(moment_line.along(W.T),)),
+    )
     for name in ("center", "velocity", "force", "moment", "H", "omega"):
         expected = getattr(here, name) @ W.T
         np.testing.assert_allclose(getattr(there, name), expected, atol=1e-9 * max(1, np.abs(expected).max()))
@@ -236,6 +244,30 @@ def test_stacked_models_do_not_disturb_each_other():
     for part, model, data in ((slice(0, n), free, z[:, :3]), (slice(n, None), spun, z[:, 3:])):
         alone = kalman.smooth(model, data)
         np.testing.assert_allclose(joint.x[:, part], alone.x, atol=1e-8 * np.abs(alone.x).max())
+
+
+def test_lines_of_force_and_moment_are_followed_within_their_claims():
+    """Loads at a frequency that the smooth prior passes by, one along a direction of its own."""
+    rng, ratio, plain, with_lines = np.random.default_rng(14), [], [], []
+    along, about = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
+    lines = Line(15.0, 1.0, 1e-3, along, False), Line(15.0, 0.05, 1e-3, about, False)
+    force, moment = replace(FORCE, lines=lines[:1]), replace(MOMENT, lines=lines[1:])
+    for _ in range(8):
+        flight, truth = drawn_flight(FORCE, MOMENT, rng)
+        w, phase = 2 * np.pi * 15.0, rng.uniform(0, 2 * np.pi)
+        wave = np.cos(w * flight.time + phase)[:, None] * along
+        swing = (np.cos(phase) - np.cos(w * flight.time + phase)) / w**2 - np.sin(phase) * flight.time / w
+        center = flight.center + swing[:, None] * along / flight.mass
+        truth[:, :3] += wave
+        flight = replace(flight, center=center)
+        for kept, priors in ((plain, (FORCE, MOMENT)), (with_lines, (force, moment))):
+            state = smooth(flight, *priors)
+            error = (wrench(state) - truth)[15:-15, :3] @ along
+            kept.append(np.mean(error**2))
+        var = np.einsum("a,tab,b->t", along, state.wrench_cov[15:-15, :3, :3], along)
+        ratio.append(np.mean(error**2 / var))
+    assert np.mean(with_lines) < 0.5 * np.mean(plain)
+    assert abs(np.mean(ratio) - 1) < 3 * np.std(ratio) / np.sqrt(len(ratio))
 
 
 def test_a_reference_that_cannot_settle_is_an_error_with_a_next_step(monkeypatch):

@@ -1,0 +1,138 @@
+"""Channels that loads drive, z'' = gain * load: their model, and what a record of them shows of the load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from forceid.kalman.linear import StateSpace
+from forceid.kalman.process import Process, discretize, integrate, matern, superpose, with_mean
+from forceid.records import Array
+
+LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
+
+
+@dataclass(frozen=True)
+class Start:
+    """Variances at the start, as good as unknown: of the load's second and first integral, of its mean."""
+
+    second: float
+    first: float
+    mean: float
+
+
+def start_of(time: Array, z: Array, gain: float) -> Start:
+    """Start of channels z (time, axis), z'' = gain * load, that begin near zero."""
+    seen = np.isfinite(z).all(1)
+    t, span = time[seen], np.ptp(time[seen])
+    size = np.abs(z[seen]).max(initial=0.0) / gain or 1.0  # a record of zeros has no scale: any will do
+    speed = np.abs(np.diff(z[seen], axis=0) / np.diff(t)[:, None]).max(initial=0.0) / gain or size / span
+    return Start((10 * size) ** 2, (10 * speed) ** 2, (10 * speed / span) ** 2)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Three measured channels (world axes) that one load drives: z'' = gain * load.
+
+    time (time,) s; z (time, 3), NaN = missing; gain: 1/kg for a force and a mass center; noise_cov (time,
+    3, 3) of z; drift (3, 3): covariance per second of the part of the noise that adds up.
+    """
+
+    time: Array
+    z: Array
+    gain: float
+    noise_cov: Array
+    drift: Array
+
+    @property
+    def moved(self) -> Array:
+        """Z about its first sample."""
+        return np.asarray(self.z - self.z[np.isfinite(self.z).all(1)][0])
+
+    def var(self, axes: Array) -> Array:
+        """Noise variance (time, axis) along axes given as columns."""
+        return np.asarray(np.einsum("ai,tab,bi->ti", axes, self.noise_cov, axes))
+
+
+def load_chain(
+    order: int, std: ArrayLike, rate: ArrayLike, start: Start, lines: Sequence[Process] = ()
+) -> Process:
+    """States (Y, H, mean, load, load', ..., lines) of a load: Y' = H, H' = mean + load + lines.
+
+    The load under a Matern prior, each of the lines a resonator.
+    """
+    load = superpose(with_mean(matern(order, std, rate), start.mean), *lines)
+    return integrate(integrate(load, start.first), start.second)
+
+
+def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Array) -> StateSpace:
+    """Channels z with z'' = gain * load: one scalar model per chain in `chain`.
+
+    noise_var (time, model) of z; drift (model,): variance per second of the part of the noise that adds up;
+    step (time - 1,) s.
+    """
+    # equal steps share their matrices: a regular clock has one
+    unique, which = np.unique(np.round(step, 12), return_inverse=True)
+    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
+    Q[..., 0, 0] += drift * unique[:, None]
+    if len(unique) > 1:
+        F, Q = F[which], Q[which]
+    H = gain * chain.output[None, None, None]
+    return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
+
+
+def stretch(z: Array) -> list[slice]:
+    """Stretches of a record (time, axis) that tuning looks at, each with enough samples present."""
+    n = len(z)
+    quarters = [slice(0, n)]
+    if n > LONGEST:
+        quarters = [slice(a, a + LONGEST // 4) for a in np.linspace(0, n - LONGEST // 4, 4).astype(int)]
+    enough = [s for s in quarters if np.isfinite(z[s]).all(1).sum() >= 8]
+    return enough or [slice(0, n)]
+
+
+def second_difference(time: Array, z: Array, lag: int) -> Array:
+    """Second divided difference (sample, axis) of z over `lag` samples either way; NaN at gaps."""
+    ahead = (z[2 * lag :] - z[lag:-lag]) / (time[2 * lag :] - time[lag:-lag])[:, None]
+    behind = (z[lag:-lag] - z[: -2 * lag]) / (time[lag:-lag] - time[: -2 * lag])[:, None]
+    d = 2 * (ahead - behind) / (time[2 * lag :] - time[: -2 * lag])[:, None]
+    return d[np.isfinite(d).all(1)]
+
+
+def search_box(time: Array, z: Array, gain: float, order: int) -> tuple[Array, Array]:
+    """Smallest and largest search point (2,) worth a look, from second differences at many lags.
+
+    The first is a load that no record shows; a rate beyond half a turn a sample would pass noise for load.
+    """
+    sizes = [np.sqrt(np.mean(d**2)) / gain for lag in lags(z) if len(d := second_difference(time, z, lag))]
+    rate = np.log([1.0 / (time[-1] - time[0]), 0.5 / np.median(np.diff(time))])
+    high = 10 * max(sizes, default=0.0) or 1.0  # a record of zeros has no scale: any will do
+    low = max(1e-3 * min(sizes, default=0.0), 1e-9 * high)
+    corner = np.array([np.log(low), np.log(high)]) + (order - 0.5) * rate
+    return np.array([corner[0], rate[0]]), np.array([corner[1], rate[1]])
+
+
+def load_axes(time: Array, z: Array) -> Array:
+    """Orthogonal axes (columns) along which the second derivative of z (time, 3) varies independently.
+
+    Equal white noise on all axes does not turn them. They turn with the data, so that estimates do not
+    depend on the frame. Taken at the lag where they stand out most.
+    """
+    best, axes = -1.0, np.eye(3)
+    for lag in lags(z):
+        d = second_difference(time, z, lag)
+        if len(d) < 3:
+            continue
+        size, turned = np.linalg.eigh(d.T @ d / len(d))
+        clear = (size[-1] - size[0]) / max(size.mean(), 1e-300) * np.sqrt(len(d) / lag)
+        if clear > best:
+            best, axes = clear, turned
+    return np.asarray(axes * np.sign(np.linalg.det(axes)))
+
+
+def lags(z: Array) -> list[int]:
+    """Lags in samples, doubling, that a third of the record holds."""
+    return [2**i for i in range(int(np.log2(max(len(z) // 3, 1))) + 1)]

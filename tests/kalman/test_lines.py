@@ -1,0 +1,206 @@
+"""Lines of a load: found where they are, at their size, on their axis, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_models import draw
+
+from forceid.kalman import filter as kalman_filter
+from forceid.kalman import log_likelihood, smooth
+from forceid.kalman.channels import Channel, Start, driven, load_chain
+from forceid.kalman.lines import Candidate, Line, candidates, evidence, excite, find_line, let_drift, whiten
+from forceid.kalman.prior import LoadPrior, chain_along, channel_model, load_rows
+from forceid.kalman.tuning import Tuned, tune_loads
+
+MASS, STEP, COUNT, NOISE = 0.13, 2e-3, 400, 1e-4
+TIME = STEP * np.arange(COUNT)
+SPAN = TIME[-1]
+TURN = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+
+
+def prior(lines=(), axes=TURN, order=3):
+    tuned = Tuned(order, np.array([1.0, 2.0, 0.5]), np.array([6.0, 4.0, 8.0]), 1.0, False, 0.0)
+    return LoadPrior(tuned, axes, Start(1e-4, 1e-2, 1e-2), lines)
+
+
+def channel(z, noise=NOISE):
+    return Channel(TIME, z, 1 / MASS, np.tile(noise**2 * np.eye(3), (COUNT, 1, 1)), np.zeros((3, 3)))
+
+
+def model_of(lines=(), **more):
+    return channel_model(channel(np.zeros((COUNT, 3))), prior(lines, **more))
+
+
+def recorded(seed, lines=()):
+    """Measured positions under loads drawn from the prior, and the true load (time, 3)."""
+    model = model_of(lines)
+    x, z = draw(model, COUNT, np.random.default_rng(seed))
+    return z, x @ load_rows(len(model.x0), TURN, lines).T
+
+
+def line(frequency=20.0, std=0.3, bandwidth=1e-4, axis=0, driven=False):
+    return Line(frequency, std, bandwidth, np.eye(3)[axis], driven)
+
+
+def found_in(z, candidate=20.0, named=True):
+    model = model_of()
+    return find_line(model, kalman_filter(model, z), TIME, TURN, Candidate(candidate, named))
+
+
+def test_chain_with_lines_is_that_of_each_axis_by_itself_when_axes_and_directions_agree():
+    """Three scalar channels with their own lines, against the chain in space."""
+    wave = line(axis=1, bandwidth=2.0, driven=True)
+    space = channel_model(channel(np.zeros((COUNT, 3))), prior((wave,), axes=np.eye(3)))
+    z = draw(space, COUNT, np.random.default_rng(0))[1]
+    tuned, start, total = prior().tuned, prior().start, 0.0
+    for axis in range(3):
+        beside = [wave.process] if axis == 1 else []
+        chain = load_chain(3, tuned.std[[axis]], tuned.rate[[axis]], start, beside)
+        var = np.full((COUNT, 1), NOISE**2)
+        model = driven(chain, 1 / MASS, var, np.zeros(1), np.diff(TIME)).one(0)
+        total += float(log_likelihood(model, z[:, axis]))
+    assert float(log_likelihood(space, z)) == pytest.approx(total, abs=1e-6)
+
+
+def test_chain_with_lines_keeps_a_covariance_that_is_symmetric_and_positive():
+    _, Q, P0 = chain_along(prior((line(), line(axis=1, bandwidth=3.0, driven=True))), np.array([1e-3, 0.5]))
+    for cov in (*Q, P0):
+        np.testing.assert_allclose(cov, cov.T, atol=1e-12 * cov.max())
+        size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+        assert np.linalg.eigvalsh(cov / size / size[:, None])[0] > -1e-9
+
+
+def test_ring_down_is_driven_by_nothing_and_a_driven_line_keeps_its_size():
+    for driven_on in (False, True):
+        load = line(bandwidth=5.0, driven=driven_on).process
+        growth = load.A @ load.P0 + load.P0 @ load.A.T + load.Qc
+        expected = 0.0 if driven_on else -2 * 5.0 * 0.3**2
+        np.testing.assert_allclose(growth, expected * np.eye(2), atol=1e-12)
+
+
+def test_response_to_a_unit_line_is_that_of_the_chain_that_holds_it():
+    wave = line(frequency=17.0, bandwidth=3.0, axis=2)
+    model = model_of((wave,))
+    root = np.array([2j * np.pi * 17.0 - 3.0])
+    seen = excite(model_of(), TIME, TURN, root)[:, :, 2, 0]
+    for state in (0, 1):
+        x = np.zeros(len(model.x0))
+        x[-2 + state] = 1.0
+        for k in range(COUNT):
+            np.testing.assert_allclose(seen[k, :, state], model.H @ x, atol=1e-12)
+            x = model.at("F", min(k, COUNT - 2)) @ x
+
+
+def test_signal_through_the_gains_is_what_it_adds_to_the_innovations():
+    model, (z, _) = model_of(), recorded(1)
+    z[100:120] = np.nan
+    z[200, 1] = np.nan
+    more = np.sin(0.1 * np.arange(COUNT))[:, None] * np.array([1e-4, -2e-4, 3e-4])
+    before, after = kalman_filter(model, z), kalman_filter(model, z + more)
+    added = whiten(model, before, more[..., None])[..., 0]
+    difference = np.nan_to_num(after.innovation - before.innovation)
+    np.testing.assert_allclose(added[np.isfinite(z)], difference[np.isfinite(z)], atol=1e-9)
+
+
+def test_evidence_is_the_likelihood_that_the_model_with_the_line_gains():
+    """In closed form from one filter pass, against two passes."""
+    z, _ = recorded(2, (line(),))
+    model = model_of()
+    filtered = kalman_filter(model, z)
+    signal = excite(model, TIME, TURN, np.array([2j * np.pi * 20.0 - 1e-4]))
+    white = whiten(model, filtered, signal.reshape(COUNT, 3, -1)).reshape(signal.shape)
+    information = np.einsum("tcafi,tcbfj->faibj", white, white)[0]
+    told = np.einsum("tcafi,tc->fai", white, filtered.innovation)[0]
+    for axes in ((0,), (0, 2)):
+        gained, std = evidence(information, told, axes)
+        lines = tuple(line(std=std, axis=a) for a in axes)
+        expected = float(log_likelihood(model_of(lines), z)) - float(log_likelihood(model, z))
+        assert gained == pytest.approx(expected, abs=1e-5)
+        for factor in (0.8, 1.25):  # no other size gains more
+            other = model_of(tuple(replace(one, std=factor * std) for one in lines))
+            assert float(log_likelihood(other, z)) - float(log_likelihood(model, z)) < gained
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_line_on_one_axis_is_found_on_that_axis_alone(seed):
+    z, _ = recorded(10 + seed, (line(),))
+    (one,) = found_in(z)
+    assert one.direction.tolist() == [1.0, 0.0, 0.0]
+    assert one.frequency == 20.0  # the harmonic's own
+
+
+def test_no_line_is_found_where_there_is_none():
+    for seed in range(8):
+        assert found_in(recorded(20 + seed)[0]) == ()
+
+
+def test_line_beside_the_frequency_looked_at_is_found_at_its_own():
+    z, _ = recorded(31, (line(frequency=20.7, std=0.6),))
+    (one,) = found_in(z, candidate=20.0, named=False)
+    assert one.frequency == pytest.approx(20.7, abs=0.1 / SPAN)
+
+
+def test_ring_down_is_found_with_its_rate():
+    z, _ = recorded(32, (line(std=3.0, bandwidth=12.0, axis=1),))
+    (one,) = found_in(z)
+    assert one.direction.tolist() == [0.0, 1.0, 0.0]
+    assert one.bandwidth == pytest.approx(12.0, rel=0.4)
+    assert not one.driven
+
+
+def test_line_whose_phase_drifts_is_let_drift_and_a_steady_one_is_not():
+    for bandwidth, drifts in ((12.0, True), (1e-4, False)):
+        true = line(std=0.5, bandwidth=bandwidth, driven=bandwidth > 1)
+        z, _ = recorded(33, (true,))
+
+        def likely(one, z=z):
+            return float(log_likelihood(model_of((one,)), z))
+
+        assert let_drift(likely, line(std=0.5), SPAN).driven is drifts
+
+
+def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_white():
+    rng = np.random.default_rng(40)
+    white = rng.standard_normal((COUNT, 3))
+    white[:, 1] += 0.8 * np.sin(2 * np.pi * 20.2 * TIME)
+    assert candidates(TIME, white, 10.0, []) == [Candidate(20.0, named=True)]
+    (other,) = candidates(TIME, white, 0.0, [])
+    assert other.frequency == pytest.approx(20.2, abs=0.6 / SPAN)
+    assert not other.named
+    assert candidates(TIME, white, 10.0, [20.2]) == []
+    quiet = [candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0, []) for _ in range(50)]
+    assert sum(map(len, quiet)) <= 1
+
+
+def test_load_with_its_line_is_recovered_within_its_claims_and_the_other_axes_lose_nothing():
+    ratio, error, beside = [], [], []
+    inner = slice(COUNT // 8, -COUNT // 8)
+    for seed in range(50, 62):
+        z, truth = recorded(seed, (line(),))
+        lines = found_in(z)
+        for kept, some in ((ratio, lines), (beside, ())):
+            model = model_of(some)
+            rows = load_rows(len(model.x0), TURN, some)
+            path = smooth(model, z)
+            off = (path.x @ rows.T - truth)[inner]
+            var = np.einsum("as,tsr,ar->ta", rows, path.P, rows)[inner]
+            kept.append((off**2).mean(0))
+            if kept is ratio:
+                error.append((off**2 / var).mean(0))
+    with_line, without = np.sqrt(np.mean(ratio, 0)), np.sqrt(np.mean(beside, 0))
+    assert with_line[0] < 0.3 * without[0]
+    assert (with_line[1:] < 1.1 * without[1:]).all()
+    assert (np.abs(np.mean(error, 0) - 1) < 3 * np.std(error, 0) / np.sqrt(len(error)) + 0.05).all()
+
+
+def test_smooth_load_is_tuned_beside_a_line_as_if_the_line_were_not_there():
+    quiet, _ = recorded(70)
+    wave = excite(model_of(), TIME, TURN, np.array([2j * np.pi * 20.0]))[:, :, 0, 0] @ [1.0, 0.5]
+    noise, still, share = np.full(quiet.shape, NOISE**2), np.zeros(3), (line(std=1.0).along(TURN),)
+    plain = tune_loads(TIME, quiet @ TURN, 1 / MASS, noise, still, orders=(3,))
+    beside = tune_loads(TIME, (quiet + wave) @ TURN, 1 / MASS, noise, still, orders=(3,), lines=share)
+    blind = tune_loads(TIME, (quiet + wave) @ TURN, 1 / MASS, noise, still, orders=(3,))
+    off, wrong = (np.abs(np.log(t.rate / plain.rate)).max() for t in (beside, blind))
+    assert off < 0.15
+    assert wrong > 2 * off
