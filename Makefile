@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test bench clean
+.PHONY: demo test bench study clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -15,6 +15,10 @@ test: .venv/ready
 # paired ratios against the peers, which live in a venv of their own; BENCH=--quick for under 90 s
 bench: .venv-bench/ready
 	.venv-bench/bin/python -m benchmarks -o bench $(BENCH)
+
+# what the estimators reach, into docs/
+study: .venv/ready
+	$(BIN)/python -m benchmarks.estimation
 
 .venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench

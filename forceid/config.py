@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -46,7 +46,8 @@ class Settings(Section):
     noise_std: standard deviation of one measured component (m; orientation rad) by variable, overrides
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
     "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
-    modes of the modal model, None chooses it from the data.
+    modes of the modal model, None chooses it from the data. lines: oscillating loads beside the smooth one,
+    found by evidence ("auto"), "none", or looked for at these frequencies only (Hz).
     """
 
     method: Method = "smoother"
@@ -56,6 +57,7 @@ class Settings(Section):
     gravity: Vector | None = None
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
+    lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()
 

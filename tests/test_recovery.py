@@ -184,3 +184,13 @@ def test_one_wild_frame_is_rejected_and_counted():
     estimate = estimate_recording(wild, load_settings())
     assert (np.abs(estimate.force) <= 3.5 * estimate.force_std).mean() >= 0.98
     assert any("rejected as outliers: 1 (1 alone, 0 in bursts)" in r for r in estimate.verdict.reasons)
+
+
+def test_lines_are_looked_for_where_the_settings_say():
+    found = {}
+    for lines in ("auto", "none", (20.0,), (31.0,)):
+        _, e = recover("spin_synchronous", lines=lines)
+        found[lines] = [v for name, v in e.tuned.items() if name.startswith("force_line") and "freq" in name]
+    assert found["none"] == found[(31.0,)] == []
+    assert found[(20.0,)] == [20.0]
+    assert found["auto"] == [pytest.approx(20.0, abs=1e-3)]  # twice the spin, as measured

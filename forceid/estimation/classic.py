@@ -10,7 +10,7 @@ from forceid.estimation.flight_smoother import SHARED, Solution, slow_and_small
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
-from forceid.kalman.linear import mean_square
+from forceid.kalman.model import mean_square
 from forceid.motion.derivative import Derivatives, derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel
 from forceid.motion.pose import fit_rotation

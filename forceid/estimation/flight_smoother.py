@@ -11,6 +11,7 @@ from forceid.config import Settings
 from forceid.estimation.deformation import Deformation, smooth_deformation
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.load_lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
 from forceid.estimation.slow_errors import (
     HIDDEN,
     errors_shared,
@@ -22,8 +23,7 @@ from forceid.estimation.slow_errors import SHARED as SHARED
 from forceid.estimation.slow_errors import slow_and_small as slow_and_small
 from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, Reference, seen_part, smooth_flight, smooth_translation
-from forceid.kalman.lines import Line, candidates, find_line, let_drift
+from forceid.kalman.flight import Flight, FlightState, smooth_flight, smooth_translation
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD, drop_wild, runs, unswap
 from forceid.motion.window import noise_growth
@@ -31,26 +31,11 @@ from forceid.records import Array, Body, Flags, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
-MOST_LINES, AT_ONCE = 24, 4  # of both loads together; candidates of one load judged against one prior
 TRADED = (
     "markers traded places ({}): exchanged back {} times, first at {:.4g} s; look at the labels, and at what "
     "the exchange leaves"
 )
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
-
-
-@dataclass(frozen=True)
-class Lines:
-    """Lines of the force and of the moment."""
-
-    force: tuple[Line, ...] = ()
-    moment: tuple[Line, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.force) + len(self.moment)
-
-
-NO_LINES = Lines()
 
 
 @dataclass(frozen=True)
@@ -129,8 +114,8 @@ def estimate_flight(
 
     def solve(flight: Flight) -> FlightState:
         if not kin.attitude:
-            return smooth_translation(flight, force, engine.smooth, causal)
-        return smooth_flight(flight, force, moment, engine.smooth, causal)
+            return smooth_translation(flight, force, engine, causal)
+        return smooth_flight(flight, force, moment, engine, causal)
 
     flight = flight_of(kin, deformation, gravity)
     state = solve(flight)
@@ -140,7 +125,10 @@ def estimate_flight(
         return estimate_flight(body, motion, settings, engine, reasons, lines)
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
-    more = lines if sentence else more_lines(flight, state, searched, engine)  # an impact holds every line
+    more = lines
+    if not sentence and settings.lines != "none":  # an impact holds every line
+        asked = () if isinstance(settings.lines, str) else settings.lines
+        more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
         return estimate_flight(body, motion, settings, engine, reasons, more)
     reasons = (*reasons, *notes, *([sentence] if sentence else []))
@@ -215,38 +203,3 @@ def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:
             for axis, share in zip("xyz", line.std * np.abs(line.direction), strict=True):
                 found[f"{load}_line_{k}_std_{axis}"] = float(share)
     return found
-
-
-def more_lines(flight: Flight, state: FlightState, priors: dict[str, LoadPrior], engine: Engine) -> Lines:
-    """The lines of the priors, and those that the innovations of a solved flight show beside them."""
-    time, spin = flight.time, 0.0
-    if state.reference is not None:
-        spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
-    found = []
-    for first, prior in zip((0, 3), priors.values(), strict=False):
-        about = state.reference if first else None
-        shown = state.innovation[:, first : first + 3]
-        taken = [line.frequency for line in prior.lines]
-        for candidate in candidates(time, shown, spin, taken)[:AT_ONCE]:
-            model, z = seen_part(flight, prior, about)
-            for line in find_line(model, engine.filter(model, z), time, prior.axes, candidate):
-
-                def likelihood(
-                    line: Line, prior: LoadPrior = prior, about: Reference | None = about
-                ) -> float:
-                    model, z = seen_part(flight, beside(prior, line), about)
-                    return float(engine.log_likelihood(model, z))
-
-                prior = beside(prior, let_drift(likelihood, line, float(np.ptp(time))))
-        found.append(prior.lines)
-    return Lines(*found)
-
-
-def mass_hidden(kin: Kinematics) -> bool:
-    """Whether a deforming body carries mass where it carries no marker."""
-    return bool(len(kin.shapes) and ((kin.inertia.weight > 0) & ~kin.seen).any())
-
-
-def beside(prior: LoadPrior, line: Line) -> LoadPrior:
-    """The prior with one line more."""
-    return replace(prior, lines=(*prior.lines, line))

@@ -47,7 +47,7 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
     """
     still = np.zeros((len(kin.time), 3))
     flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
-    path = smooth_translation(flight, force, engine.smooth)
+    path = smooth_translation(flight, force, engine)
     return slow_and_small(path.innovation, path.nis)
 
 
@@ -109,7 +109,7 @@ def widened(
     rows = load_rows(len(model.x0), rival.axes, rival.lines)
     cov = state.wrench_cov.copy()
     if rival is not force:
-        path = smooth_translation(flight, rival, engine.smooth)
+        path = smooth_translation(flight, rival, engine)
         off = path.force - state.force
         cov[:, :3, :3] = path.wrench_cov[:, :3, :3] + off[:, :, None] * off[:, None, :]
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0

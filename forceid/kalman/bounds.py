@@ -12,7 +12,7 @@ import numpy as np
 
 from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.covariance import root
-from forceid.kalman.linear import StateSpace
+from forceid.kalman.model import StateSpace
 from forceid.records import Array
 
 DOUBLINGS = 100  # 2^100 samples: what has not settled by then never will

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from forceid.kalman.linear import Filtered
+from forceid.kalman.model import Filtered
 from forceid.records import Array
 
 CHANCE = 0.01  # that a true model falls out of a band

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.kalman.linear import StateSpace
+from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize, integrate, matern, superpose, with_mean
 from forceid.records import Array
 

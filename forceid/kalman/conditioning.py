@@ -109,12 +109,12 @@ def smoothed_states(
 
     x: states of the filter; smoothed: by the adjoint, right where there are no factors.
     """
-    out, Q_root, constant = smoothed.copy(), square_root(Q), len(F) == len(Q) == 1
+    out, constant = smoothed.copy(), len(F) == len(Q) == 1
     run, now = np.searchsorted(start, np.arange(len(x)), "right") - 1, -1
     for k in np.flatnonzero(np.isfinite(C[run[:-1], 0, 0]))[::-1]:
         F_k = of(F, k)
         if run[k] != now or not constant:
-            L, K = array_form.step_back(C[run[k]], F_k, of(Q_root, k))
+            L, K = array_form.step_back(C[run[k]], F_k, square_root(of(Q, k)))
             now = run[k]
         move = out[k + 1] - x[k] @ F_k.T - of(u, k)
         out[k] = x[k] + (K @ array_form.white_share(L, move.T)).T

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from forceid.kalman.linear import Smoothed, StateSpace
+from forceid.kalman.model import Smoothed, StateSpace
 from forceid.records import Array, Flags
 
 EVERY = 3  # blocks, of which one is left out at a time

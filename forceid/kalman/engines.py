@@ -12,7 +12,7 @@ from typing import Any
 
 from forceid.errors import ConfigError
 from forceid.kalman import linear
-from forceid.kalman.linear import Filtered, Smoothed, StateSpace
+from forceid.kalman.model import Filtered, Smoothed, StateSpace
 from forceid.records import Array
 
 # fastest first; an engine that nobody asked for is never imported
@@ -30,6 +30,7 @@ class Engine:
     name: str
     filter: Callable[[StateSpace, Array], Filtered]
     smooth: Callable[[StateSpace, Array], Smoothed]
+    smooth_states: Callable[[StateSpace, Array], Array]
     log_likelihood: Callable[..., Array]
 
 
@@ -56,11 +57,12 @@ def engine(name: str = "auto") -> Engine:
             next_step='install again with a C++ compiler, or choose engine = "auto"',
         ) from e
     if name == "filterpy":
-        return Engine(name, module.filter, module.smooth, module.log_likelihood)
+        return Engine(name, module.filter, module.smooth, module.smooth_states, module.log_likelihood)
     return Engine(
         name,
         partial(linear.filter, module),
         partial(linear.smooth, module),
+        partial(linear.smooth_states, module),
         partial(linear.log_likelihood, module),
     )
 

@@ -11,17 +11,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from forceid.errors import EstimationError
-from forceid.kalman.linear import (
-    Filtered,
-    Gains,
-    Smoothed,
-    StateSpace,
-    apart,
-    as_channels,
-    check,
-    each_model,
-    smooth_apart,
-)
+from forceid.kalman.linear import apart, check, each_model, smooth_apart
+from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
 from forceid.records import Array
 
 
@@ -97,3 +88,8 @@ def smooth(model: StateSpace, z: Array) -> Smoothed:
             ) from e
         x[k], P[k] = x_pair[0], P_pair[0]
     return Smoothed(x, np.arange(len(x)), 0.5 * (P + P.transpose(0, 2, 1)), f)
+
+
+def smooth_states(model: StateSpace, z: Array) -> Array:
+    """States (time, state) of `smooth`."""
+    return smooth(model, z).x

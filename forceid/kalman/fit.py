@@ -13,8 +13,8 @@ from scipy.optimize import minimize
 from forceid.errors import EstimationError
 from forceid.kalman.engines import engine as engine_called
 from forceid.kalman.gradient import NAMES, score_of
-from forceid.kalman.linear import StateSpace, as_channels
 from forceid.kalman.lines import PATIENCE
+from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
 
 TINY = 1e-30  # imaginary step: its square is lost beside any real part

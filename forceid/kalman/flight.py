@@ -9,7 +9,6 @@ most probable flight. Source: principal equations 4b, 4d, 4f.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,8 +17,9 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.errors import EstimationError
-from forceid.kalman.linear import Filtered, Smoothed, StateSpace
+from forceid.kalman.engines import Engine
 from forceid.kalman.lines import Line
+from forceid.kalman.model import Filtered, Smoothed, StateSpace
 from forceid.kalman.prior import LoadPrior as LoadPrior
 from forceid.kalman.prior import along_world, chain_along, load_rows
 from forceid.motion.pose import exp, log
@@ -193,7 +193,7 @@ def smooth_flight(
     flight: Flight,
     force: LoadPrior,
     moment: LoadPrior,
-    smoother: Callable[[StateSpace, Array], Smoothed],
+    engine: Engine,
     causal: bool = False,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
@@ -207,11 +207,12 @@ def smooth_flight(
     size = np.inf
     for _ in range(ITERATIONS):
         model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
-        path = smoother(model, np.concatenate([flight.center, error_angle(flight, reference)], 1))
-        turned = path.x[:, n : n + 3]
+        z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
+        x = engine.smooth_states(model, z)
+        turned = x[:, n : n + 3]
         previous = reference
         turned_to = exp(turned) @ reference.rotation
-        reference = Reference(turned_to, at_rest(path.x[:, n:]), moment.axes, moment.lines)
+        reference = Reference(turned_to, at_rest(x[:, n:]), moment.axes, moment.lines)
         last, size = size, float(np.abs(turned).max())
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
@@ -221,14 +222,15 @@ def smooth_flight(
             "the smoother on rotations",
             "raise the sample rate, or state a noise_std nearer to the truth",
         )
+    path = engine.smooth(model, z)
     return read(flight, previous, path.filtered if causal else path, path.filtered, n, force)
 
 
 def smooth_translation(
-    flight: Flight, force: LoadPrior, smoother: Callable[[StateSpace, Array], Smoothed], causal: bool = False
+    flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False
 ) -> FlightState:
     """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
-    path = smoother(translation(flight, force), flight.center)
+    path = engine.smooth(translation(flight, force), flight.center)
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
     P_world, F, _ = along_world(x, force.axes, force.lines)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.kalman.engines import engine as engine_called
-from forceid.kalman.linear import Filtered, StateSpace, as_channels
+from forceid.kalman.model import Filtered, StateSpace, as_channels
 from forceid.records import Array
 
 NAMES = ("F", "Q", "H", "R", "x0", "P0", "u")

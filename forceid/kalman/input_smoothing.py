@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from forceid.kalman.covariance import root
 from forceid.kalman.input_system import checked, uncorrelated, with_prior
-from forceid.kalman.linear import as_channels
+from forceid.kalman.model import as_channels
 from forceid.kalman.open_directions import any_row, learn, least_squares, open_rows, told
 from forceid.kalman.square_root import squared, triangle
 from forceid.kalman.unknown_input import forward

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError
 from forceid.kalman.covariance import square_root
-from forceid.kalman.linear import StateSpace
+from forceid.kalman.model import StateSpace
 from forceid.kalman.square_root import squared
 from forceid.records import Array, Flags
 

@@ -15,10 +15,8 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.kalman.conditioning import covariance_pass, smoothed_states
 from forceid.kalman.conditioning import smoothed as smoothed_runs
-from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, mean_square
+from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
 from forceid.records import Array, Flags, Indices
-
-__all__ = ["Filtered", "Gains", "Smoothed", "StateSpace", "mean_square"]
 
 
 class Passes(Protocol):
@@ -70,18 +68,30 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     if z.ndim == 3 and not alike(z):
         return smooth_apart(lambda one: smooth(passes, model, one), z)
     f, C = filter_with_factors(passes, model, z)
-    F, Q, H, R, u = arrays(model, z)
-    g, x = f.gains, f.x if z.ndim == 3 else f.x[:, None]
-    signals = z if z.ndim == 3 else z[:, None]
-    smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, signals, x)
+    x = backward(passes, model, f, C)
+    F, Q, H, R, _ = arrays(model, z)
+    start, runs, failed = smoothed_runs(
+        passes.information_pass, passes.combine, F, Q, H, R, pattern(z), constant(model),
+        f.gains.start, f.gains.P, C,
+    )  # fmt: skip
+    check(failed)
+    return Smoothed(x, start, runs, f)
+
+
+def smooth_states(passes: Passes, model: StateSpace, z: Array) -> Array:
+    """States (time, state) of `smooth` without their covariances, at a third of its cost or less."""
+    f, C = filter_with_factors(passes, model, as_channels(z))
+    return backward(passes, model, f, C)
+
+
+def backward(passes: Passes, model: StateSpace, f: Filtered, C: Array | None) -> Array:
+    """States (time, [signal,] state) given all samples, of a filter's; C: its factors, as it gave them."""
+    F, Q, H, _, u = arrays(model, f.z)
+    g, x, z = f.gains, *(a if f.z.ndim == 3 else a[:, None] for a in (f.x, f.z))
+    smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, z, x)
     if C is not None:
         smoothed = smoothed_states(F, Q, u, g.start, C, x, smoothed)
-    seen, steady = pattern(z), constant(model)
-    start, runs, failed = smoothed_runs(
-        passes.information_pass, passes.combine, F, Q, H, R, seen, steady, g.start, g.P, C
-    )
-    check(failed)
-    return Smoothed(smoothed if z.ndim == 3 else smoothed[:, 0], start, runs, f)
+    return smoothed if f.z.ndim == 3 else smoothed[:, 0]
 
 
 def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = np.inf) -> Array:
@@ -189,16 +199,3 @@ def check(failed: int) -> None:
             "the linear model",
             "state a measurement noise above zero",
         )
-
-
-def as_channels(z: Array) -> Array:
-    """Measurements with a channel axis: (time,) becomes (time, 1)."""
-    z = np.asarray(z, float)
-    return z[:, None] if z.ndim == 1 else z
-
-
-def robust_log_likelihood(model: StateSpace, z: Array, limit: float) -> Array:
-    """Log-likelihood (model,) of many models of one channel by the fastest engine, outliers tamed."""
-    from forceid.kalman.engines import engine
-
-    return engine().log_likelihood(model, z[..., None], limit)

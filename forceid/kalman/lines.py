@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from forceid.kalman.linear import Filtered, StateSpace
+from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.process import Process, resonator
 from forceid.records import Array
 
@@ -65,6 +65,15 @@ class Candidate:
 
     frequency: float
     named: bool
+
+
+def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
+    """Whether a line is among those taken, as far as a record of this length can tell.
+
+    >>> near(10.0, [10.4], np.linspace(0.0, 2.0, 100)), near(10.0, [11.0], np.linspace(0.0, 2.0, 100))
+    (True, False)
+    """
+    return any(abs(frequency - f) * np.ptp(time) <= REACH for f in taken)
 
 
 def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:

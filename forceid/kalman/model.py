@@ -177,3 +177,9 @@ def mean_square(innovation: Array) -> Array:
     """Mean over the channels present of squared whitened innovations (..., channel); NaN where none is."""
     seen = np.isfinite(innovation)
     return np.where(seen.any(-1), np.nansum(innovation**2, -1) / np.maximum(seen.sum(-1), 1), np.nan)
+
+
+def as_channels(z: Array) -> Array:
+    """Measurements with a channel axis: (time,) becomes (time, 1)."""
+    z = np.asarray(z, float)
+    return z[:, None] if z.ndim == 1 else z

@@ -10,7 +10,7 @@ from scipy.linalg import eigvals, matrix_balance, null_space
 
 from forceid.kalman.covariance import root
 from forceid.kalman.engines import engine
-from forceid.kalman.linear import StateSpace
+from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags
 
 Complex = NDArray[np.complex128]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.kalman.channels import Channel, Start, load_chain
-from forceid.kalman.linear import StateSpace
 from forceid.kalman.lines import Line
+from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize, integrate
 from forceid.kalman.tuning import Tuned
 from forceid.records import Array

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from forceid.kalman.engines import engine as engine_called
-from forceid.kalman.linear import StateSpace, as_channels
+from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
 
 WILD = 5.0  # whitened innovation, in standard deviations

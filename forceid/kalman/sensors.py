@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError
-from forceid.kalman.linear import StateSpace
+from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Diffusion, Process, block_diagonal, discretize, random_walk, superpose
 from forceid.kalman.structure import Structure, System
 from forceid.records import Array

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.kalman.linear import Smoothed, StateSpace
+from forceid.kalman.model import Smoothed, StateSpace
 from forceid.records import Array
 
 RATES = np.geomspace(0.3, 300.0, 31)  # 1/s, of the correlation of errors that are tried

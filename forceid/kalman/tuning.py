@@ -15,7 +15,7 @@ from forceid.kalman.channels import search_box as search_box
 from forceid.kalman.channels import second_difference as second_difference
 from forceid.kalman.channels import start_of as start_of
 from forceid.kalman.channels import stretch as stretch
-from forceid.kalman.linear import robust_log_likelihood
+from forceid.kalman.engines import engine
 from forceid.kalman.lines import PATIENCE as PATIENCE
 from forceid.kalman.lines import Line
 from forceid.kalman.search import maximize as maximize
@@ -61,6 +61,12 @@ def tune_loads(
     known to hold beside, with directions along the axes of z.
     """
     stretches, axes = stretch(z), z.shape[1]
+    edges = search_box(time, z, gain, 1)
+
+    def box(order: int) -> tuple[Array, Array]:
+        # std * rate^(order - 1/2) of every axis: a rougher order moves it by the rate
+        lower, upper = (np.tile([e[0] + (order - 1) * e[1], e[1]], (axes, 1)) for e in edges)
+        return lower, upper
 
     def objective(points: Array, levels: Array, order: int) -> Array:
         shape = points.shape[:-1]
@@ -73,15 +79,13 @@ def tune_loads(
             beside = [line.scaled(np.abs(line.direction[axis])) for line in lines]
             chain = load_chain(order, std, rate, start_of(t, y, gain), beside)
             model = driven(chain, gain, noise_var[run][:, axis] * noise, drift[axis] * noise, np.diff(t))
-            total += robust_log_likelihood(model, y[:, axis], OUTLIER)
+            total += engine().log_likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
     def search(
         order: int, shared: tuple[float, float], start: tuple[Array, float] | None = None
     ) -> tuple[Array, float, float]:
-        lower, upper = search_box(time, z, gain, order)
-        edges = np.tile(lower, (axes, 1)), np.tile(upper, (axes, 1))
-        return maximize(lambda p, s: objective(p, s, order), *edges, shared, start)
+        return maximize(lambda p, s: objective(p, s, order), *box(order), shared, start)
 
     def tuned(order: int, at: Array, level: float, value: float) -> Tuned:
         at_limit = limits[1] > limits[0] and level - limits[0] < 0.05
@@ -100,7 +104,7 @@ def tune_loads(
     at, level, value = (
         search(order, limits, (found[order][0], level)) if limits[1] > limits[0] else found[order]
     )
-    none = np.tile(search_box(time, z, gain, order)[0], (axes, 1))
+    none = box(order)[0]
     quiet = maximize(lambda p, s: objective(p, s, order), none, none, limits, (none, level))
     if value - quiet[2] < PATIENCE * axes:
         return tuned(order, *quiet)

@@ -12,7 +12,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.kalman.covariance import root, square_root
 from forceid.kalman.input_system import System, checked, uncorrelated
-from forceid.kalman.linear import as_channels
+from forceid.kalman.model import as_channels
 from forceid.kalman.open_directions import any_row, independent, learn, least_squares, open_rows, told
 from forceid.kalman.square_root import squared, triangle
 from forceid.records import Array

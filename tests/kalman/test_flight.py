@@ -33,7 +33,7 @@ def log(R):
 
 
 def smooth(flight, force=FORCE, moment=MOMENT, engine="numpy", **more):
-    return smooth_flight(flight, force, moment, kalman.engine(engine).smooth, **more)
+    return smooth_flight(flight, force, moment, kalman.engine(engine), **more)
 
 
 def wrench(state):
