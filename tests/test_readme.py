@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from forceid.cli.app import MODULES, main
@@ -18,7 +19,8 @@ def test_python_of_the_readme_runs_and_finds_no_force_on_a_free_throw(tmp_path, 
     monkeypatch.chdir(tmp_path)
     for block in PYTHON:
         exec(compile(block, "README.md", "exec"), {})
-    verdict, force, unit = capsys.readouterr().out.split()
+    verdict, force, unit, estimate, std, _ = capsys.readouterr().out.split()
+    assert float(estimate) == pytest.approx(-0.1 * 0.2 * 6**2 * np.sin(6.0), abs=3 * float(std))
     assert verdict == "ok"
     # 0.08 kg seen for 2 s by four markers of 0.2 mm, 200 samples: sigma = m sqrt(720 / 200) s / (2 T^2)
     assert float(force) == pytest.approx(0.0, abs=4 * 0.08 * (720 / 200) ** 0.5 * 2e-4 / 2 / 2**2)

@@ -292,6 +292,15 @@ template <int N> struct Columns {
       for (int b = 0; b < COUNT; ++b) y[b] += column[j * COUNT + b] * x[j];
     for (int b = 0; b < COUNT; ++b) y[b] += odd[b];
   }
+  // y_s += this x_s for four x, `stride` apart: each column is loaded once
+  INLINE void add_four(const double *x, py::ssize_t stride, Vector (*y)[COUNT], int columns) const {
+    const Vector *column = reinterpret_cast<const Vector *>(data);
+    for (int j = 0; j < columns; ++j)
+      for (int b = 0; b < COUNT; ++b) {
+        const Vector c = column[j * COUNT + b];
+        for (int s = 0; s < 4; ++s) y[s][b] += c * x[s * stride + j];
+      }
+  }
 };
 
 // The same for sizes known at run time, and a face that both share.
@@ -514,7 +523,21 @@ Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0,
     for (; s < signals; ++s) {
       Recursion<N> path(A.data(), B.data(), n, inputs);
       std::copy(x + (first * signals + s) * n, x + (first * signals + s + 1) * n, path.y);
-      for (py::ssize_t k = first + 1; k < stop; ++k) {
+      py::ssize_t k = first + 1;
+      if constexpr (N > 0 && M > 0) // what does not wait for the state, four samples at a time
+        for (; !driven && k + 4 <= stop; k += 4) {
+          double Z[4][M];
+          for (int i = 0; i < 4; ++i)
+            for (int c = 0; c < M; ++c) Z[i][c] = zero_if_missing(z[((k + i) * signals + s) * M + c]);
+          typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
+          path.B.add_four(Z[0], M, next, M);
+          for (int i = 0; i < 4; ++i) {
+            path.A.add(path.y, next[i], N);
+            std::memcpy(path.y, next[i], sizeof path.y);
+            std::copy(path.y, path.y + N, x + ((k + i) * signals + s) * N);
+          }
+        }
+      for (; k < stop; ++k) {
         const double *zk = z + (k * signals + s) * m;
         for (int c = 0; c < m; ++c) v[c] = zero_if_missing(zk[c]);
         if (driven) {
@@ -532,7 +555,7 @@ Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0,
 
 // Smoothed states (time, signal, state): x + P rt, with the adjoint rt of Bryson and Frazier.
 template <int N, int M>
-Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array K_, Array W_, Array z_,
+Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array K_, Array W_, Array G_, Array z_,
                    Array x_) {
   const Along F(F_), u(u_), H(H_);
   const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
@@ -555,7 +578,43 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
         S_inv[i * m + j] = sum;
       }
     const bool steady = stop - first > 1;
-    if (steady) {
+    const double *G = G_.data() + r * n * n;
+    if (steady && G[0] == G[0]) { // Rauch, Tung and Striebel's gain is given: half the work
+      Buffer I_GF(n * n), inverse(n * n), off(n);
+      multiply(G, F.at(0), I_GF.data(), n, n, n);
+      for (int i = 0; i < n * n; ++i) I_GF[i] = (i % (n + 1) == 0) - I_GF[i];
+      for (py::ssize_t s = 0; s < signals; ++s) {
+        double *rt = adjoint.data() + s * n;
+        Recursion<N> path(G, I_GF.data(), n, n);
+        py::ssize_t at = (stop - 1) * signals + s;
+        row_times(P, rt, path.y, n, n);
+        for (int i = 0; i < n; ++i) path.y[i] += x[at * n + i];
+        std::copy(path.y, path.y + n, smoothed + at * n);
+        py::ssize_t k = stop - 2;
+        if constexpr (N > 0)
+          for (; k - 3 > first; k -= 4) {
+            at = k * signals + s;
+            typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
+            path.B.add_four(x + at * N, -signals * N, next, N);
+            for (int i = 0; i < 4; ++i) {
+              path.A.add(path.y, next[i], N);
+              std::memcpy(path.y, next[i], sizeof path.y);
+              std::copy(path.y, path.y + N, smoothed + (at - i * signals) * N);
+            }
+          }
+        for (; k >= first; --k) {
+          at = k * signals + s;
+          path.step(x + at * n, n);
+          std::copy(path.y, path.y + n, smoothed + at * n);
+        }
+        for (int i = 0; i < n; ++i) off[i] = path.y[i] - x[at * n + i];
+        std::copy(P, P + n * n, inverse.begin());
+        solve(inverse.data(), off.data(), n, 1);
+        std::copy(off.begin(), off.end(), rt);
+      }
+    }
+    const bool by_adjoint = steady && G[0] != G[0];
+    if (by_adjoint) {
       closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
       transpose(A.data(), A_t.data(), n, n);
       transpose(H.at(0), H_t.data(), m, n);
@@ -567,7 +626,7 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
     }
     py::ssize_t in_lanes = 0; // signals whose run is done but for its first sample
     if constexpr (N > 0 && M > 0)
-      if (steady) {
+      if (by_adjoint) {
         const py::ssize_t fleets = signals / LANES;
         in_lanes = fleets * LANES;
         std::vector<Lanes> RT(fleets * N);
@@ -599,12 +658,41 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
       }
     for (py::ssize_t s = 0; s < signals; ++s) {
       double *rt = adjoint.data() + s * n;
-      py::ssize_t k = s < in_lanes ? first : stop - 1;
-      if (steady && s >= in_lanes) {
+      py::ssize_t k = s < in_lanes || (steady && !by_adjoint) ? first : stop - 1;
+      if (by_adjoint && s >= in_lanes) {
         Recursion<N> path(A_t.data(), E.data(), n, m);
         const Columns<N> gain = columns_of<N>(P, n, n);
         const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n);
         std::copy(rt, rt + n, path.y);
+        if constexpr (N > 0 && M > 0) { // what does not wait for the adjoint, four samples at a time
+          using State = typename Columns<N>::Vector;
+          using Channels = typename Columns<M>::Vector;
+          constexpr int NP = padded(N), MP = padded(M);
+          const py::ssize_t back_one = -signals * N;
+          for (; k - 4 >= first; k -= 4) {
+            const py::ssize_t at = k * signals + s;
+            Channels predicted[4][Columns<M>::COUNT] = {};
+            HF_rows.add_four(x + (at - signals) * N, back_one, predicted, N);
+            alignas(64) double error[4][MP], adjoint_at[4][NP], out[4][NP];
+            std::memcpy(error, predicted, sizeof error);
+            for (int i = 0; i < 4; ++i) {
+              if (driven) row_times(H.at(0), u.at(k - i - 1), Hu.data(), M, N);
+              for (int c = 0; c < M; ++c)
+                error[i][c] = zero_if_missing(z[(at - i * signals) * M + c]) - error[i][c] - (driven ? Hu[c] : 0.0);
+            }
+            State told[4][Columns<N>::COUNT] = {}, sum[4][Columns<N>::COUNT] = {};
+            path.B.add_four(error[0], MP, told, M);
+            for (int i = 0; i < 4; ++i) {
+              std::memcpy(adjoint_at[i], path.y, sizeof path.y);
+              path.A.add(path.y, told[i], N);
+              std::memcpy(path.y, told[i], sizeof path.y);
+            }
+            gain.add_four(adjoint_at[0], NP, sum, N);
+            std::memcpy(out, sum, sizeof out);
+            for (int i = 0; i < 4; ++i)
+              for (int j = 0; j < N; ++j) smoothed[(at - i * signals) * N + j] = x[(at - i * signals) * N + j] + out[i][j];
+          }
+        }
         for (; k > first; --k) {
           const py::ssize_t at = k * signals + s;
           if constexpr (N > 0) {
@@ -1046,10 +1134,10 @@ PYBIND11_MODULE(_compiled, module) {
       return mean_pass<N(), M()>(F, u, H, start, K, x0, z);
     });
   });
-  module.def("adjoint_pass", [](Array F, Array u, Array H, Starts start, Array P, Array K, Array W, Array z,
-                                Array x) {
+  module.def("adjoint_pass", [](Array F, Array u, Array H, Starts start, Array P, Array K, Array W, Array G,
+                                Array z, Array x) {
     return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
-      return adjoint_pass<N(), M()>(F, u, H, start, P, K, W, z, x);
+      return adjoint_pass<N(), M()>(F, u, H, start, P, K, W, G, z, x);
     });
   });
   module.def("information_pass", [](Array F, Array Q, Array H, Array R, Mask seen, bool steady) {

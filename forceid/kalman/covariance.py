@@ -30,6 +30,12 @@ def square_root(P: Array) -> Array:
         return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
 
 
+def correlations(P: Array) -> Array:
+    """Each of many P (..., state, state) in units of its diagonal."""
+    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
+    return np.asarray(P / (size * size.swapaxes(-1, -2)))
+
+
 def root(R: Array) -> Array:
     """Triangular L with L L^T = R, the covariance of a measurement noise.
 
@@ -44,9 +50,8 @@ def root(R: Array) -> Array:
 
 def positive(R: Array) -> bool:
     """Whether all R (..., channel, channel) are positive definite, beyond rounding of their correlations."""
-    size = np.sqrt(np.maximum(np.diagonal(R, axis1=-2, axis2=-1), 1e-300))[..., None]
     try:
-        np.linalg.cholesky(R / (size * size.swapaxes(-1, -2)))
+        np.linalg.cholesky(correlations(R))
     except np.linalg.LinAlgError:
         return False
     return True

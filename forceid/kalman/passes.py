@@ -125,13 +125,22 @@ def mean_pass(F: Array, u: Array, H: Array, start: Indices, K: Array, x0: Array,
 
 
 def adjoint_pass(
-    F: Array, u: Array, H: Array, start: Indices, P: Array, K: Array, W: Array, z: Array, x: Array
+    F: Array, u: Array, H: Array, start: Indices, P: Array, K: Array, W: Array, G: Array, z: Array, x: Array
 ) -> Array:
-    """Smoothed states (time, signal, state): x + P a, with the adjoint a of Bryson and Frazier (1963)."""
+    """Smoothed states (time, signal, state): x + P a, with the adjoint a of Bryson and Frazier (1963).
+
+    G (run, state, state): Rauch, Tung and Striebel's gain of a run where it is safe, else NaN.
+    """
     smoothed, z, a = np.empty_like(x), np.nan_to_num(z), np.zeros(x.shape[1:])
     for r, (first, stop) in reversed(list(enumerate(spans(start, len(z))))):
         S_inv = W[r].T @ W[r]
-        if stop - first > 1:
+        if stop - first > 1 and np.isfinite(G[r, 0, 0]):
+            I_GF = np.eye(len(G[r])) - G[r] @ of(F, 0)
+            smoothed[stop - 1] = x[stop - 1] + a @ P[r]
+            b = x[first : stop - 1] @ I_GF.T
+            smoothed[first : stop - 1] = scan(G[r], b[::-1], smoothed[stop - 1])[::-1]
+            a = np.linalg.solve(P[r], (smoothed[first] - x[first]).T).T
+        elif stop - first > 1:
             F_0, H_0, here = of(F, 0), of(H, 0), slice(first + 1, stop)
             pred = x[first : stop - 1] @ F_0.T
             if u.any():

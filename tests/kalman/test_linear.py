@@ -10,7 +10,7 @@ from scipy.stats import chi2, multivariate_normal
 
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
-from forceid.kalman import engines
+from forceid.kalman import engines, linear
 from forceid.kalman.tuning import Start, load_chain
 
 BUILT = find_spec("forceid.kalman._compiled") is not None
@@ -96,13 +96,18 @@ def test_engines_agree_in_every_number(ours):
 
 @pytest.mark.parametrize("ours", OURS)
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (3, 1), (5, 2), (6, 6), (12, 6), (19, 4), (30, 30)])
-def test_the_converged_gain_is_the_full_recursion_at_every_size_and_across_gaps(ours, n, m):
+@pytest.mark.parametrize("driven", [True, False])
+def test_the_converged_gain_is_the_full_recursion_at_every_size_and_across_gaps(
+    ours, n, m, driven, monkeypatch
+):
     rng = np.random.default_rng(n + m)
     F = 0.97 * np.linalg.qr(rng.standard_normal((n, n)))[0]
     H, u = rng.standard_normal((m, n)), rng.standard_normal((399, n))
+    u = u if driven else None
     model = kalman.StateSpace(F, random_cov(rng, n), H, random_cov(rng, m), np.ones(n), np.eye(n), u)
     z = rng.standard_normal((400, m)).cumsum(0)
     z[200:215] = z[300:310, 0] = np.nan
+    monkeypatch.setattr(linear, "LONG", 50)  # also by the gain of Rauch, Tung and Striebel
     smoothed = kalman.smooth(model, z, engine=ours)
     assert len(smoothed.filtered.gains.start) < 300
     assert len(smoothed.start) < 400
