@@ -12,6 +12,7 @@ from forceid.estimation.deformation import Deformation, smooth_deformation
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.load_lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
+from forceid.estimation.ringing import allow_for_ringing
 from forceid.estimation.slow_errors import (
     HIDDEN,
     errors_shared,
@@ -132,6 +133,8 @@ def estimate_flight(
     if len(lines) < len(more) <= MOST_LINES:
         return estimate_flight(body, motion, settings, engine, reasons, more)
     reasons = (*reasons, *notes, *([sentence] if sentence else []))
+    state, rings = allow_for_ringing(state, flight, priors, engine)
+    reasons = (*reasons, *([rings] if rings else []))
     if shared or hidden:
         state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
     return Solution(kin, deformation, state, engine.name, named(kin, priors), at_limit, reasons)

@@ -106,8 +106,9 @@ def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     """
     n, m = g.K.shape[-2:]
     G = np.full(g.P.shape, np.nan)
-    long = np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG) if 2 * m >= n and not u.any() else []
-    for r in long:
+    if 2 * m < n or u.any():
+        return G
+    for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG):
         if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < SAFE:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G

@@ -1,0 +1,77 @@
+"""Free oscillations that one load shows and noise may hide in the others: claims that allow for them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.kalman.engines import Engine
+from forceid.kalman.flight import Flight, FlightState, seen_part
+from forceid.kalman.lines import Line, excite, near, whiten
+from forceid.kalman.prior import LoadPrior
+from forceid.records import Array
+
+DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
+MATTERS = 1.1  # growth of the claimed error of a load that is worth a sentence
+RINGS = (
+    "a free oscillation at {:.3g} Hz, as of a nutation, shows in the {}; what it does to the rest of the "
+    "wrench is below the noise: claimed errors allow for all that could hide there; reduce the noise, or "
+    "record at a higher rate"
+)
+
+
+def allow_for_ringing(
+    state: FlightState, flight: Flight, priors: dict[str, LoadPrior], engine: Engine
+) -> tuple[FlightState, str]:
+    """The same state, with claims that allow for ringing where none was found; a sentence if that matters.
+
+    A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
+    one component is in the others too. Where the record does not show it, its two amplitudes are as unknown
+    there as the noise leaves them. A driven line has a direction of its own, and says nothing of others.
+    """
+    lines = [line for prior in priors.values() for line in prior.lines]
+    cov, where, span = state.wrench_cov.copy(), "", float(np.ptp(flight.time))
+    for frequency in sorted({line.frequency for line in lines}):
+        same = [line for line in lines if near(frequency, [line.frequency], flight.time)]
+        if any(line.driven or line.bandwidth * span < DECAYED for line in same):
+            continue  # what goes on in any component is driven
+        line = same[0]
+        for name, prior in priors.items():
+            first = 0 if name == "force" else 3
+            for axis, var in hidden_variance(flight, state, prior, first, line, engine).items():
+                cov[:, first + axis, first + axis] += var
+        shown = " and ".join(n for n, p in priors.items() if near(frequency, freq_of(p), flight.time))
+        before, after = (np.trace(np.nanmean(a, 0)[:3, :3]) for a in (state.wrench_cov, cov))
+        if not where and after > MATTERS**2 * before:
+            where = RINGS.format(frequency, shown)
+    return replace(state, wrench_cov=cov), where
+
+
+def freq_of(prior: LoadPrior) -> list[float]:
+    """Frequencies of the lines of a load, Hz."""
+    return [line.frequency for line in prior.lines]
+
+
+def hidden_variance(
+    flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
+) -> dict[int, Array]:
+    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
+    holds = np.zeros(3, bool)
+    for own in prior.lines:
+        if near(line.frequency, [own.frequency], flight.time):
+            holds |= np.abs(own.direction) > 0
+    if holds.all():
+        return {}
+    model, z = seen_part(flight, prior, state.reference if first else None)
+    root = np.array([2j * np.pi * line.frequency - line.bandwidth])
+    signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
+    filtered = engine.filter(model, z)
+    white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+    phase = np.exp(root[0] * (flight.time - flight.time[0]))
+    load = np.stack([phase.real, -phase.imag], 1)
+    found = {}
+    for axis in np.flatnonzero(~holds):
+        information = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
+        found[int(axis)] = np.einsum("ti,ij,tj->t", load, np.linalg.pinv(information), load)
+    return found

@@ -1,0 +1,32 @@
+"""A nutation that only the moment shows: the force is claimed no better than what noise could hide."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from forceid.config import load_settings
+from forceid.estimation.run import estimate_recording
+from forceid.files.hdf5 import read_motion
+
+FRISBEE = Path(__file__).parents[2] / "data" / "synthetic" / "frisbee.h5"
+
+
+def test_a_nutation_below_the_noise_of_the_force_is_in_its_claim_and_said():
+    recording = read_motion(FRISBEE)
+    e = estimate_recording(recording, load_settings())
+    early = e.time < 0.3
+    off = (e.force - recording.truth["force"])[early] / e.force_std[early]
+    assert (np.abs(off) < 3).all()
+    assert np.sqrt(np.mean((e.moment - recording.truth["moment"]) ** 2 / e.moment_std**2)) < 1.3
+    assert any("free oscillation at 19.6 Hz" in reason and "moment" in reason for reason in e.verdict.reasons)
+    assert e.verdict.level == "degraded"
+
+
+def test_claims_stay_as_they_are_where_nothing_rings():
+    recording = read_motion(FRISBEE.with_name("spin_synchronous.h5"))
+    e = estimate_recording(recording, load_settings())  # a driven line along x
+    silent = estimate_recording(
+        replace(recording, truth=None), load_settings(lines=(2 * e.tuned["force_line_1_frequency"],))
+    )
+    np.testing.assert_allclose(e.force_std[:, 1:], silent.force_std[:, 1:], rtol=0.1)
