@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from forceid.errors import ConfigError
 
 Method = Literal["difference", "savgol", "spline", "filter", "smoother"]
-Model = Literal["rigid", "affine", "modal", "auto"]
+Model = Literal["rigid", "affine", "modal", "auto", "ladder"]
 Vector = tuple[float, float, float]
 
 

@@ -159,6 +159,8 @@ class Estimate:
     settings: str = ""
     input_sha256: str = ""
     tuned: dict[str, float] = field(default_factory=dict)
+    leakage: dict[str, float] = field(default_factory=dict)
+    sensitivity: dict[str, float] = field(default_factory=dict)
 
     @property
     def force_std(self) -> Array:

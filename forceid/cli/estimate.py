@@ -22,7 +22,9 @@ Method = Annotated[
     str | None,
     typer.Option(metavar="M", help="difference, savgol, spline, filter or smoother (the default)."),
 ]
-Model = Annotated[str | None, typer.Option(metavar="L", help="rigid, affine, modal or auto (the default).")]
+Model = Annotated[
+    str | None, typer.Option(metavar="L", help="rigid, affine, modal, auto (the default) or ladder.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 

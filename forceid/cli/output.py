@@ -56,6 +56,8 @@ def describe(
         "log_likelihood": estimate.log_likelihood,
         "runtime_s": estimate.runtime_s,
         "tuned": dict(estimate.tuned),
+        "leakage": dict(estimate.leakage),
+        "sensitivity": dict(estimate.sensitivity),
         "input_sha256": estimate.input_sha256,
         "forceid_version": __version__,
         **summarize(estimate, truth).as_dict(),

@@ -13,6 +13,7 @@ from forceid.estimation.kinematics import Kinematics, kinematics, scaled
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.load_lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
 from forceid.estimation.ringing import allow_for_ringing
+from forceid.estimation.sensors import fused, sensor_reasons
 from forceid.estimation.slow_errors import (
     HIDDEN,
     errors_shared,
@@ -119,6 +120,8 @@ def estimate_flight(
         return smooth_flight(flight, force, moment, engine, causal)
 
     flight = flight_of(kin, deformation, gravity)
+    flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
+    force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
     dropped, sentence = wild_frames(flight, state, solve)
     if dropped.any():
@@ -132,7 +135,7 @@ def estimate_flight(
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
         return estimate_flight(body, motion, settings, engine, reasons, more)
-    reasons = (*reasons, *notes, *([sentence] if sentence else []))
+    reasons = (*reasons, *notes, *sensor_reasons(flight, state), *([sentence] if sentence else []))
     state, rings = allow_for_ringing(state, flight, priors, engine)
     reasons = (*reasons, *([rings] if rings else []))
     if shared or hidden:

@@ -8,15 +8,21 @@ from typing import Any
 import numpy as np
 
 from forceid.config import Settings
+from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
+from forceid.estimation.classic import estimate_classic
 from forceid.estimation.kinematics import Kinematics, kinematics
+from forceid.estimation.leakage import Leakage, leakage
 from forceid.estimation.run import check_stiffness, with_gravity
-from forceid.estimation.verdict import judge_recording, judge_shape, largest_turn
+from forceid.estimation.sensitivity import Budget, sensitivity
+from forceid.estimation.unmarked import is_unmarked
+from forceid.estimation.verdict import judge_leakage, judge_recording, judge_shape, largest_turn
+from forceid.kalman.engines import engine
 from forceid.kalman.tuning import lags, second_difference
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Recording
+from forceid.records import Array, Body, Motion, Recording
 
 RESOLVED = 0.1  # of a load: error at which it counts as followed
 
@@ -27,7 +33,9 @@ class Inspection:
 
     force, moment: whether they can be identified; force_bandwidth_hz, moment_bandwidth_hz: up to which a
     load of the size seen in a rough look is followed to a tenth, None where nothing of it is seen; shapes:
-    that stand out of the noise; warnings: sentences that the verdict will hold.
+    that stand out of the noise; leakage: between rigid motion and deformation, on the markers and by the
+    fit, None where no marker is seen; sensitivity: to errors of the body, from a rough estimate, None where
+    no force is; warnings: sentences that the verdict will hold.
     """
 
     title: str
@@ -50,6 +58,8 @@ class Inspection:
     force_bandwidth_hz: float | None
     moment_bandwidth_hz: float | None
     has_truth: bool
+    leakage: Leakage | None
+    sensitivity: Budget | None
     warnings: tuple[str, ...]
 
     @property
@@ -72,11 +82,40 @@ class Inspection:
             f"force    {wording(self.force, self.force_bandwidth_hz)}",
             f"moment   {wording(self.moment, self.moment_bandwidth_hz)}",
         ]
-        return lines + [f"note     {w}" for w in self.warnings]
+        costs = [] if self.sensitivity is None else [f"costs    {line}" for line in self.sensitivity.summary]
+        return lines + leaking(self.leakage) + costs + [f"note     {w}" for w in self.warnings]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for machines."""
-        return asdict(self)
+        """The same for machines: plain numbers and lists."""
+        found = asdict(self)
+        if self.leakage is not None:
+            found["leakage"] = {
+                k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found["leakage"].items()
+            } | {"worst": self.leakage.numbers()}
+        found["sensitivity"] = {} if self.sensitivity is None else self.sensitivity.numbers()
+        return found
+
+
+def leaking(found: Leakage | None) -> list[str]:
+    """How well the markers fix a turn, and what passes between rigid motion and deformation, a line each."""
+    if found is None:
+        return []
+    lines = ["markers  lie on a line: a turn about it leaves no trace"]
+    if np.isfinite(found.condition):
+        lines = [
+            f"markers  condition {found.condition:.3g}; 1 mm of noise turns the body by "
+            f"{', '.join(f'{s:.2g}' for s in found.rotation_sigma)} degrees about x, y, z in one frame"
+        ]
+    for k, name in enumerate(found.name):
+        beside = f", {found.to_rigid_worst[k]:.2g} % in the worst frame"
+        lines.append(
+            f"leakage  {name}: {found.to_rigid[k]:.2g} % of it is taken for rigid motion"
+            f"{beside if found.to_rigid_worst[k] > found.to_rigid[k] else ''}; sine of its angle with "
+            f"rigid motion {found.sine[k]:.3g}"
+        )
+    if found.name:
+        lines.append(f"leakage  {found.to_shape:.2g} % of a rigid motion is taken for deformation")
+    return lines
 
 
 def wording(identifiable: bool, bandwidth: float | None) -> str:
@@ -94,8 +133,15 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     body, motion = recording.body, recording.motion
     check_stiffness(body)
     check_points(settings, body)
+    if is_unmarked(motion):
+        raise EstimationError(
+            "holds sensors alone, and an inspection looks at markers or a mean motion",
+            "/motion",
+            "run `forceid estimate`, whose verdict says what sensors alone do not show",
+        )
     kin = kinematics(body, motion, settings)
     findings = judge_recording(kin)
+    leaks = leakage(body, kin)
     step = np.diff(motion.time)
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
@@ -111,9 +157,17 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         force=bool(force), moment=kin.attitude,
         force_bandwidth_hz=bandwidth(*force_channel(kin, motion.gravity)) if force else None,
         moment_bandwidth_hz=bandwidth(*moment_channel(kin)) if kin.attitude else None,
-        has_truth="force" in recording.truth,
-        warnings=tuple(f.text for f in [*findings, *judge_shape(kin)]),
+        has_truth="force" in recording.truth, leakage=leaks,
+        sensitivity=rough_sensitivity(body, motion, settings) if force else None,
+        warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin)]),
     )  # fmt: skip
+
+
+def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget:
+    """Sensitivity from the quickest estimate there is, without a prior; about the mass center."""
+    quick = settings.model_copy(update={"method": "savgol"})
+    found = estimate_classic(body, motion, quick, engine(settings.engine))
+    return sensitivity(found.kinematics, found.deformation, found.state, body.node)
 
 
 def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:

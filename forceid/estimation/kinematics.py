@@ -10,13 +10,28 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings
 from forceid.errors import DataError
 from forceid.motion.modes import (
+    Modes,
+    deflected_shape,
+    elastic_modes,
     fit_amplitudes,
+    given_modes,
+    log_evidence,
     mean_shape,
     principal_deformations,
+    shown_by,
     split,
     stretches,
+    telling_modes,
 )
-from forceid.motion.pose import Pose, center_of_mass, fit_pose, fit_rotation, log, pose_rank
+from forceid.motion.pose import (
+    Pose,
+    body_axes,
+    center_of_mass,
+    fit_pose,
+    fit_rotation,
+    log,
+    pose_rank,
+)
 from forceid.motion.window import noise_variance
 from forceid.principal.mass import mass_properties
 from forceid.principal.operator import summation_operator
@@ -46,7 +61,7 @@ class Kinematics:
     """What a recording shows of the motion.
 
     shape (node, 3) m about the mass center, body axes: the mean shape; pose: of every frame; seen (node,):
-    nodes that carry a marker; shapes (mode, node, 3) orthonormal, with raw amplitudes (time, mode) m
+    nodes that carry a marker; shapes (mode, node, 3) of unit norm, with raw amplitudes (time, mode) m
     and their noise_var; model: rigid, affine or modal; noise: standard deviation by variable, stated:
     whether the user stated it; attitude: whether the markers fix the rotation.
     """
@@ -63,6 +78,11 @@ class Kinematics:
     noise: dict[str, float]
     stated: dict[str, bool]
     attitude: bool
+
+    @property
+    def unfollowed(self) -> Flags:
+        """Nodes (node,) with mass that neither a marker nor a shape follows as the body deforms."""
+        return (self.inertia.weight > 0) & ~self.seen & ~self.shapes.any(axis=(0, 2))
 
 
 def inertia_of(body: Body) -> Inertia:
@@ -124,18 +144,32 @@ def from_markers(
         return Kinematics(
             motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, False
         )
-    shape = spinning_shape(x, X, weight, sigma)
-    residual = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size)).residual
-    if settings.model != "rigid":
-        # in the gauge of the weights, before any marker's noise is weighed
-        center, R = fit_rotation(x, shape, weight)
-        residual = np.einsum("tab,tna->tnb", R, x - center[:, None]) - shape
-    shapes, var = deformation_shapes(body, residual, shape, weight, seen, sigma, settings)
-    model = settings.model if settings.model != "auto" else ("modal" if len(shapes) else "rigid")
-    flat = shapes.reshape(len(shapes), X.size)
-    pose = fit_pose(x, shape, weight, sigma**2 * np.eye(X.size) + flat.T @ (var[:, None] * flat))
-    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), sigma**2)
+    modes = modes_of(body, inertia)
+    shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
+    # in the gauge of the weights, before any marker's noise is weighed
+    center, R = fit_rotation(x, shape, weight)
+    residual = body_axes(x, center, R) - shape
+    shapes, var, rest = deformation_shapes(
+        body, inertia, modes, residual, shape, weight, seen, sigma, settings
+    )
+    model = settings.model
+    if model in ("auto", "ladder"):
+        model = "modal" if len(shapes) else "rigid"
+    flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)
+    deforming = rest + flat.T @ (var[:, None] * flat)
+    # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
+    # as noise of one frame, deformation counts as often
+    pose = fit_pose(x, shape, weight, white + period(motion, modes) * deforming)
+    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest)
     return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True)
+
+
+def period(motion: Motion, modes: Modes | None) -> float:
+    """Frames in a period of the lowest mode of a body, 1 where none is known."""
+    if modes is None or modes.compliance is None or not modes.compliance.any():
+        return 1.0
+    longest = 2 * np.pi * np.sqrt(modes.compliance.max())
+    return float(np.clip(longest / np.median(np.diff(motion.time)), 1.0, len(motion.time)))
 
 
 def marker_noise(time: Array, x: Array) -> float:
@@ -149,37 +183,98 @@ def rank_of(shape: Array, nodes: Flags) -> int:
     return pose_rank(summation_operator(shape[nodes])) if nodes.any() else 0
 
 
-def spinning_shape(x: Array, X: Array, weight: Array, sigma: float) -> Array:
+def spinning_shape(
+    time: Array, x: Array, X: Array, inertia: Inertia, modes: Modes | None, weight: Array, sigma: float
+) -> Array:
     """The mean shape, where the record shows that it is not the reference shape; else the reference."""
     shape = mean_shape(x, X, weight)
-    frames = np.isfinite(x).all(2).sum(0).clip(1)
-    error = sigma / np.sqrt(frames)
-    return shape if (np.abs(shape - X).max(1) > SHIFT * error).any() else X
+    frames = np.isfinite(x).all(2).sum(0)
+    error = sigma / np.sqrt(frames.clip(1))
+    if not (np.abs(shape - X).max(1) > SHIFT * error).any():
+        return X
+    hidden = (inertia.weight > 0) & (frames == 0)
+    if modes is None or inertia.nodal is None or not hidden.any():
+        return shape
+    return deflected_shape(time, x, X, modes, inertia.nodal, weight, sigma**2)
+
+
+def modes_of(body: Body, inertia: Inertia) -> Modes | None:
+    """The modes that a body brings with it, as shapes or as a stiffness."""
+    nodal = inertia.nodal
+    if body.position is None or nodal is None:
+        return None if body.mode_shape is None else Modes(body.mode_shape)
+    X = body.position - inertia.center
+    if body.mode_shape is not None:
+        return given_modes(body.mode_shape, body.mode_frequency, nodal, X)
+    if body.stiffness is None or rank_of(X, inertia.weight > 0) < 6:  # masses on a line: no mass gauge
+        return None
+    return elastic_modes(nodal, body.stiffness, X)
 
 
 def deformation_shapes(
-    body: Body, residual: Array, shape: Array, weight: Array, seen: Flags, sigma: float, settings: Settings
-) -> tuple[Array, Array]:
-    """Orthonormal shapes (mode, node, 3) of the model asked for, and the variances of their amplitudes."""
-    none = np.zeros((0, *shape.shape)), np.zeros(0)
+    body: Body,
+    inertia: Inertia,
+    modes: Modes | None,
+    residual: Array,
+    shape: Array,
+    weight: Array,
+    seen: Flags,
+    sigma: float,
+    settings: Settings,
+) -> tuple[Array, Array, Array]:
+    """Unit shapes (mode, node, 3) of the model asked for, the variances of their amplitudes, and the rest.
+
+    The rest is the covariance (dof, dof) of what deforms beside them. A modal body deforms in the modes that
+    it brings with it, which take its unmarked masses along; in its principal deformations where it brings
+    none, or where all its masses carry markers that show them better.
+    """
+    none = np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size))
     if settings.model == "rigid" or rank_of(shape, weight > 0) < 6:
         return none
-    on_seen = np.where(np.isfinite(residual), residual, np.nan)[:, seen]
+    hidden = bool((inertia.weight[~seen] > 0).any())
     if settings.model == "affine":
-        raw = stretches(shape) * seen[:, None]
-    elif body.mode_shape is not None:
-        raw = body.mode_shape[: settings.modes]
-    else:
-        found, var = principal_deformations(on_seen, sigma**2, settings.modes)
-        shapes = np.zeros((len(found), *shape.shape))
-        shapes[:, seen] = found
-        return shapes, var
-    flat = split(raw, shape, weight)[1].reshape(len(raw), -1)
-    U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
-    shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
-    q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
-    var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
-    return shapes, var
+        whole = hidden and inertia.nodal is not None  # what strains, strains everywhere
+        raw = stretches(shape) if whole else stretches(shape) * seen[:, None]
+        gauge = inertia.nodal if whole and inertia.nodal is not None else weight
+        flat = split(raw, shape, gauge)[1].reshape(len(raw), -1)
+        U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
+        shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
+        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
+        var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
+        return shapes, var, none[2]
+    principal, var, rest = none
+    if modes is None or not (hidden or body.mode_shape is not None):
+        on_seen, var = principal_deformations(residual[:, seen], sigma**2, settings.modes)
+        principal = np.zeros((len(on_seen), *shape.shape))
+        principal[:, seen] = on_seen
+    if modes is None:
+        return principal, var, rest
+    own = split(modes.shape, shape, weight if inertia.nodal is None else inertia.nodal)[1]
+    size = np.linalg.norm(own, axis=(1, 2))
+    own, size = own[size > 0] / size[size > 0, None, None], size[size > 0]
+    soft = None if modes.compliance is None else modes.compliance * size
+    shown = shown_by(seen, shape, np.concatenate([own, principal]))
+    samples = shown.of(residual)
+    samples = samples[np.isfinite(samples).all(1)]
+    frames = len(samples)
+    if frames < 2:
+        return none
+    scatter = samples.T @ samples / frames
+    noise = sigma**2 * np.eye(len(scatter))
+    D = shown.of(own)
+    kept, own_var, level = telling_modes(scatter, frames, D, soft, sigma**2, settings.modes)
+    flat = own.reshape(len(own), -1)
+    if soft is not None:
+        rest = flat.T @ (level * soft[:, None] ** 2 * flat)
+    k, dim = len(principal), len(shown.rows) - 6
+    numbers = k * dim - k * (k - 1) / 2 - len(kept) - 1  # by which principal deformations cost more
+    alike = D.T @ (level * soft[:, None] ** 2 * D) if soft is not None else 0.0
+    gain = log_evidence(scatter, frames, shown.of(principal), var, noise) - log_evidence(
+        scatter, frames, D[kept], own_var, noise + alike
+    )
+    if k and gain > 0.5 * numbers * np.log(frames):
+        return principal, var, none[2]
+    return own[kept], own_var, rest
 
 
 def from_mean_motion(

@@ -68,7 +68,7 @@ def more_lines(
 
 def mass_hidden(kin: Kinematics) -> bool:
     """Whether a deforming body carries mass where it carries no marker."""
-    return bool(len(kin.shapes) and ((kin.inertia.weight > 0) & ~kin.seen).any())
+    return bool(len(kin.shapes) and kin.unfollowed.any())
 
 
 def beside(prior: LoadPrior, line: Line) -> LoadPrior:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -11,15 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError
-from forceid.estimation.applied import about_point, applied_loads, check_points
+from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
+from forceid.estimation.ladder import climb
+from forceid.estimation.leakage import leakage
+from forceid.estimation.sensitivity import sensitivity
+from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
     judge,
     judge_innovations,
+    judge_leakage,
     judge_loads,
+    judge_overlap,
     judge_recording,
     judge_shape,
     judge_tuning,
@@ -54,13 +61,17 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     recording = with_gravity(recording, settings)
     check_stiffness(recording.body)
     check_points(settings, recording.body)
-    first = kinematics(recording.body, recording.motion, settings)
-    findings = judge_recording(first)
+    unmarked = is_unmarked(recording.motion)
+    if unmarked:
+        findings = judge_unmarked(recording.body, recording.motion, settings)
+    else:
+        findings = judge_recording(kinematics(recording.body, recording.motion, settings))
     if any(f.refuses for f in findings):
         result = refused(recording, settings, findings)
     else:
         solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
-        solution = solve(recording.body, recording.motion, settings, engine(settings.engine))
+        solve = estimate_unmarked if unmarked else solve
+        solution = solved_at_level(recording, settings, solve, unmarked)
         result = assemble(recording, settings, solution, findings)
     return replace(
         result,
@@ -68,6 +79,24 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         input_sha256=recording.sha256,
         runtime_s=perf_counter() - began,
     )
+
+
+def solved_at_level(
+    recording: Recording, settings: Settings, solve: Callable[..., Solution], unmarked: bool
+) -> Solution:
+    """The solution at the level asked for, or at the one that the ladder takes."""
+    body, motion, passes = recording.body, recording.motion, engine(settings.engine)
+    climbs = settings.model == "ladder"
+    settings = settings.model_copy(update={"model": "auto"}) if climbs else settings
+
+    def at(level: Settings) -> Solution:
+        return solve(body, motion, level, passes)
+
+    climbed = climb(body, motion, settings, passes, at) if climbs and not unmarked else None
+    if climbed is None:
+        return at(settings)
+    ladder, solution = climbed
+    return replace(solution, tuned=solution.tuned | ladder.numbers())
 
 
 def with_gravity(recording: Recording, settings: Settings) -> Recording:
@@ -97,8 +126,14 @@ def assemble(
     rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
     wrench = np.concatenate([state.force, state.moment], 1)
     loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
+    leaks, point = leakage(recording.body, kin), settings.moment_about
+    arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
+    costs = sensitivity(kin, solution.deformation, state, recording.body.node, arm)
+    force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
     findings = [
         *findings,
+        *judge_leakage(leaks),
+        *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
         *judge_shape(kin),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
@@ -115,7 +150,8 @@ def assemble(
         moment_about=str(settings.moment_about), verdict=judge(findings),
         mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None,
         stretch=stretch_of(kin.shape, shape) if kin.model == "affine" else None,
-        loads=loads, tuned=solution.tuned,
+        loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
+        sensitivity=costs.numbers(),
     )  # fmt: skip
 
 

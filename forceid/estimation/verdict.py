@@ -8,9 +8,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from forceid.estimation.kinematics import Kinematics
-from forceid.motion.pose import log
+from forceid.estimation.leakage import Leakage, marker_cov
+from forceid.estimation.sensitivity import follows
+from forceid.motion.pose import log, pose_gain
 from forceid.motion.window import noise_growth
 from forceid.principal.loads import undetermined
+from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Loads, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
@@ -20,6 +23,8 @@ NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
 MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
+NEARLY_RIGID = 0.1  # sine of its angle with rigid motion below which a shape passes for one
+NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
 CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
@@ -73,7 +78,7 @@ def unseen(kin: Kinematics) -> list[str]:
             f"the {marked} markers lie on a line, and a turn about it is not seen: force only; "
             "add a marker off the line"
         )
-    hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
+    hidden = int(kin.unfollowed.sum())
     if marked and hidden and len(kin.shapes):
         found.append(
             f"{hidden} nodes carry mass but no marker, and the body deforms: their share of force and moment "
@@ -129,6 +134,59 @@ def judge_shape(kin: Kinematics) -> list[Finding]:
             f"the markers leave the rigid shape by {size:.2g} mm rms, chi-square {ratio:.1f} per degree of "
             "freedom: the moment is limited by the model; use --model auto"
         )
+    ]
+
+
+def judge_leakage(found: Leakage | None) -> list[Finding]:
+    """Markers that barely fix a turn, and shapes that look like rigid motion from where the markers are."""
+    if found is None:
+        return []
+    texts = []
+    if NEARLY_LINE < found.condition < np.inf:
+        texts.append(
+            f"the markers lie almost on a line, condition {found.condition:.0f}: 1 mm of noise turns the "
+            f"body by {found.rotation_sigma.max():.2g} degrees; add a marker off the line"
+        )
+    for k in np.flatnonzero(found.sine < NEARLY_RIGID):
+        texts.append(
+            f"{found.name[k]} moves the markers almost as a rigid motion does, sine of the angle "
+            f"{found.sine[k]:.2g}: {found.to_rigid[k]:.2g} % of it is taken for rigid motion, and force and "
+            "moment trade with it; spread the markers, or add strain gauges"
+        )
+    return [Finding(text) for text in texts]
+
+
+def judge_overlap(
+    kin: Kinematics, amplitude: Array, tuned: dict[str, float], force_std: Array
+) -> list[Finding]:
+    """Shapes that vibrate inside the band of the force, and leak into it by more than is claimed.
+
+    amplitude (time, shape) m, smoothed; force_std (time, 3) N. What a shape moves the fitted center by, times
+    the mass and the square of its frequency, is a force that does not act.
+    """
+    band = follows(kin, tuned, "force")
+    if not len(kin.shapes) or not kin.attitude or not band > 0:
+        return []
+    gain = pose_gain(summation_operator(kin.shape), kin.seen, marker_cov(kin))
+    if gain is None:
+        return []
+    flat = kin.shapes.reshape(len(kin.shapes), -1)[:, np.repeat(kin.seen, 3)]
+    leak = np.linalg.norm(gain[0][:3] @ flat.T, axis=0)
+    q = amplitude - amplitude.mean(0)
+    power = np.abs(np.fft.rfft(q, axis=0)[1:]) ** 2
+    w = 2 * np.pi * np.fft.rfftfreq(len(q), float(np.median(np.diff(kin.time))))[1:]
+    at = w[(power * w[:, None] ** 2).argmax(0)]  # where it moves fastest
+    false = kin.inertia.mass * at**2 * leak * q.std(0)
+    claimed = float(np.sqrt(np.nanmean(force_std**2)))
+    return [
+        Finding(
+            f"shape {k + 1} of the deformation vibrates at {at[k] / (2 * np.pi):.3g} Hz, inside the band of "
+            f"the force, followed up to {band:.2g} Hz, and leaks into the mean motion: up to "
+            f"{false[k]:.2g} N may be vibration and not load; mark the nodes that carry the mass, or give "
+            "mode shapes"
+        )
+        for k in range(len(kin.shapes))
+        if at[k] < 2 * np.pi * band and false[k] > claimed
     ]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.files.hdf5 import open_hdf5, source_group, write_groups
 from forceid.files.parse import Source, read_gravity, read_variables, real_attr, text
-from forceid.files.schema import ESTIMATE, ESTIMATE_ATTRS, LOAD, TRUTH, estimate_groups
+from forceid.files.schema import ESTIMATE, ESTIMATE_ATTRS, LOAD, NUMBERS, TRUTH, estimate_groups
 from forceid.records import Array, Estimate, Loads, Recording, Verdict
 
 _DERIVED = ("force_std", "moment_std")
@@ -49,6 +49,14 @@ def read_result(path: str | Path) -> Estimate:
         stated |= {name: real_attr(group.attrs[name], where, name) for name in _NUMBERS}
         stated["gravity"] = read_gravity(group.attrs, where, None)
         reasons = text(group.attrs["reasons"])
+        numbers: dict[str, Any] = {
+            kind: {
+                k.removeprefix(f"{kind}_"): real_attr(v, where, k)
+                for k, v in group.attrs.items()
+                if k.startswith(f"{kind}_")
+            }
+            for kind in NUMBERS
+        }
         return Estimate(
             **{k: v for k, v in (empty | values).items() if k not in _DERIVED},
             **stated,
@@ -57,7 +65,7 @@ def read_result(path: str | Path) -> Estimate:
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
-            tuned={k[6:]: real_attr(v, where, k) for k, v in group.attrs.items() if k.startswith("tuned_")},
+            **numbers,
         )
 
 

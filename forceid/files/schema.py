@@ -100,6 +100,7 @@ LOAD = {
     "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
 }
 TRUTH = ESTIMATE | {"load": LOAD["load"]}
+NUMBERS = ("tuned", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
 ESTIMATE_ATTRS = (
     "method",
     "model",
@@ -197,7 +198,11 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
                 **{name: getattr(estimate, name) for name in ESTIMATE_ATTRS},
                 "verdict": estimate.verdict.level,
                 "reasons": "\n".join(estimate.verdict.reasons),
-                **{f"tuned_{name}": float(value) for name, value in estimate.tuned.items()},
+                **{
+                    f"{kind}_{name}": float(value)
+                    for kind in NUMBERS
+                    for name, value in getattr(estimate, kind).items()
+                },
             },
         ),
     }

@@ -168,6 +168,20 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
         )
     if motion.orientation is not None:
         check_quaternions(motion.orientation, f"{where}/orientation")
+    check_sensors(motion, body, where)
+
+
+def check_sensors(motion: Motion, body: Body, where: str) -> None:
+    """Sensors stand somewhere on the body, and their axes are rotations."""
+    on_body = f"{where[:-6]}body"
+    if motion.specific_force is not None and body.sensor_position is None:
+        raise DataError(
+            "is missing, expected beside specific_force",
+            f"{on_body}/sensor_position",
+            "add where each sensor stands, in the axes of the reference shape",
+        )
+    if body.sensor_rotation is not None:
+        check_quaternions(body.sensor_rotation, f"{on_body}/sensor_rotation")
 
 
 def check_quaternions(q: Array, where: str) -> None:

@@ -4,7 +4,8 @@ State: mass center c, momentum P, force chain; rotation error theta, angular mom
 center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is
 nonlinear. It is linearized about a reference, R = exp([theta]x) R_ref (error on the left), and the linear
 smoother is run again until the reference stands still: Gauss-Newton on SO(3), whose fixed point is the
-most probable flight. Source: principal equations 4b, 4d, 4f.
+most probable flight. Gyros and accelerometers add rows about the same reference, and their biases to the end
+of the state. Source: principal equations 4b, 4d, 4f.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.errors import EstimationError
 from forceid.kalman.engines import Engine
+from forceid.kalman.flight_sensors import Moved, Sensors, gyro_rate, reckoned, sensed, with_sensors
 from forceid.kalman.lines import Line
 from forceid.kalman.model import Filtered, Smoothed, StateSpace
 from forceid.kalman.prior import LoadPrior as LoadPrior
@@ -39,7 +41,7 @@ class Flight:
     time (time,) s; center (time, 3) m and rotation (time, 3, 3) body to world, NaN where not seen; pose_cov
     (time, 6, 6), center first, world axes, rotation as a left error (rad); mass kg; inertia (time, 3, 3)
     kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
-    body axes and about the mass center; gravity (3,) m/s2.
+    body axes and about the mass center; gravity (3,) m/s2; sensors: gyros and accelerometers on the body.
     """
 
     time: Array
@@ -50,19 +52,22 @@ class Flight:
     inertia: Array
     h: Array
     gravity: Array
+    sensors: Sensors | None = None
 
 
 @dataclass(frozen=True)
 class Reference:
     """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
 
-    axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each.
+    axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each;
+    force (time, state): the chain of the force, which sensors are linearized about as well, None for none.
     """
 
     rotation: Array
     chain: Array
     axes: Array = field(default_factory=lambda: np.eye(3))
     lines: tuple[Line, ...] = ()
+    force: Array | None = None
 
 
 def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
@@ -76,7 +81,8 @@ def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
     u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
     u[:, 3:6] = flight.mass * step[:, None] * gravity
     x0, H = np.zeros(len(P0)), np.zeros((3, len(P0)))
-    x0[:3] = flight.center[np.isfinite(flight.center).all(1)][0] @ prior.axes
+    if (seen := np.isfinite(flight.center).all(1)).any():
+        x0[:3] = flight.center[seen][0] @ prior.axes
     H[:, :3] = prior.axes
     return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
@@ -85,7 +91,8 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
     """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
 
     R' = [omega]x R with omega = J^-1 (H - h) by Runge-Kutta-Munthe-Kaas of order 4; d theta / d theta from
-    theta' = J^-1 [H]x theta + J^-1 delta H, and d theta / d H over the step (time - 1, 3, 3).
+    theta' = J^-1 [H]x theta + J^-1 delta H, and that by delta H which grows over the step as 1, s and s^2,
+    (3, time - 1, 3, 3).
     """
     time, step = flight.time, np.diff(flight.time)
     J_of, h_of = CubicSpline(time, flight.inertia), CubicSpline(time, flight.h)
@@ -100,7 +107,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
 
     turned = np.linalg.norm(omega(R, 0 * step)[0], axis=1) * step
     n = max(1, int(np.ceil(turned.max() / SUBSTEP)))
-    h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((len(step), 3, 3))
+    h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((3, len(step), 3, 3))
     for i in range(n):
         s, hv = i * h, h[:, None]
         k1, _, _ = omega(R, s)
@@ -111,7 +118,8 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
         R = exp(hv / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
         a = J_inv @ skew(H_s) * h[:, None, None]
         half, whole = np.eye(3) + 0.5 * a + a @ a / 8, np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
-        d_theta, d_H = whole @ d_theta, whole @ d_H + half @ J_inv * h[:, None, None]
+        grown = np.stack([h, h * (s + 0.5 * h), h * ((s + 0.5 * h) ** 2 + h**2 / 12)])
+        d_theta, d_H = whole @ d_theta, whole @ d_H + half @ J_inv * grown[..., None, None]
     return R, d_theta, d_H
 
 
@@ -125,12 +133,15 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     step = np.diff(flight.time)
     F, Q, P0 = chain_along(prior, step)
     R, d_theta, d_H = turn(flight, reference)
-    # the chain's first state is the integral of H; the rotation turns by J^-1 times it
-    B = d_H / step[:, None, None] @ prior.axes
-    F[:, :3, 3:] = B @ F[:, :3, 3:]
-    F[:, :3, :3] = d_theta
-    Q[:, :3] = B @ Q[:, :3]
-    Q[:, :, :3] = Q[:, :, :3] @ B.swapaxes(1, 2)
+    # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
+    # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
+    s = step[:, None, None]
+    by_Y, by_H = 6 * (d_H[1] - d_H[2] / s) / s**2 @ prior.axes, (3 * d_H[2] / s - 2 * d_H[1]) / s @ prior.axes
+    start = d_H[0] @ prior.axes
+    F[:, :3, 6:] = by_Y @ F[:, :3, 6:] + by_H @ F[:, 3:6, 6:]
+    F[:, :3, 3:6], F[:, :3, :3] = start, d_theta
+    Q[:, :3] = by_Y @ Q[:, :3] + by_H @ Q[:, 3:6]
+    Q[:, :, :3] = Q[:, :, :3] @ by_Y.swapaxes(1, 2) + Q[:, :, 3:6] @ by_H.swapaxes(1, 2)
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     u = np.zeros((len(step), len(P0)))
     defect = log(R @ reference.rotation[1:].swapaxes(1, 2))
@@ -166,12 +177,44 @@ def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
     return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)
 
 
+def linear_flight(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference
+) -> tuple[StateSpace, Array]:
+    """The whole flight as a linear model about a reference, and what it measures (time, channel).
+
+    Channels: mass center, rotation error, and the sensors with what is constant about the reference removed.
+    """
+    free = translation(flight, force)
+    model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
+    z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
+    if flight.sensors is None:
+        return model, z
+    n, N = len(free.x0), len(model.x0)
+    chain = np.zeros((len(z), n)) if reference.force is None else reference.force
+    H, T, _ = along_world(reference.chain, reference.axes, reference.lines)
+    to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
+    J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
+    moved = Moved(
+        reference.rotation, H, T, chain @ to_F.T, flight.mass,
+        flight.inertia, J(flight.time, 1), flight.h, h(flight.time, 1),
+    )  # fmt: skip
+    y, by_theta, by_H, by_T, by_F = sensed(flight.sensors, moved)
+    rows = np.concatenate([by_F @ to_F, by_T @ to_T], 2)
+    rows[:, :, n : n + 3] += by_theta
+    rows[:, :, n + 3 : n + 6] += by_H @ reference.axes
+    about = np.concatenate([chain, reference.chain], 1)
+    told = flight.sensors.readings[:, flight.sensors.used] - y + np.einsum("tcs,ts->tc", rows, about)
+    return with_sensors(model, flight.sensors, rows), np.concatenate([z, told], 1)
+
+
 @dataclass(frozen=True)
 class FlightState:
     """A smoothed (or filtered) flight, world axes: wrench with covariance, mean motion, innovations.
 
     center, velocity, force, moment, H, omega (time, 3); rotation (time, 3, 3); wrench_cov, pose_cov
-    (time, 6, 6); innovation (time, channel) whitened, nis (time,); reference: where it was linearized.
+    (time, 6, 6); innovation (time, channel) of the pose, whitened, nis (time,) of all channels; reference:
+    where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
+    their bias (channel,) with bias_std.
     """
 
     center: Array
@@ -187,6 +230,9 @@ class FlightState:
     nis: Array
     log_likelihood: float
     reference: Reference | None = None
+    sensor_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    bias: Array = field(default_factory=lambda: np.zeros(0))
+    bias_std: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def smooth_flight(
@@ -201,18 +247,17 @@ def smooth_flight(
     Raises EstimationError when the reference does not come to rest.
     """
     reference = first_reference(flight, moment)
-    free = translation(flight, force)
-    n = len(free.x0)
-    rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[:, 3:, 3:], axis1=1, axis2=2))))
+    n, m = (3 * (p.tuned.order + 3) + 2 * len(p.lines) for p in (force, moment))
+    seen = np.isfinite(flight.rotation).all((1, 2))
+    rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
     size = np.inf
     for _ in range(ITERATIONS):
-        model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
-        z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
+        model, z = linear_flight(flight, force, moment, reference)
         x = engine.smooth_states(model, z)
         turned = x[:, n : n + 3]
         previous = reference
         turned_to = exp(turned) @ reference.rotation
-        reference = Reference(turned_to, at_rest(x[:, n:]), moment.axes, moment.lines)
+        reference = Reference(turned_to, at_rest(x[:, n : n + m]), moment.axes, moment.lines, x[:, :n])
         last, size = size, float(np.abs(turned).max())
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
@@ -252,33 +297,56 @@ def read(
     x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation
     axes = force.axes
     P, F, _ = along_world(x[:, :n], axes, force.lines)
-    H, T, _ = along_world(x[:, n:], reference.axes, reference.lines)
+    end = n + reference.chain.shape[1]
+    H, T, _ = along_world(x[:, n:end], reference.axes, reference.lines)
     read_wrench, read_pose = np.zeros((2, 6, x.shape[1]))
     read_wrench[:3, :n] = load_rows(n, axes, force.lines)
-    read_wrench[3:, n:] = load_rows(x.shape[1] - n, reference.axes, reference.lines)
+    read_wrench[3:, n:end] = load_rows(end - n, reference.axes, reference.lines)
     read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
+    P_all, white = path.P, f.innovation
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
-        read_wrench @ path.P @ read_wrench.T, read_pose @ path.P @ read_pose.T,
-        f.innovation, f.nis, f.log_likelihood, reference,
+        read_wrench @ P_all @ read_wrench.T, read_pose @ P_all @ read_pose.T,
+        white[:, :6], f.nis, f.log_likelihood, reference,
+        white[:, 6:], x[-1, end:], np.sqrt(np.maximum(np.diagonal(P_all[-1])[end:], 0.0)),
     )  # fmt: skip
 
 
 def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
-    """Measured rotations, bridged across gaps, with H from their differences and no moment."""
-    seen = np.isfinite(flight.rotation).all((1, 2))
+    """Measured rotations, bridged across gaps, with H from their differences and no moment.
+
+    Where gyros read, H is theirs, and the bridges are laid by dead reckoning: any number of turns between two
+    frames.
+    """
     time = flight.time
+    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3) + 2 * len(moment.lines)))
+    rate = gyro_rate(time, flight.sensors)
+    if rate is not None:
+        H_body = np.einsum("tij,tj->ti", flight.inertia, rate) + flight.h
+        rot = reckoned(time, steps_of(flight, H_body), flight.rotation)
+        chain[:, 3:6] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
+        return Reference(rot, chain, moment.axes, moment.lines)
+    seen = np.isfinite(flight.rotation).all((1, 2))
     bridge = Slerp(time[seen], Rotation.from_matrix(flight.rotation[seen]))
     rot = bridge(np.clip(time, *time[seen][[0, -1]])).as_matrix()
     omega = log(rot[1:] @ rot[:-1].swapaxes(1, 2)) / np.diff(time)[:, None]
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
-    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3) + 2 * len(moment.lines)))
     h = (rot @ flight.h[..., None])[..., 0]
     H = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
     chain[:, 3:6] = H @ moment.axes
     return Reference(rot, chain, moment.axes, moment.lines)
+
+
+def steps_of(flight: Flight, H: Array) -> Array:
+    """Turns (time - 1, 3, 3) from each sample to the next, body axes, of H (time, 3) in body axes.
+
+    Without a moment over the step, by the equations of the top: exact for a free one, however far it turns.
+    """
+    chain = np.zeros((len(H), 15))
+    chain[:, 3:6] = H
+    return turn(flight, Reference(np.tile(np.eye(3), (len(H), 1, 1)), chain))[0]
 
 
 def at_rest(chain: Array) -> Array:

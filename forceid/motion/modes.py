@@ -2,14 +2,77 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
-from forceid.motion.pose import body_axes, fit_rotation
+from forceid.motion.pose import body_axes, fit_rotation, log
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, Indices
 
 GAUGES = ("mass", "euclidean", "sensor")
+LAG = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
+ROUNDS, AGAIN = 200, 30  # of the climb to the most likely variances, and once modes have left
+MOST = 40  # modes looked at: with each the search slows
+BLIND = 1e-3  # of the mode that shows best: what shows less is rigid motion, or other modes, to the markers
+IDLE = 0.1  # of evidence: modes that bring less leave together, others one by one
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Shapes (mode, node, 3) in which a body deforms, and the compliance (mode,) that holds them.
+
+    compliance: amplitude under a steady unit load, 1 / W^2 s2 of a mass-normalized shape; None if unknown.
+    """
+
+    shape: Array
+    compliance: Array | None = None
+
+
+def given_modes(shape: Array, frequency: Array | None, mass: Array, position: Array) -> Modes:
+    """Modes from shapes (mode, node, 3) in any scale and gauge, and their frequencies (mode,) Hz if known.
+
+    mass (node,) or (dof, dof). The shapes are put into the mass gauge at `position`, and scaled to unit
+    modal mass where they have any.
+    """
+    flat = split(shape, position, mass)[1].reshape(len(shape), -1)
+    Mf = flat * np.repeat(mass, 3) if mass.ndim == 1 else flat @ mass
+    modal = np.einsum("ki,ki->k", flat, Mf)
+    known = frequency is not None and (frequency > 0).all() and (modal > 0).all()
+    scale = 1 / np.sqrt(modal) if known else np.ones(len(shape))
+    compliance = (2 * np.pi * frequency) ** -2.0 if known and frequency is not None else None
+    return Modes((scale[:, None] * flat).reshape(shape.shape), compliance)
+
+
+def elastic_modes(mass: Array, stiffness: Array, position: Array) -> Modes:
+    """Elastic modes of a free body, mass-normalized, in the mass gauge, lowest frequency first.
+
+    mass (node,) kg or (dof, dof); stiffness (dof, dof) N/m of the free body, K S = 0 and no mechanism;
+    position (node, 3) m. From the flexibility P K^- P^T with P = I - R M_alpha^-1 R^T M, which holds no
+    rigid motion to the last digit; nodes without mass follow statically, and make no mode of their own.
+    Source: principal equations 2.5, 2.9.
+
+    >>> S = summation_operator(np.eye(3))
+    >>> K = 100.0 * (np.eye(9) - S @ np.linalg.pinv(S))
+    >>> elastic_modes(np.ones(3), K, np.eye(3)).compliance.round(9).tolist()
+    [0.01, 0.01, 0.01]
+    """
+    R = summation_operator(position - position.mean(0))
+    M = np.diag(np.repeat(mass, 3)) if mass.ndim == 1 else mass
+    MR = M @ R
+    P = np.eye(len(M)) - R @ np.linalg.solve(R.T @ MR, MR.T)
+    Q = np.linalg.qr(R)[0]
+    held = cho_factor(stiffness + np.trace(stiffness) / len(M) * Q @ Q.T)
+    flexibility = P @ cho_solve(held, P.T)
+    size, axes = np.linalg.eigh(M)
+    keep = size > 1e-12 * size[-1]
+    root = axes[:, keep] * np.sqrt(size[keep])
+    compliance, y = eigh(root.T @ flexibility @ root)
+    elastic = np.arange(len(compliance))[::-1][: len(compliance) - 6]
+    shape = flexibility @ root @ (y[:, elastic] / compliance[elastic])
+    return Modes(shape.T.reshape(len(elastic), *position.shape), compliance[elastic])
 
 
 def gauge_weight(gauge: str, mass: Array, seen: Flags) -> Array:
@@ -30,16 +93,17 @@ def gauge_weight(gauge: str, mass: Array, seen: Flags) -> Array:
 def split(u: Array, position: Array, weight: Array) -> tuple[Array, Array]:
     """Amplitudes alpha (..., 6) and deformation (..., node, 3) of a displacement u (..., node, 3).
 
-    alpha = (R^T W R)^-1 R^T W u with R the rigid-body modes at `position` (node, 3), W = diag(weight).
+    alpha = (R^T W R)^-1 R^T W u with R the rigid-body modes at `position` (node, 3), W = diag(weight) of
+    weight (node,), or the weight itself if it is (dof, dof).
 
     >>> u_d = split(np.ones((4, 3)), np.eye(4, 3), np.ones(4))[1]
     >>> bool(abs(u_d).max() < 1e-12)
     True
     """
     R = summation_operator(position)
-    W = np.repeat(weight, 3)
+    WR = np.repeat(weight, 3)[:, None] * R if weight.ndim == 1 else weight @ R
     flat = u.reshape(*u.shape[:-2], -1)
-    alpha = flat @ np.linalg.solve(R.T @ (W[:, None] * R), R.T * W).T
+    alpha = flat @ np.linalg.solve(R.T @ WR, WR.T).T
     return alpha, (flat - alpha @ R.T).reshape(u.shape)
 
 
@@ -59,6 +123,41 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
         center, R = fit_rotation(frames, mean, weight)
         mean[ever] = np.nanmean(body_axes(frames, center, R)[:, ever], axis=0)
     return mean
+
+
+def deflected_shape(
+    time: Array, position: Array, shape: Array, modes: Modes, mass: Array, weight: Array, noise_var: float
+) -> Array:
+    """Mean shape (node, 3) of a moving body that carries mass where it carries no marker.
+
+    The markers where they are seen, the other nodes as the modes take them: bent by the mean spin, corrected
+    by what the markers show, see `steady_amplitudes`. time (time,) s; position (time, node, 3) m; shape
+    (node, 3) without load, about the mass center; mass (node,) or (dof, dof), of the gauge; weight (node,),
+    of the rotation fit; noise_var m2 of a coordinate. Source: principal equations 2.5, 4d.
+    """
+    frames = np.isfinite(position).all(2).sum(0)
+    ever = frames > 0
+    shown = shown_by(ever, shape, modes.shape)
+    noise = shown.axes.T * np.repeat(noise_var / frames[ever], 3) @ shown.axes
+    bent = shape
+    for _ in range(3):
+        center, R = fit_rotation(position, bent, weight)
+        seen = np.zeros_like(shape)
+        seen[ever] = np.nanmean(body_axes(position, center, R)[:, ever], axis=0) - shape[ever]
+        expected = spinning_amplitudes(modes, mass, shape, mean_spin(time, R))
+        q = steady_amplitudes(shown.of(seen), noise, shown.of(modes.shape), modes.compliance, expected)
+        u = np.tensordot(q, modes.shape, 1)
+        u[ever] += split(seen - u, shape, ever.astype(float))[1][ever]
+        bent = shape + split(u, shape, mass)[1]
+    return np.asarray(bent)
+
+
+def mean_spin(time: Array, rotation: Array) -> Array:
+    """Mean of w w^T (3, 3) rad2/s2, body axes, from rotations (time, 3, 3) that turn by about LAG."""
+    turn = np.linalg.norm(log(rotation[:-1].mT @ rotation[1:]), axis=1)
+    lag = int(np.clip(LAG / max(np.median(turn), 1e-9), 1, len(time) - 1))
+    omega = log(rotation[:-lag].mT @ rotation[lag:]) / (time[lag:] - time[:-lag])[:, None]
+    return np.asarray(omega.T @ omega / len(omega))
 
 
 def principal_deformations(residual: Array, noise_var: float, most: int | None = None) -> tuple[Array, Array]:
@@ -95,14 +194,16 @@ def stretches(shape: Array) -> Array:
     return np.array([shape @ E for E in strains])
 
 
-def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise_var: float) -> tuple[Array, Array]:
+def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise: Array | float) -> tuple[Array, Array]:
     """Amplitudes q (time, mode) of shapes (mode, node, 3) and their noise variance, NaN where not determined.
 
-    Fitted together with the six rigid modes `rigid` (3 node, 6), so that no error of the pose enters:
-    the markers seen in a frame must fix all of them, or q is NaN there.
+    noise: variance of a coordinate (m2), or covariance (3 node, 3 node). Fitted together with the six rigid
+    modes `rigid` (3 node, 6), so that no error of the pose enters: the markers seen in a frame must fix all
+    of them, or q is NaN there.
     """
     T, count = len(residual), len(shapes)
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
+    cov = np.eye(len(rigid)) * noise if np.ndim(noise) == 0 else np.asarray(noise)
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
     seen = np.isfinite(residual).all(2)
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
@@ -110,8 +211,149 @@ def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise_var: floa
         rows, at = np.repeat(pattern, 3), which.ravel() == i
         if rows.sum() < 6 + count:
             continue
-        pinv, rank = np.linalg.pinv(G[rows]), np.linalg.matrix_rank(G[rows], rtol=1e-6)
-        if rank == 6 + count:
-            q[at] = residual[at][:, pattern].reshape(at.sum(), -1) @ pinv[6:].T
-            var[at] = noise_var * (pinv[6:] ** 2).sum(1)
+        if np.linalg.matrix_rank(G[rows], rtol=1e-6) == 6 + count:
+            root = np.linalg.cholesky(cov[np.ix_(rows, rows)])
+            fit = np.linalg.pinv(np.linalg.solve(root, G[rows]))[6:]
+            q[at] = residual[at][:, pattern].reshape(at.sum(), -1) @ np.linalg.solve(root.T, fit.T)
+            var[at] = (fit**2).sum(1)
     return q, var
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What markers show of some shapes once every rigid motion is taken away.
+
+    rows (channel,): of the markers, among all degrees of freedom; axes (channel, shown), orthonormal.
+    """
+
+    rows: Indices
+    axes: Array
+
+    def of(self, u: Array) -> Array:
+        """The coordinates (..., shown) of displacements u (..., node, 3); rigid ones have none."""
+        return np.asarray(u.reshape(*u.shape[:-2], u.shape[-2] * 3)[..., self.rows] @ self.axes)
+
+
+def shown_by(markers: Flags, position: Array, shapes: Array) -> Shown:
+    """What markers (node,) on a body at `position` (node, 3) show of shapes (mode, node, 3)."""
+    rows = np.flatnonzero(np.repeat(markers, 3))
+    rigid = np.linalg.qr(summation_operator(position - position.mean(0))[rows])[0]
+    seen = shapes.reshape(len(shapes), position.size)[:, rows].T
+    U, size, _ = np.linalg.svd(seen - rigid @ (rigid.T @ seen), full_matrices=False)
+    U = U[:, size > 1e-9 * size.max(initial=0.0)]
+    return Shown(rows, U - rigid @ (rigid.T @ U))
+
+
+def log_evidence(scatter: Array, frames: int, directions: Array, var: Array, noise: Array) -> float:
+    """Log-likelihood of `frames` samples with the mean square `scatter` (shown, shown), up to a constant.
+
+    Each is noise of covariance (shown, shown) plus directions (mode, shown) at independent amplitudes of
+    variance var (mode,).
+    """
+    V = noise + directions.T @ (var[:, None] * directions)
+    return float(-0.5 * frames * (np.linalg.slogdet(V)[1] + np.trace(np.linalg.solve(V, scatter))))
+
+
+def likely_variances(
+    scatter: Array, directions: Array, alike: Array, noise_var: float, start: Array | None = None
+) -> Array:
+    """Variances (mode + 1,) of most `log_evidence`, by steps of which each raises it (Hunter and Lange 2004).
+
+    Of the modes along directions (mode, shown), and of all modes alike: the factor on `alike` (shown, shown).
+    """
+    level = max(float(np.trace(scatter)) / max(len(scatter), 1), noise_var)
+    var, rounds = start, AGAIN
+    if var is None:
+        rest = level / max(float(np.trace(alike)), 1e-300) * len(alike)
+        var, rounds = np.append(level / (directions**2).sum(1), rest), ROUNDS
+    for _ in range(rounds):
+        V = noise_var * np.eye(len(scatter)) + var[-1] * alike + directions.T @ (var[:-1, None] * directions)
+        a, b = np.linalg.solve(V, directions.T), np.linalg.solve(V, alike)
+        seen = np.append(np.einsum("ik,ik->k", a, scatter @ a), np.trace(b @ np.linalg.solve(V, scatter)))
+        wanted = np.append(np.einsum("kj,jk->k", directions, a), np.trace(b))
+        var = var * np.sqrt(seen / np.maximum(wanted, 1e-300))
+    return var
+
+
+def telling_modes(
+    scatter: Array,
+    frames: int,
+    directions: Array,
+    compliance: Array | None,
+    noise_var: float,
+    most: int | None = None,
+) -> tuple[Indices, Array, float]:
+    """Which modes (telling,) a record shows beside the rest, and the variances of their amplitudes.
+
+    Of the lowest modes those that the markers can tell apart, at most MOST: all at their likely variances,
+    then without those, the least missed first, that bring less evidence than one number more costs (Schwarz
+    1978). Or simply the first `most` of them. Beside them all modes (mode, shown) answer loads that are
+    alike for all: the variance of such a load comes last, zero where the compliance (mode,) is unknown.
+    """
+    soft = np.zeros(len(directions)) if compliance is None else compliance**2
+    alike = directions.T @ (soft[:, None] * directions)
+    noise = noise_var * np.eye(len(scatter))
+    kept = apart(directions)[:MOST] if most is None else apart(directions)[:most]
+    var = likely_variances(scatter, directions[kept], alike, noise_var)
+    while len(kept) and most is None:
+        D, rest = directions[kept], noise + var[-1] * alike
+        full = log_evidence(scatter, frames, D, var[:-1], rest)
+        without = [np.delete(np.arange(len(kept)), k) for k in range(len(kept))]
+        brings = np.array([full - log_evidence(scatter, frames, D[k], var[k], rest) for k in without])
+        if brings.min() > 0.5 * np.log(frames):
+            break
+        stays = brings > max(brings.min(), IDLE)
+        kept = kept[stays]
+        start = np.append(var[:-1][stays], var[-1])
+        var = likely_variances(scatter, directions[kept], alike, noise_var, start)
+    return kept, var[:-1], float(var[-1])
+
+
+def apart(directions: Array) -> Indices:
+    """The directions (mode, shown), in order, that lead out of the span of those before them."""
+    size = np.linalg.norm(directions, axis=1).max(initial=0.0)
+    basis, kept = np.zeros((0, directions.shape[1])), []
+    for k, d in enumerate(directions):
+        for _ in range(2):
+            d = d - basis.T @ (basis @ d)
+        if np.linalg.norm(d) > BLIND * size:
+            basis = np.vstack([basis, d / np.linalg.norm(d)])
+            kept.append(k)
+    return np.array(kept, dtype=np.intp)
+
+
+def spinning_amplitudes(modes: Modes, mass: Array, position: Array, square: Array) -> Array:
+    """Amplitudes (mode,) that a steady spin gives the modes: K u = M (w^2 I - w w^T) X.
+
+    square (3, 3) rad2/s2: mean of w w^T, body axes; position (node, 3) m about the mass center. None where
+    no compliance is known.
+    """
+    if modes.compliance is None:
+        return np.zeros(len(modes.shape))
+    pull = position @ (np.trace(square) * np.eye(3) - square)
+    M = np.repeat(mass, 3) * pull.ravel() if mass.ndim == 1 else mass @ pull.ravel()
+    return np.asarray(modes.compliance * (modes.shape.reshape(len(modes.shape), -1) @ M))
+
+
+def steady_amplitudes(
+    shown: Array, noise_var: Array, directions: Array, compliance: Array | None, expected: Array
+) -> Array:
+    """Amplitudes (mode,) of a steady displacement, of which markers show `shown` (shown,).
+
+    About those that are expected, or about none, whichever the markers make more likely, under unknown
+    loads alike on all modes: variance (scale * compliance)^2, with the scale of most evidence. noise_var
+    (shown, shown) of what is shown. So a mode that no marker shows stays where it is expected.
+    """
+    noise = np.linalg.cholesky(noise_var)
+    D, y = np.linalg.solve(noise, directions.T).T, np.linalg.solve(noise, shown)
+    soft = np.ones(len(D)) if compliance is None else compliance**2
+    unit = np.trace(D.T @ (soft[:, None] * D)) / len(y)
+    best, found = -np.inf, expected
+    for start in (np.zeros_like(expected), expected):
+        left = y - start @ D
+        for var in soft * (np.outer(left, left).trace() / len(y) / unit * np.logspace(-6, 1, 36))[:, None]:
+            value = log_evidence(np.outer(left, left), 1, D, var, np.eye(len(y)))
+            if value > best:
+                V = np.eye(len(y)) + D.T @ (var[:, None] * D)
+                best, found = value, start + var * (D @ np.linalg.solve(V, left))
+    return np.asarray(found)

@@ -55,6 +55,8 @@ def render_page(
         rows=table(quoted),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
+        budget=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.sensitivity.items()],
+        leakage=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.leakage.items()],
         provenance=provenance(estimate),
     )
 

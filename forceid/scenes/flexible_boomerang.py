@@ -26,7 +26,7 @@ LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3)).transpose(2, 0, 1)
 class Parameters(Section):
     """axial_stiffness N (EA of a spring), damping_time s (dashpot over stiffness), lift and drag 1,
     air_density kg/m3, lift_ripple 1 (scales both sinusoids of the lift), gravity m/s2 world axes; at
-    t = 0: center m, velocity m/s, spin rad/s in body axes. stiffness: put the stiffness matrix into /body.
+    t = 0: center m, velocity m/s, spin rad/s in body axes. stiffness: whether /body holds the stiffness.
     """
 
     axial_stiffness: float = 2400.0
@@ -39,7 +39,7 @@ class Parameters(Section):
     center: Vector = (0.0, 0.0, 1.8)
     velocity: Vector = (20.0, 0.0, 2.0)
     spin: Vector = (0.5, -0.3, 20.0 * np.pi)
-    stiffness: bool = False
+    stiffness: bool = True
 
 
 def rest_shape() -> Array:

@@ -15,21 +15,27 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, read_toml, to_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import Array, Motion, Recording
-from forceid.scenes import flexible_boomerang, frisbee, particle, planar_boomerang, spinner, top
+from forceid.scenes import flexible_boomerang, frisbee, instrumented, particle, planar_boomerang, spinner, top
 from forceid.scenes.mechanics import Flight
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a scene is made of: its parameters, and the exact flight they give at sampled instants."""
+    """What a scene is made of: its parameters, and the exact flight they give at sampled instants.
+
+    instruments(parameters, channels seen, truth, rng): those channels and those of sensors on the body, with
+    the standard deviations of the sensors' noise; None for a body without sensors.
+    """
 
     parameters: type[Section]
     fly: Callable[[Any, Array], Flight]
+    instruments: Callable[..., tuple[dict[str, Array], dict[str, float]]] | None = None
 
 
 SCENES = {
     "flexible_boomerang": Scene(flexible_boomerang.Parameters, flexible_boomerang.fly),
     "frisbee": Scene(frisbee.Parameters, frisbee.fly),
+    "instrumented": Scene(instrumented.Parameters, instrumented.fly, instrumented.measure),
     "particle": Scene(particle.Parameters, particle.fly),
     "planar_boomerang": Scene(planar_boomerang.Parameters, planar_boomerang.fly),
     "spinner": Scene(spinner.Parameters, spinner.fly),
@@ -118,6 +124,10 @@ def measure(flight: Flight, recipe: SceneRecipe, time: Array, rng: np.random.Gen
     """A flight as the recipe's instruments see it: noise, missing markers, dropouts (NaN, never 0)."""
     see = _see_markers if recipe.measure == "markers" else _see_mean_motion
     seen, std = see(flight, recipe, time, rng)
+    if instruments := SCENES[recipe.scene].instruments:
+        parameters, truth = _parameters(recipe, "recipe:"), {"time": time, **flight.truth}
+        seen, more = instruments(parameters, seen, truth, rng)
+        std = {name: level for name, level in std.items() if name in seen} | more
     stated = {name: value for name, value in std.items() if recipe.stated_noise and value > 0.0}
     return Recording(
         body=flight.body,

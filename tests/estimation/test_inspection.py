@@ -124,3 +124,31 @@ def test_what_would_stop_the_estimate_stops_the_inspection():
     mechanism = cf.star(mass=np.full(6, cf.MASS / 6), stiffness=np.zeros((18, 18)))
     with pytest.raises(DataError, match="/body/stiffness"):
         inspect(cf.toss(body=mechanism))
+
+
+def test_leakage_and_sensitivity_are_in_the_text_and_in_the_numbers():
+    found = inspect(cf.toss(breath=0.05))
+    text = "\n".join(found.summary)
+    assert "leakage  shape 1: " in text
+    assert "0 % of a rigid motion is taken for deformation" in text
+    assert "degrees about x, y, z in one frame" in text
+    assert "N m per mm of mass center" in text
+    plain = json.loads(json.dumps(found.as_dict()))
+    assert plain["leakage"]["name"] == ["shape 1"]
+    assert plain["leakage"]["worst"]["rigid_to_shape_percent"] == 0.0
+    spin = cf.SPIN[0] + cf.SPIN[1] * 0.3
+    law = 1e-3 * cf.MASS * spin**2  # newtons that a center off by a millimeter costs at that spin
+    assert plain["sensitivity"]["center_force_per_mm"] == pytest.approx(law, rel=0.15)
+
+
+def test_mean_motion_has_no_leakage_but_a_budget():
+    found = inspect(cf.mean_motion())
+    assert found.leakage is None
+    assert found.sensitivity is not None
+    assert "mass_force_per_percent" in found.as_dict()["sensitivity"]
+    assert not any(line.startswith("leakage") for line in found.summary)
+
+
+def test_line_of_markers_is_said_to_leave_a_turn_open():
+    found = inspect(cf.toss(body=cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1])))
+    assert "markers  lie on a line: a turn about it leaves no trace" in found.summary

@@ -10,12 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.estimation.kinematics import kinematics
+from forceid.estimation.leakage import leakage
 from forceid.estimation.verdict import (
     Finding,
     colored,
     judge,
     judge_innovations,
+    judge_leakage,
     judge_loads,
+    judge_overlap,
     judge_recording,
     judge_shape,
     judge_tuning,
@@ -194,3 +197,53 @@ def test_loads_on_one_line_are_said_to_be_known_in_combination_only():
 def test_loads_without_a_number_are_left_to_what_made_them_so():
     found = loads_of(np.eye(6)[:, :2], np.full(6, np.nan))
     assert judge_loads(replace(found)) == []
+
+
+def test_markers_almost_on_a_line_are_said_with_what_a_millimeter_does():
+    body = cf.points([0, 0, 0, 0.1], [0.2, 0, 0, 0.05], [0.1, 0.002, 0, 0.05])
+    recording = cf.toss(body=replace(body, position=body.position - body.mass @ body.position / 0.2))
+    (found,) = judge_leakage(leakage(recording.body, seen(recording)))
+    assert "condition 87: 1 mm of noise turns the body by 35 degrees" in found.text
+    assert "; add a marker" in found.text
+
+
+def test_mode_that_looks_rigid_from_the_markers_is_named():
+    # heavy tips that no marker shows bend against the middle, which moves almost as one
+    mass = np.array([0.02] * 6 + [0.05, 0.05])
+    places = np.concatenate([cf.star().position, [[1.0, 0, 0], [-1.0, 0, 0]]])
+    bend = np.zeros((1, 8, 3))
+    bend[0, 6:, 2], bend[0, :6, 2] = 1.0, -0.1 / 0.12
+    bend[0, 0, 2] -= 0.01
+    body = replace(cf.star(), node=tuple("abcdefgh"), position=places, mass=mass, mode_shape=bend)
+    body = replace(body, mode_frequency=np.array([8.0]))
+    recording = cf.toss(body=body)
+    x = recording.motion.position.copy()
+    x[:, 6:] = np.nan
+    found = leakage(body, seen(cf.seen_as(recording, x), model="rigid"))
+    (text,) = [f.text for f in judge_leakage(found)]
+    assert text.startswith("mode 1 (8 Hz) moves the markers almost as a rigid motion does")
+    assert "strain gauges" in text
+    assert found.to_rigid[0] > 50
+
+
+def test_good_markers_and_no_markers_are_not_remarked_on():
+    recording = cf.toss()
+    assert judge_leakage(leakage(recording.body, seen(recording))) == []
+    assert judge_leakage(None) == []
+
+
+def overlapping(claimed, rate=30.0, std=1.0):
+    """Findings on one node that waves at `rate` rad/s, in the gauge of masses that leave it out."""
+    recording = cf.waved(cf.toss(body=cf.star(mass=np.array([1, 0, 1, 1, 1, 1.0]) * cf.MASS / 5)), rate=rate)
+    kin = seen(recording)
+    tuned = {"force_order": 1.0} | {f"force_{k}_{i}": std for k in ("std", "rate") for i in (1, 2, 3)}
+    return judge_overlap(kin, np.nan_to_num(kin.amplitude), tuned, np.full((120, 3), claimed))
+
+
+def test_vibration_inside_the_band_of_the_force_is_named_where_it_costs_more_than_is_claimed():
+    (found,) = overlapping(claimed=1e-7)
+    assert "shape 1 of the deformation vibrates at 5 Hz, inside the band of the force" in found.text
+    assert overlapping(claimed=10.0) == []  # too little to matter
+    assert overlapping(claimed=1e-7, std=1e-4) == []  # the force is not followed that fast
+    kin = seen(cf.toss())
+    assert judge_overlap(kin, np.zeros((120, 0)), {}, np.ones((120, 3))) == []

@@ -3,17 +3,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError
 from forceid.motion.modes import (
     GAUGES,
+    deflected_shape,
+    elastic_modes,
     fit_amplitudes,
     gauge_weight,
+    given_modes,
     mean_shape,
     principal_deformations,
+    shown_by,
     split,
     stretches,
+    telling_modes,
 )
 from forceid.motion.pose import exp
 from forceid.principal.operator import summation_operator
@@ -191,3 +197,76 @@ def test_marker_seen_only_while_another_is_lost_does_not_poison_the_mean_shape()
     found = mean_shape(x, SHAPE, weight)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found, SHAPE, atol=1e-9)
+
+
+def bar_stiffness(position):
+    """Every two nodes joined by an axial spring of 100 N/m: stiffness (dof, dof) of a free body."""
+    n = len(position)
+    K = np.zeros((3 * n, 3 * n))
+    for a in range(n):
+        for b in range(a):
+            e = (position[a] - position[b]) / np.linalg.norm(position[a] - position[b])
+            row = np.zeros((n, 3))
+            row[a], row[b] = e, -e
+            K += 100.0 * np.outer(row, row)
+    return K
+
+
+def test_elastic_modes_are_those_of_the_generalized_eigenproblem():
+    K, M = bar_stiffness(SHAPE), np.diag(np.repeat(MASS, 3))
+    modes = elastic_modes(MASS, K, SHAPE)
+    squared, vectors = eigh(K, M)
+    np.testing.assert_allclose(1 / modes.compliance, squared[6:], rtol=1e-9)
+    flat = modes.shape.reshape(15, -1)
+    np.testing.assert_allclose(np.abs(flat @ M @ vectors[:, 6:]), np.eye(15), atol=1e-7)
+    np.testing.assert_allclose(summation_operator(SHAPE).T @ M @ flat.T, 0.0, atol=1e-13)
+
+
+def test_node_without_mass_follows_its_springs_and_makes_no_mode():
+    K, mass = bar_stiffness(SHAPE), np.where(np.arange(7) == 2, 0.0, MASS)
+    modes = elastic_modes(mass, K, SHAPE)
+    assert len(modes.shape) == 12
+    np.testing.assert_allclose((modes.shape.reshape(12, -1) @ K)[:, 6:9], 0.0, atol=1e-8)
+
+
+def test_modes_given_in_any_scale_and_gauge_are_the_same_modes():
+    modes = elastic_modes(MASS, bar_stiffness(SHAPE), SHAPE)
+    rigid = (summation_operator(SHAPE) @ RNG.standard_normal((6, 15))).T.reshape(modes.shape.shape)
+    given_hz = 1 / (2 * np.pi * np.sqrt(modes.compliance))
+    found = given_modes(3.0 * modes.shape + rigid, given_hz, MASS, SHAPE)
+    np.testing.assert_allclose(found.shape, modes.shape, atol=1e-10)
+    np.testing.assert_allclose(found.compliance, modes.compliance, rtol=1e-12)
+    assert given_modes(modes.shape, None, MASS, SHAPE).compliance is None
+
+
+def test_two_planted_modes_are_told_from_the_others_by_five_markers():
+    modes = elastic_modes(MASS, bar_stiffness(SHAPE), SHAPE)
+    unit = modes.shape / np.linalg.norm(modes.shape, axis=(1, 2))[:, None, None]
+    rng = np.random.default_rng(4)
+    q = SIGMA * rng.standard_normal((800, 2)) * [4.0, 6.0]
+    u = np.tensordot(q, unit[[0, 2]], 1) + SIGMA * rng.standard_normal((800, 7, 3))
+    shown = shown_by(SEEN, SHAPE, unit)
+    y, D = shown.of(u), shown.of(unit)
+    assert D.shape == (15, 9)
+    kept, var, _ = telling_modes(y.T @ y / 800, 800, D, None, SIGMA**2)
+    assert kept.tolist() == [0, 2]
+    np.testing.assert_allclose(np.sqrt(var) / SIGMA, [4.0, 6.0], rtol=0.15)
+    assert len(telling_modes(y.T @ y / 800, 800, D, None, SIGMA**2, most=1)[0]) == 1
+
+
+def test_unmarked_nodes_bend_with_the_spin_of_the_body():
+    # about a principal axis: a spin that no moment need hold
+    K, spin = bar_stiffness(SHAPE), 1.5 * np.linalg.eigh(SHAPE.T * MASS @ SHAPE)[1][:, 2]
+    modes = elastic_modes(MASS, K, SHAPE)
+    pull = MASS[:, None] * -np.cross(spin, np.cross(spin, SHAPE))
+    u = np.linalg.lstsq(K, pull.ravel(), rcond=1e-10)[0].reshape(7, 3)
+    bent = SHAPE + split(u, SHAPE, MASS)[1]
+    time = np.arange(200) * 2e-3
+    R = exp(time[:, None] * (exp(np.array([[0.2, 0.1, 0.4]])) @ spin))
+    R = R @ exp(np.array([[0.2, 0.1, 0.4]]))
+    x = np.einsum("tab,nb->tna", R, bent) + 1e-7 * np.random.default_rng(3).standard_normal((200, 7, 3))
+    x[:, ~SEEN] = np.nan
+    found = deflected_shape(time, x, SHAPE, modes, MASS, SEEN.astype(float), 1e-14)
+    assert np.abs(u).max() > 1e-4
+    assert np.abs(found - bent).max() < 0.02 * np.abs(bent - SHAPE).max()
+    np.testing.assert_allclose(MASS @ found, 0.0, atol=1e-12)

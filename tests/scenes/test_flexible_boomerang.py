@@ -141,8 +141,12 @@ def test_spring_forces_have_no_resultant_in_any_shape(seed):
     assert np.abs(np.cross(x, force).sum(0)).max() < 1e-11 * scale
 
 
-def test_stiffness_enters_the_body_only_when_asked_for():
+def test_stiffness_of_the_springs_at_rest_is_in_the_body_unless_left_out():
     now = np.array([0.0])
-    assert fly(Parameters(), now).body.stiffness is None
-    assert fly(Parameters(stiffness=True), now).body.stiffness.shape == (45, 45)
+    assert fly(Parameters(stiffness=False), now).body.stiffness is None
+    K = fly(Parameters(), now).body.stiffness
+    u = 1e-6 * np.random.default_rng(0).standard_normal((15, 3))
+    force = spring_force(springs(Parameters()), rest_shape() + u, np.zeros((15, 3)))
+    assert K.shape == (45, 45)
+    np.testing.assert_allclose(-K @ u.ravel(), force.ravel(), atol=1e-3 * np.abs(force).max())
     assert len(set(NODES)) == 15
