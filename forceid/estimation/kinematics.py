@@ -15,13 +15,10 @@ from forceid.motion.modes import (
     elastic_modes,
     fit_amplitudes,
     given_modes,
-    log_evidence,
     mean_shape,
     principal_deformations,
-    shown_by,
     split,
     stretches,
-    telling_modes,
 )
 from forceid.motion.pose import (
     Pose,
@@ -32,6 +29,7 @@ from forceid.motion.pose import (
     log,
     pose_rank,
 )
+from forceid.motion.telling import log_evidence, shown_by, telling_modes
 from forceid.motion.window import noise_variance
 from forceid.principal.mass import mass_properties
 from forceid.principal.operator import summation_operator

@@ -9,15 +9,12 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
 from forceid.motion.pose import body_axes, fit_rotation, log
+from forceid.motion.telling import log_evidence, shown_by
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags, Indices
+from forceid.records import Array, Flags
 
 GAUGES = ("mass", "euclidean", "sensor")
 LAG = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
-ROUNDS, AGAIN = 200, 30  # of the climb to the most likely variances, and once modes have left
-MOST = 40  # modes looked at: with each the search slows
-BLIND = 1e-3  # of the mode that shows best: what shows less is rigid motion, or other modes, to the markers
-IDLE = 0.1  # of evidence: modes that bring less leave together, others one by one
 
 
 @dataclass(frozen=True)
@@ -217,109 +214,6 @@ def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise: Array | 
             q[at] = residual[at][:, pattern].reshape(at.sum(), -1) @ np.linalg.solve(root.T, fit.T)
             var[at] = (fit**2).sum(1)
     return q, var
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What markers show of some shapes once every rigid motion is taken away.
-
-    rows (channel,): of the markers, among all degrees of freedom; axes (channel, shown), orthonormal.
-    """
-
-    rows: Indices
-    axes: Array
-
-    def of(self, u: Array) -> Array:
-        """The coordinates (..., shown) of displacements u (..., node, 3); rigid ones have none."""
-        return np.asarray(u.reshape(*u.shape[:-2], u.shape[-2] * 3)[..., self.rows] @ self.axes)
-
-
-def shown_by(markers: Flags, position: Array, shapes: Array) -> Shown:
-    """What markers (node,) on a body at `position` (node, 3) show of shapes (mode, node, 3)."""
-    rows = np.flatnonzero(np.repeat(markers, 3))
-    rigid = np.linalg.qr(summation_operator(position - position.mean(0))[rows])[0]
-    seen = shapes.reshape(len(shapes), position.size)[:, rows].T
-    U, size, _ = np.linalg.svd(seen - rigid @ (rigid.T @ seen), full_matrices=False)
-    U = U[:, size > 1e-9 * size.max(initial=0.0)]
-    return Shown(rows, U - rigid @ (rigid.T @ U))
-
-
-def log_evidence(scatter: Array, frames: int, directions: Array, var: Array, noise: Array) -> float:
-    """Log-likelihood of `frames` samples with the mean square `scatter` (shown, shown), up to a constant.
-
-    Each is noise of covariance (shown, shown) plus directions (mode, shown) at independent amplitudes of
-    variance var (mode,).
-    """
-    V = noise + directions.T @ (var[:, None] * directions)
-    return float(-0.5 * frames * (np.linalg.slogdet(V)[1] + np.trace(np.linalg.solve(V, scatter))))
-
-
-def likely_variances(
-    scatter: Array, directions: Array, alike: Array, noise_var: float, start: Array | None = None
-) -> Array:
-    """Variances (mode + 1,) of most `log_evidence`, by steps of which each raises it (Hunter and Lange 2004).
-
-    Of the modes along directions (mode, shown), and of all modes alike: the factor on `alike` (shown, shown).
-    """
-    level = max(float(np.trace(scatter)) / max(len(scatter), 1), noise_var)
-    var, rounds = start, AGAIN
-    if var is None:
-        rest = level / max(float(np.trace(alike)), 1e-300) * len(alike)
-        var, rounds = np.append(level / (directions**2).sum(1), rest), ROUNDS
-    for _ in range(rounds):
-        V = noise_var * np.eye(len(scatter)) + var[-1] * alike + directions.T @ (var[:-1, None] * directions)
-        a, b = np.linalg.solve(V, directions.T), np.linalg.solve(V, alike)
-        seen = np.append(np.einsum("ik,ik->k", a, scatter @ a), np.trace(b @ np.linalg.solve(V, scatter)))
-        wanted = np.append(np.einsum("kj,jk->k", directions, a), np.trace(b))
-        var = var * np.sqrt(seen / np.maximum(wanted, 1e-300))
-    return var
-
-
-def telling_modes(
-    scatter: Array,
-    frames: int,
-    directions: Array,
-    compliance: Array | None,
-    noise_var: float,
-    most: int | None = None,
-) -> tuple[Indices, Array, float]:
-    """Which modes (telling,) a record shows beside the rest, and the variances of their amplitudes.
-
-    Of the lowest modes those that the markers can tell apart, at most MOST: all at their likely variances,
-    then without those, the least missed first, that bring less evidence than one number more costs (Schwarz
-    1978). Or simply the first `most` of them. Beside them all modes (mode, shown) answer loads that are
-    alike for all: the variance of such a load comes last, zero where the compliance (mode,) is unknown.
-    """
-    soft = np.zeros(len(directions)) if compliance is None else compliance**2
-    alike = directions.T @ (soft[:, None] * directions)
-    noise = noise_var * np.eye(len(scatter))
-    kept = apart(directions)[:MOST] if most is None else apart(directions)[:most]
-    var = likely_variances(scatter, directions[kept], alike, noise_var)
-    while len(kept) and most is None:
-        D, rest = directions[kept], noise + var[-1] * alike
-        full = log_evidence(scatter, frames, D, var[:-1], rest)
-        without = [np.delete(np.arange(len(kept)), k) for k in range(len(kept))]
-        brings = np.array([full - log_evidence(scatter, frames, D[k], var[k], rest) for k in without])
-        if brings.min() > 0.5 * np.log(frames):
-            break
-        stays = brings > max(brings.min(), IDLE)
-        kept = kept[stays]
-        start = np.append(var[:-1][stays], var[-1])
-        var = likely_variances(scatter, directions[kept], alike, noise_var, start)
-    return kept, var[:-1], float(var[-1])
-
-
-def apart(directions: Array) -> Indices:
-    """The directions (mode, shown), in order, that lead out of the span of those before them."""
-    size = np.linalg.norm(directions, axis=1).max(initial=0.0)
-    basis, kept = np.zeros((0, directions.shape[1])), []
-    for k, d in enumerate(directions):
-        for _ in range(2):
-            d = d - basis.T @ (basis @ d)
-        if np.linalg.norm(d) > BLIND * size:
-            basis = np.vstack([basis, d / np.linalg.norm(d)])
-            kept.append(k)
-    return np.array(kept, dtype=np.intp)
 
 
 def spinning_amplitudes(modes: Modes, mass: Array, position: Array, square: Array) -> Array:

@@ -16,12 +16,11 @@ from forceid.motion.modes import (
     given_modes,
     mean_shape,
     principal_deformations,
-    shown_by,
     split,
     stretches,
-    telling_modes,
 )
 from forceid.motion.pose import exp
+from forceid.motion.telling import shown_by, telling_modes
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 
