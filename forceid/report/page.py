@@ -55,7 +55,7 @@ def render_page(
         rows=table(quoted),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
-        budget=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.sensitivity.items()],
+        budget=budget(estimate),
         leakage=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.leakage.items()],
         provenance=provenance(estimate),
     )
@@ -154,6 +154,9 @@ UNITS = {
 }
 
 
+NOTHING = 1e-12  # N or N m: rounding
+
+
 def tuned(estimate: Estimate) -> list[tuple[str, str]]:
     """What tuning chose, as name and value with its unit."""
     rows = []
@@ -161,6 +164,15 @@ def tuned(estimate: Estimate) -> list[tuple[str, str]]:
         unit = " s" if name.endswith("_s") else next((f" {u}" for key, u in UNITS.items() if key in name), "")
         rows.append((name.removesuffix("_s").replace("_", " ").capitalize(), f"{digits(value)}{unit}"))
     return rows
+
+
+def budget(estimate: Estimate) -> list[tuple[str, str]]:
+    """What a wrong body would cost, as name and value with its unit; nothing where it costs nothing."""
+    return [
+        (name.replace("_", " ").capitalize(), f"{digits(value)} {'N' if '_force_' in name else 'N m'}")
+        for name, value in estimate.sensitivity.items()
+        if value > NOTHING
+    ]
 
 
 def provenance(estimate: Estimate) -> list[tuple[str, str]]:
