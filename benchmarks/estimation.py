@@ -10,7 +10,6 @@ import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.files.sources import import_sources
 from forceid.import_settings import load_import_settings
-from forceid.kalman import engines
 from forceid.report.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
 from forceid.scenes.recipe import load_recipe, simulate
 
@@ -165,24 +163,12 @@ def closed_forms(map_: Any) -> tuple[str, Any]:
     return text + ".", figure
 
 
-class WithoutCompiler:
-    """As on a machine where nothing was compiled: tuning too runs in numpy."""
-
-    def __enter__(self) -> None:
-        self.modules = dict(engines.MODULES)
-        engines.MODULES["compiled"] = "forceid.kalman._not_built"
-
-    def __exit__(self, *_: Any) -> None:
-        engines.MODULES.update(self.modules)
-
-
 def flight_of(job: tuple[str, int, dict[str, Any]]) -> dict[str, Any]:
     """Errors of one scene under one seed of noise, over the central three quarters."""
     scene, seed, settings = job
     recording = simulate(load_recipe(ROOT / "data" / "synthetic" / f"{scene}.toml", seed))
     began = time.process_time()
-    with WithoutCompiler() if settings.get("engine") == "numpy" else nullcontext():
-        e = estimate_recording(recording, load_settings(**settings))
+    e = estimate_recording(recording, load_settings(**settings))
     spent = time.process_time() - began
     inner = slice(len(e.time) // 8, -(len(e.time) // 8))
     force = (e.force - recording.truth["force"])[inner]

@@ -79,6 +79,7 @@ def spring(path):
 CASES = {
     "not HDF5": (lambda path: path.write_text("frame,x,y,z\n"), "", "is not an HDF5 file"),
     "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-500]), "", "is cut short"),
+    "a unit off by a thousand": (units("motion/position", "mm"), ":/motion/position", "spans 0.001 times"),
     "missing variable": (drop("motion/time"), ":/motion/time", "is missing"),
     "wrong shape": (put("motion/position", np.zeros((40, 12))), ":/motion/position", "has shape (40, 12)"),
     "no length": (units("motion/position", "kg"), ":/motion/position", "has units 'kg', expected 'm'"),

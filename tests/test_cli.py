@@ -342,3 +342,18 @@ def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_
     for path in left:
         with h5py.File(path) as f:
             assert "estimate" in f
+
+
+def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(tmp_path, monkeypatch):
+    from forceid.kalman import passes
+
+    calls = []
+    plain = passes.log_likelihood
+    monkeypatch.setattr(passes, "log_likelihood", lambda *a: calls.append(1) or plain(*a))
+    source = Path(__file__).parents[1] / "data" / "synthetic" / "planar_boomerang.h5"
+    out = tmp_path / "out.h5"
+    assert main(["estimate", str(source), "--engine", "numpy", "-o", str(out)]) == 0
+    assert calls
+    with h5py.File(out) as f:
+        assert f["estimate"].attrs["engine"] == "numpy"
+    assert main(["estimate", str(source), "--engine", "nunpy", "-o", str(out)]) == 2

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from forceid.cli.estimate import Config, Json, Method, Model
+from forceid.cli.estimate import Config, Engine, Json, Method, Model
 from forceid.cli.output import to_json, wrap
 from forceid.errors import ConfigError, DataError
 
@@ -28,6 +28,7 @@ def run(
     config: Config = None,
     method: Method = None,
     model: Model = None,
+    engine: Engine = None,
     jobs: Annotated[
         int, typer.Option("-j", "--jobs", metavar="N", min=1, help="Processes at a time.")
     ] = os.cpu_count() or 1,
@@ -47,7 +48,7 @@ def run(
     from forceid.cli.pool import run_jobs
     from forceid.config import load_settings
 
-    settings = load_settings(config, method=method, model=model)
+    settings = load_settings(config, method=method, model=model, engine=engine)
     plan = plan_jobs(files, output)
     kept = {job: current(job, settings) for job in plan} if resume and not force else {}
     existing = [job for job in plan if job[1].exists()]

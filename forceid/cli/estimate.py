@@ -25,6 +25,10 @@ Method = Annotated[
 Model = Annotated[
     str | None, typer.Option(metavar="L", help="rigid, affine, modal, auto (the default) or ladder.")
 ]
+Engine = Annotated[
+    str | None,
+    typer.Option(metavar="E", help="compiled, numpy, filterpy (slow) or auto (the fastest here)."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -42,6 +46,7 @@ def run(
     ] = None,
     method: Method = None,
     model: Model = None,
+    engine: Engine = None,
     json: Json = False,
 ) -> None:
     """Estimate the applied force and moment of FILE, with covariance.
@@ -52,7 +57,7 @@ def run(
     """
     from forceid.config import load_settings
 
-    settings = load_settings(config, method=method, model=model)
+    settings = load_settings(config, method=method, model=model, engine=engine)
     record = estimate_file(file, output or file.with_suffix(".result.h5"), settings)
     print(to_json(record) if json else summary(record))
     if record["verdict"] == "refused":

@@ -67,7 +67,7 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[flo
     if not q.shape[1]:
         return 0.0, 1.0
     noise, none = np.full_like(q, var), np.zeros(q.shape[1])
-    tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,))
+    tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,), engine=engine)
     start = start_of(time, q, 1.0)
     models = driven(load_chain(ORDER, tuned.std, tuned.rate, start), 1.0, noise, none, np.diff(time))
     paths = [engine.filter(models.one(j), q[:, j]) for j in range(q.shape[1])]

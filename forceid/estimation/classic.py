@@ -6,8 +6,9 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.deformation import Deformation, inertia_along
-from forceid.estimation.flight_smoother import SHARED, Solution, slow_and_small
+from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
+from forceid.estimation.slow_errors import SHARED, slow_and_small
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
 from forceid.kalman.model import mean_square

@@ -36,7 +36,7 @@ def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) ->
     seen = np.isfinite(kin.amplitude).any(0)
     if seen.any():
         q, var = kin.amplitude[:, seen], np.nan_to_num(kin.amplitude_var[:, seen], nan=1.0)
-        tuned = tune_loads(kin.time, q, 1.0, var, np.zeros(q.shape[1]), orders=(ORDER,))
+        tuned = tune_loads(kin.time, q, 1.0, var, np.zeros(q.shape[1]), orders=(ORDER,), engine=engine)
         chain = load_chain(ORDER, tuned.std, tuned.rate, start_of(kin.time, q, 1.0))
         models = driven(chain, 1.0, var, np.zeros(q.shape[1]), np.diff(kin.time))
         for j, mode in enumerate(np.flatnonzero(seen)):

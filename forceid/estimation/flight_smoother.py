@@ -16,13 +16,12 @@ from forceid.estimation.ringing import allow_for_ringing
 from forceid.estimation.sensors import fused, sensor_reasons
 from forceid.estimation.slow_errors import (
     HIDDEN,
+    SHARED,
     errors_shared,
     noise_by_prediction,
     widened,
     with_shared_error,
 )
-from forceid.estimation.slow_errors import SHARED as SHARED
-from forceid.estimation.slow_errors import slow_and_small as slow_and_small
 from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight, FlightState, smooth_flight, smooth_translation
@@ -82,7 +81,8 @@ def estimate_flight(
     kin = kinematics(body, motion, settings)
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
-    force = tune_channel(force_channel(kin, gravity), STATED if kin.stated[source] else UNSTATED, lines.force)
+    stated = STATED if kin.stated[source] else UNSTATED
+    force = tune_channel(force_channel(kin, gravity), stated, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
@@ -93,14 +93,14 @@ def estimate_flight(
     if hidden:
         factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
         kin = kinematics(body, motion, settings, scaled(kin, {source: factor}))
-        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force)
+        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
         notes = (HIDDEN.format(source, kin.noise[source], length),)
         at_limit = {}  # said in the note
     shared = kin.stated[source] and errors_shared(kin, force, gravity, engine)
     if shared:
         notes = (SHARED,)
         kin = with_shared_error(kin)
-        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force)
+        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
     causal = settings.method == "filter"
     deformation = smooth_deformation(kin, engine, causal)
     priors = {"force": force}
@@ -108,7 +108,7 @@ def estimate_flight(
         limits = (1.0, 1.0)
         if "orientation" in kin.noise:
             limits = STATED if kin.stated["orientation"] else UNSTATED
-        moment = tune_channel(moment_channel(kin, deformation), limits, lines.moment)
+        moment = tune_channel(moment_channel(kin, deformation), limits, lines.moment, engine=engine)
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit

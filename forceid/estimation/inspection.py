@@ -17,8 +17,8 @@ from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.sensitivity import Budget, sensitivity
 from forceid.estimation.unmarked import is_unmarked
 from forceid.estimation.verdict import judge_leakage, judge_recording, judge_shape, largest_turn
+from forceid.kalman.channels import lags, second_difference
 from forceid.kalman.engines import engine
-from forceid.kalman.tuning import lags, second_difference
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator

@@ -36,6 +36,7 @@ from forceid.principal.operator import summation_operator
 from forceid.records import Array, Body, Flags, Motion
 
 SHIFT = 4.0  # standard errors by which a mean shape must leave the reference shape to replace it
+SIZE = 3.0  # times the reference shape, or its third, that no body stretches to
 ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
 
 
@@ -125,6 +126,7 @@ def from_markers(
     inertia = inertia_of(body)
     assert body.position is not None
     X = body.position - inertia.center
+    check_scale(x, X)
     seen = np.any(np.isfinite(x).all(2), axis=0)
     sigma = noise.get("position") or marker_noise(motion.time, x)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x)])))
@@ -168,6 +170,33 @@ def period(motion: Motion, modes: Modes | None) -> float:
         return 1.0
     longest = 2 * np.pi * np.sqrt(modes.compliance.max())
     return float(np.clip(longest / np.median(np.diff(motion.time)), 1.0, len(motion.time)))
+
+
+def check_scale(x: Array, X: Array) -> None:
+    """A DataError where marker tracks x (time, node, 3) are not of the size of the shape X (node, 3).
+
+    A body may bend and stretch; three times its size is a unit that is not what it says.
+    """
+    seen: Flags = np.asarray(np.isfinite(x).all(2))
+    count = np.maximum(seen.sum(1), 1)[:, None]
+
+    def size(a: Array) -> Array:
+        a = np.where(seen[..., None], a, 0.0)
+        off = np.where(seen[..., None], a - (a.sum(1) / count)[:, None], 0.0)
+        return np.asarray(np.sqrt((off**2).sum((1, 2)) / count[:, 0]))
+
+    moving, still = size(x), size(np.broadcast_to(X, x.shape))
+    both = (moving > 0) & (still > 0)
+    if not both.any():
+        return
+    ratio = float(np.median(moving[both] / still[both]))
+    if not 1 / SIZE < ratio < SIZE:
+        raise DataError(
+            f"spans {ratio:.2g} times what the reference shape does (median of {both.sum()} frames), "
+            "expected about the same",
+            "/motion/position",
+            "check the units of /motion/position and /body/position",
+        )
 
 
 def marker_noise(time: Array, x: Array) -> float:

@@ -278,7 +278,7 @@ def with_changes(
         loads = [load_under(t.prior, c, t, engine) for c, t in zip(channels, top, strict=True)]
         change = [distance(load, t.load, t.std) for load, t in zip(loads, top, strict=True)]
         if max(change) <= NEAR and rung is not rungs[best]:
-            own = [load_under(own_prior(c), c, t, engine) for c, t in zip(channels, top, strict=True)]
+            own = [load_under(own_prior(c, engine), c, t, engine) for c, t in zip(channels, top, strict=True)]
             further = [distance(load, t.load, t.std) for load, t in zip(own, top, strict=True)]
             change = [max(pair) for pair in zip(change, further, strict=True)]
         if found:

@@ -31,16 +31,16 @@ def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> tuple[Channe
     return force_channel(kin, gravity), moment_channel(kin, smooth_deformation(kin, engine))
 
 
-def own_prior(channel: Channel) -> LoadPrior:
+def own_prior(channel: Channel, engine: Engine) -> LoadPrior:
     """The prior that a flight would tune on a channel, without lines."""
-    return tune_channel(channel, (1.0, 1.0), ())
+    return tune_channel(channel, (1.0, 1.0), (), engine=engine)
 
 
 def loads_seen(kin: Kinematics, gravity: Array, engine: Engine) -> list[Seen]:
     """Force and moment as the channels of a level show them."""
     found = []
     for channel in channels_of(kin, gravity, engine):
-        prior = own_prior(channel)
+        prior = own_prior(channel, engine)
         model = channel_model(channel, prior)
         path = engine.smooth(model, channel.moved)
         rows = load_rows(len(model.x0), prior.axes, ())

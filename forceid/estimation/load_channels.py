@@ -8,6 +8,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.deformation import Deformation
 from forceid.estimation.kinematics import Kinematics
 from forceid.kalman.channels import Channel, load_axes, start_of
+from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight
 from forceid.kalman.lines import Line
 from forceid.kalman.prior import LoadPrior
@@ -43,6 +44,7 @@ def tune_channel(
     limits: tuple[float, float],
     lines: tuple[Line, ...],
     orders: tuple[int, ...] = ORDERS,
+    engine: Engine | None = None,
 ) -> LoadPrior:
     """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds."""
     time, z, gain = channel.time, channel.z, channel.gain
@@ -50,7 +52,7 @@ def tune_channel(
     axes = load_axes(time[seen], z[seen])
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
-    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along)
+    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

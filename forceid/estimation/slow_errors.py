@@ -18,10 +18,9 @@ from forceid.kalman.channels import Channel
 from forceid.kalman.cross_validation import left_out_error
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight, FlightState, seen_part, smooth_translation
-from forceid.kalman.lines import Line
+from forceid.kalman.lines import PATIENCE, Line
 from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
-from forceid.kalman.tuning import PATIENCE
 from forceid.records import Array
 
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
@@ -72,12 +71,12 @@ def noise_by_prediction(channel: Channel, lines: tuple[Line, ...], engine: Engin
     Each noise with the prior tuned for it. Blocks a few times as long as the slowest load is remembered.
     """
     step = float(np.median(np.diff(channel.time)))
-    first = tune_channel(channel, (1.0, 1.0), lines, (MIDDLE,)).tuned
+    first = tune_channel(channel, (1.0, 1.0), lines, (MIDDLE,), engine).tuned
     length = int(np.clip(4 * MIDDLE / first.rate.min() / step, SHORTEST, len(channel.time) // 10))
 
     def error(factor: float) -> float:
         noisier = replace(channel, noise_cov=factor**2 * channel.noise_cov)
-        model = channel_model(noisier, tune_channel(noisier, (1.0, 1.0), lines, (MIDDLE,)))
+        model = channel_model(noisier, tune_channel(noisier, (1.0, 1.0), lines, (MIDDLE,), engine))
         return left_out_error(model, channel.moved, max(length, 1), engine.smooth)
 
     tried = {float(f): error(float(f)) for f in COARSER}
@@ -97,7 +96,7 @@ def widened(
     """
     rival = force
     for order in range(1, force.tuned.order):
-        other = tune_channel(channel, (1.0, 1.0), force.lines, (order,))
+        other = tune_channel(channel, (1.0, 1.0), force.lines, (order,), engine)
         if other.tuned.log_likelihood > force.tuned.log_likelihood - PATIENCE:
             rival = other
             break

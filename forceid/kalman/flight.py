@@ -22,8 +22,7 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.flight_sensors import Moved, Sensors, gyro_rate, reckoned, sensed, with_sensors
 from forceid.kalman.lines import Line
 from forceid.kalman.model import Filtered, Smoothed, StateSpace
-from forceid.kalman.prior import LoadPrior as LoadPrior
-from forceid.kalman.prior import along_world, chain_along, load_rows
+from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
 from forceid.motion.pose import exp, log
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array

@@ -6,19 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.kalman.channels import Start as Start
-from forceid.kalman.channels import driven as driven
-from forceid.kalman.channels import lags as lags
-from forceid.kalman.channels import load_axes as load_axes
-from forceid.kalman.channels import load_chain as load_chain
-from forceid.kalman.channels import search_box as search_box
-from forceid.kalman.channels import second_difference as second_difference
-from forceid.kalman.channels import start_of as start_of
-from forceid.kalman.channels import stretch as stretch
-from forceid.kalman.engines import engine
-from forceid.kalman.lines import PATIENCE as PATIENCE
-from forceid.kalman.lines import Line
-from forceid.kalman.search import maximize as maximize
+from forceid.kalman.channels import (
+    driven,
+    load_chain,
+    search_box,
+    start_of,
+    stretch,
+)
+from forceid.kalman.engines import Engine, for_tuning
+from forceid.kalman.lines import PATIENCE, Line
+from forceid.kalman.search import maximize
 from forceid.records import Array
 
 ORDERS = (1, 2, 3, 4)
@@ -51,6 +48,7 @@ def tune_loads(
     noise_range: tuple[float, float] = (1.0, 1.0),
     orders: tuple[int, ...] = ORDERS,
     lines: tuple[Line, ...] = (),
+    engine: Engine | None = None,
 ) -> Tuned:
     """Prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -58,9 +56,9 @@ def tune_loads(
     axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on the stated
     standard deviation. Of the orders, the smoothest that no rougher one beats by e^PATIENCE; on an axis where
     a varying load is not e^PATIENCE times as likely as a constant one, the constant. lines: that the load is
-    known to hold beside, with directions along the axes of z.
+    known to hold beside, with directions along the axes of z. engine: the fastest, if none is given.
     """
-    stretches, axes = stretch(z), z.shape[1]
+    stretches, axes, likelihood = stretch(z), z.shape[1], for_tuning(engine).log_likelihood
     edges = search_box(time, z, gain, 1)
 
     def box(order: int) -> tuple[Array, Array]:
@@ -79,7 +77,7 @@ def tune_loads(
             beside = [line.scaled(np.abs(line.direction[axis])) for line in lines]
             chain = load_chain(order, std, rate, start_of(t, y, gain), beside)
             model = driven(chain, gain, noise_var[run][:, axis] * noise, drift[axis] * noise, np.diff(t))
-            total += engine().log_likelihood(model, y[:, axis, None], OUTLIER)
+            total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
     def search(

@@ -7,8 +7,10 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from forceid.kalman import StateSpace, discretize
-from forceid.kalman.flight import Flight, LoadPrior
-from forceid.kalman.tuning import Start, Tuned, load_chain
+from forceid.kalman.channels import Start, load_chain
+from forceid.kalman.flight import Flight
+from forceid.kalman.prior import LoadPrior
+from forceid.kalman.tuning import Tuned
 
 MASS, INERTIA = 0.13, np.diag([3e-4, 5e-4, 7e-4])
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -13,9 +13,9 @@ from scipy.stats import chi2
 
 from forceid import kalman
 from forceid.kalman import StateSpace, discretize
+from forceid.kalman.channels import Start, load_chain
 from forceid.kalman.flight import Flight, smooth_flight
 from forceid.kalman.flight_sensors import Moved, Sensors, drift, gyro_rate, reckoned, sensed
-from forceid.kalman.tuning import Start, load_chain
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 POSITION = np.array([[0.06, 0.01, 0.02], [-0.05, 0.03, -0.01]])

@@ -11,7 +11,7 @@ from scipy.stats import chi2, multivariate_normal
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
 from forceid.kalman import engines, linear
-from forceid.kalman.tuning import Start, load_chain
+from forceid.kalman.channels import Start, load_chain
 
 BUILT = find_spec("forceid.kalman._compiled") is not None
 OURS = ("numpy", "compiled") if BUILT else ("numpy",)

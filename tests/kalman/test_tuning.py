@@ -5,18 +5,10 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from forceid.kalman import StateSpace, discretize, log_likelihood
-from forceid.kalman.tuning import (
-    PATIENCE,
-    Start,
-    load_chain,
-    maximize,
-    natural,
-    search_box,
-    smoothest,
-    start_of,
-    stretch,
-    tune_loads,
-)
+from forceid.kalman.channels import Start, load_chain, search_box, start_of, stretch
+from forceid.kalman.lines import PATIENCE
+from forceid.kalman.search import maximize
+from forceid.kalman.tuning import natural, smoothest, tune_loads
 
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
 
