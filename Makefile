@@ -33,4 +33,4 @@ study: .venv/ready
 	touch $@
 
 clean:
-	rm -rf .venv build dist *.egg-info demo forceid/kalman/_compiled*.so
+	rm -rf .venv .venv-bench build dist bench *.egg-info demo forceid/kalman/_compiled*.so
