@@ -24,7 +24,8 @@ from scipy.spatial.transform import Rotation
 from forceid import kalman
 from forceid.config import Settings, load_settings
 from forceid.estimation.flight_smoother import Solution, estimate_flight
-from forceid.estimation.ladder import Step, climb
+from forceid.estimation.ladder import climb
+from forceid.estimation.levels import Step
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Estimate, Motion, Recording
 
@@ -152,13 +153,12 @@ def taken(recording: Recording) -> tuple[str, str, float]:
     def solve(level: Settings) -> Solution:
         return estimate_flight(recording.body, recording.motion, level, engine)
 
-    climbed = climb(recording.body, recording.motion, settings, engine, solve)
+    choice, _ = climb(recording.body, recording.motion, settings, engine, solve)
     spent = time.process_time() - began
-    if climbed is None:
-        return "rigid", "rigid", spent
-    ladder = climbed[0]
-    most = max(ladder.steps, key=lambda step: step.evidence)
-    return named(ladder.level), named(most), spent
+    if choice.level is None:
+        return choice.model, choice.model, spent
+    most = max(choice.steps, key=lambda step: step.evidence)
+    return named(choice.level), named(most), spent
 
 
 def named(step: Step) -> str:

@@ -23,7 +23,7 @@ Method = Annotated[
     typer.Option(metavar="M", help="difference, savgol, spline, filter or smoother (the default)."),
 ]
 Model = Annotated[
-    str | None, typer.Option(metavar="L", help="rigid, affine, modal, auto (the default) or ladder.")
+    str | None, typer.Option(metavar="L", help="rigid, affine, modal or auto: the smallest enough (default).")
 ]
 Engine = Annotated[
     str | None,

@@ -55,7 +55,9 @@ def describe(
         "moment_about": estimate.moment_about,
         "log_likelihood": estimate.log_likelihood,
         "runtime_s": estimate.runtime_s,
+        "model_choice": estimate.model_choice,
         "tuned": dict(estimate.tuned),
+        "ladder": dict(estimate.ladder),
         "leakage": dict(estimate.leakage),
         "sensitivity": dict(estimate.sensitivity),
         "input_sha256": estimate.input_sha256,
@@ -72,6 +74,8 @@ def summary(record: Mapping[str, Any]) -> str:
 
     lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {reason}") for reason in record["reasons"])]
     lines.append(f"method   {record['method']}, model {record['model']}, engine {record['engine']}")
+    if record["model_choice"]:
+        lines.append(wrap(f"model    {record['model_choice'].removeprefix('the model is ')}"))
     for name, unit in UNITS.items():
         mean, rms, std = (np.array(record[f"{name}_{k}"]) for k in ("mean", "rms", "std"))
         line = f"{name:8} {plus_minus(rms, std, unit)}"

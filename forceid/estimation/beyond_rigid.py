@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -19,6 +21,30 @@ CHANCE = 0.01  # of a veto where the level is right
 LAGS = 10  # of the autocorrelation of what a level leaves
 
 
+@dataclass(frozen=True)
+class Beyond:
+    """What no rigid motion explains, over the markers kept (node,).
+
+    time (time,) s; y (time, freedom) m, NaN in frames not whole; basis (3 node, freedom) of y, orthonormal,
+    orthogonal to the rigid modes; var m2: of the noise in each.
+    """
+
+    time: Array
+    y: Array
+    basis: Array
+    kept: Flags
+    var: float
+
+    @property
+    def frames(self) -> int:
+        """Frames that are whole."""
+        return int(np.isfinite(self.y).all(1).sum())
+
+    def of(self, shapes: Array) -> Array:
+        """What shapes (mode, node, 3) look like in y: (mode, freedom)."""
+        return np.asarray(shapes[:, self.kept].reshape(len(shapes), len(self.basis)) @ self.basis)
+
+
 def often_seen(position: Array, seen: Flags) -> Flags:
     """Markers (node,) that at least half of the frames show together: the least seen go first."""
     visible = np.all(np.isfinite(position), axis=2)
@@ -28,12 +54,13 @@ def often_seen(position: Array, seen: Flags) -> Flags:
     return kept
 
 
-def beyond_rigid(position: Array, kin: Kinematics, kept: Flags) -> tuple[Array, Array]:
-    """What no rigid motion explains: y (time, freedom), NaN in frames not whole, and its basis U.
+def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
+    """What markers at `position` (time, node, 3) m do beside moving as one.
 
-    U (3 node, freedom) is orthonormal and orthogonal to the rigid modes, over the markers kept. The rotation
-    is fitted in the mass gauge, in which the deformation of a frame is linear in its shapes, however large.
+    The rotation is fitted in the mass gauge, in which the deformation of a frame is linear in its shapes,
+    however large.
     """
+    kept = often_seen(position, kin.seen)
     weight = kin.inertia.weight * kept
     if (weight > 0).sum() < 4:
         weight = kept.astype(float)
@@ -43,37 +70,36 @@ def beyond_rigid(position: Array, kin: Kinematics, kept: Flags) -> tuple[Array, 
     S = summation_operator(kin.shape[kept])
     left, size, _ = np.linalg.svd(S, full_matrices=True)
     U = left[:, int((size > 1e-9 * size[0]).sum()) :]
-    return residual[:, kept].reshape(len(x), -1) @ U, U
+    return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
-def principal_axes(y: Array, shapes: Array) -> Array:
-    """Orthonormal basis (freedom, mode) of the span of shapes (mode, freedom), axes of y (time, freedom).
+def principal_axes(y: Array, directions: Array) -> Array:
+    """Orthonormal basis (freedom, mode) of the span of directions (mode, freedom), axes of y (time, freedom).
 
     Along its own axes a motion has amplitudes that do not correlate, as separate priors take for granted.
     """
-    if not len(shapes):
+    if not len(directions):
         return np.zeros((y.shape[1], 0))
-    basis, size, _ = np.linalg.svd(shapes.T, full_matrices=False)
-    basis = basis[:, size > 1e-6 * size[0]]
+    basis, size, _ = np.linalg.svd(directions.T, full_matrices=False)
+    basis = basis[:, size > 1e-6 * size.max(initial=0.0)]
     q = (y @ basis)[np.isfinite(y).all(1)]
     return np.asarray(basis @ np.linalg.eigh(q.T @ q)[1][:, ::-1])
 
 
-def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[float, float]:
-    """Log-likelihood of amplitudes q (time, mode) under tuned dynamic priors over that of white noise.
+def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Array, Array]:
+    """Log-likelihood of each amplitude q (time, mode) under a tuned dynamic prior over that of white noise.
 
-    And their mean NIS. var: of the noise in each amplitude.
+    And its mean NIS; both (mode,). var: of the noise in each amplitude.
     """
-    if not q.shape[1]:
-        return 0.0, 1.0
-    noise, none = np.full_like(q, var), np.zeros(q.shape[1])
+    modes = q.shape[1]
+    noise, none = np.full_like(q, var), np.zeros(modes)
     tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,), engine=engine)
-    start = start_of(time, q, 1.0)
-    models = driven(load_chain(ORDER, tuned.std, tuned.rate, start), 1.0, noise, none, np.diff(time))
-    paths = [engine.filter(models.one(j), q[:, j]) for j in range(q.shape[1])]
-    white = -0.5 * float(np.nansum(q**2 / var + np.log(var) + LOG_2PI + 0 * q))
-    nis = float(np.mean([np.nanmean(path.nis) for path in paths]))
-    return sum(float(path.log_likelihood) for path in paths) - white, nis
+    chain = load_chain(ORDER, tuned.std, tuned.rate, start_of(time, q, 1.0))
+    models = driven(chain, 1.0, noise, none, np.diff(time))
+    paths = [engine.filter(models.one(j), q[:, j]) for j in range(modes)]
+    white = -0.5 * np.nansum(q**2 / var + np.log(var) + LOG_2PI + 0 * q, axis=0)
+    dynamic, nis = np.array([(path.log_likelihood, np.nanmean(path.nis)) for path in paths]).T
+    return dynamic - white, nis
 
 
 def correlation(left: Array, dof: int) -> tuple[float, bool]:

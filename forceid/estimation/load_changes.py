@@ -1,4 +1,7 @@
-"""How far force and moment move from one level of a model to another, in standard errors."""
+"""How far force and moment move from one level of a model to another, in standard errors.
+
+A look without the flight: a smoother is linear in the poses, so that the prior of one level shows both.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.deformation import smooth_deformation
+from forceid.estimation.deformation import undeformed
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.load_channels import force_channel, moment_channel, tune_channel
 from forceid.kalman.channels import Channel
 from forceid.kalman.engines import Engine
+from forceid.kalman.lines import PATIENCE
 from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.records import Array
+
+NEAR = (
+    1.1  # standard errors: a force moves by less, by a look without the flight, which sees a tenth too much
+)
+ALIKE = 1e-3  # of the noise: channels this near show the same load
+
+Channels = tuple[Channel, Channel]  # that force and moment drive
 
 
 @dataclass(frozen=True)
@@ -24,45 +35,108 @@ class Seen:
     prior: LoadPrior
     load: Array
     std: Array
+    log_likelihood: float
 
 
-def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> tuple[Channel, Channel]:
+def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> Channels:
     """The channels that force and moment drive, as a level sees them."""
-    return force_channel(kin, gravity), moment_channel(kin, smooth_deformation(kin, engine))
+    kin, deformation = undeformed(kin, engine)
+    return force_channel(kin, gravity), moment_channel(kin, deformation)
 
 
-def own_prior(channel: Channel, engine: Engine) -> LoadPrior:
-    """The prior that a flight would tune on a channel, without lines."""
-    return tune_channel(channel, (1.0, 1.0), (), engine=engine)
+def load_seen(channel: Channel, engine: Engine) -> Seen:
+    """The load that a channel shows under the prior that a flight would tune on it, without lines."""
+    prior = tune_channel(channel, (1.0, 1.0), (), engine=engine)
+    model = channel_model(channel, prior)
+    path = engine.smooth(model, channel.moved)
+    rows = load_rows(len(model.x0), prior.axes, ())
+    var = np.einsum("ai,tij,aj->ta", rows, path.P, rows)
+    likelihood = path.filtered.log_likelihood
+    return Seen(channel, prior, path.x @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
 
 
-def loads_seen(kin: Kinematics, gravity: Array, engine: Engine) -> list[Seen]:
-    """Force and moment as the channels of a level show them."""
+@dataclass(frozen=True)
+class View:
+    """Force and moment that a level shows; no force where the levels compared share their mass centers."""
+
+    force: Seen | None
+    moment: Seen
+
+    @property
+    def each(self) -> tuple[Seen | None, Seen]:
+        """Force, then moment."""
+        return self.force, self.moment
+
+
+def view(own: Channels, below: Channels, engine: Engine) -> View:
+    """What the channels of a level show, to be compared with those of the level below and of smaller ones."""
+    force = None if alike(below[0], own[0]) else load_seen(own[0], engine)
+    return View(force, load_seen(own[1], engine))
+
+
+def alike(one: Channel, other: Channel) -> bool:
+    """Whether two channels show the same load."""
+    if len(one.time) != len(other.time) or (np.isfinite(one.z) != np.isfinite(other.z)).any():
+        return False
+    noise = np.sqrt(np.trace(other.noise_cov, axis1=1, axis2=2))
+    return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < ALIKE)
+
+
+def looked(channels: Channels, top: View, engine: Engine) -> tuple[float, float]:
+    """How far force and moment that channels of a level show are from what the explaining one shows.
+
+    In standard errors of either. First under the priors of the explaining level. Where one of them does not
+    fit as well, the load gets a prior of its own, which follows what deformation leaks into the poses, and
+    may claim less error.
+    """
+    found, fits = [0.0, 0.0], [True, True]
+    for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+        if load is not None:
+            found[k], fits[k] = under(load, channel, engine)
+    if max(found) <= NEAR:
+        for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+            if load is not None and not fits[k]:
+                own = load_seen(channel, engine)
+                std = np.fmin(at_times(channel, load.channel, own.std), load.std)
+                far = distance(at_times(channel, load.channel, own.load), load.load, std)
+                found[k] = max(found[k], far)
+    return found[0], found[1]
+
+
+def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
+    """How far the load of another channel is under the prior of the one seen; whether that fits as well."""
+    model = channel_model(channel, top.prior)
+    states = engine.smooth_states(model, channel.moved)
+    load = states @ load_rows(len(model.x0), top.prior.axes, ()).T
+    change = distance(at_times(channel, top.channel, load), top.load, top.std)
+    return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
+
+
+def from_view(solution: Solution, top: View, time: Array) -> float:
+    """How far a solved flight is from what the explaining level shows, in standard errors of that."""
     found = []
-    for channel in channels_of(kin, gravity, engine):
-        prior = own_prior(channel, engine)
-        model = channel_model(channel, prior)
-        path = engine.smooth(model, channel.moved)
-        rows = load_rows(len(model.x0), prior.axes, ())
-        std = np.sqrt(np.einsum("ai,tij,aj->ta", rows, path.P, rows))
-        found.append(Seen(channel, prior, path.x @ rows.T, std))
+    clocks = (time - time[0], time)
+    for load, shown, clock in zip(
+        (solution.state.force, solution.state.moment), top.each, clocks, strict=True
+    ):
+        if shown is not None:
+            kept = np.isin(clock, shown.channel.time)
+            found.append(distance(load[kept], shown.load, shown.std))
+    return max(found)
+
+
+def at_times(channel: Channel, other: Channel, load: Array) -> Array:
+    """A load (time, axis) at the times of another channel; NaN where it is not known."""
+    _, own, theirs = np.intersect1d(channel.time, other.time, return_indices=True)
+    found = np.full((len(other.time), load.shape[1]), np.nan)
+    found[theirs] = load[own]
     return found
 
 
-def load_under(prior: LoadPrior, channel: Channel, best: Seen, engine: Engine) -> Array:
-    """The load (time, axis) that a channel shows under a prior, at the times of the best level."""
-    model = channel_model(channel, prior)
-    path = engine.smooth(model, channel.moved).x @ load_rows(len(model.x0), prior.axes, ()).T
-    _, own, other = np.intersect1d(channel.time, best.channel.time, return_indices=True)
-    load = np.full_like(best.load, np.nan)
-    load[other] = path[own]
-    return load
-
-
 def changes(one: Solution, other: Solution) -> tuple[float, float]:
-    """How far force and moment of two solutions are apart, in standard errors of the other."""
+    """How far force and moment of two solutions are apart, in standard errors of either."""
     a, b = one.state, other.state
-    std = np.sqrt(np.diagonal(b.wrench_cov, axis1=1, axis2=2))
+    std = np.sqrt(np.fmin(*(np.diagonal(s.wrench_cov, axis1=1, axis2=2) for s in (a, b))))
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 

@@ -63,6 +63,7 @@ def read_result(path: str | Path) -> Estimate:
             node=node,
             verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
+            model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
             **numbers,

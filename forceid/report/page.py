@@ -56,6 +56,7 @@ def render_page(
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
         budget=budget(estimate),
+        ladder=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.ladder.items()],
         leakage=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.leakage.items()],
         provenance=provenance(estimate),
     )
