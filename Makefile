@@ -20,17 +20,17 @@ bench: .venv-bench/ready
 study: .venv/ready
 	$(BIN)/python -m benchmarks.estimation
 
-.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp
+.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp
+.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench build dist bench *.egg-info demo forceid/kalman/_compiled*.so
+	rm -rf .venv .venv-bench build dist bench *.egg-info demo forceid/*/*.so

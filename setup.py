@@ -1,4 +1,4 @@
-"""The compiled engine: built where a C++ compiler is, and done without where none is."""
+"""The compiled passes: built where a C++ compiler is, and done without where none is."""
 
 import platform
 
@@ -15,12 +15,13 @@ else:
         flags.append("-mprefer-vector-width=512")
     extensions = [
         Pybind11Extension(
-            "forceid.kalman._compiled",
-            ["forceid/kalman/_compiled.cpp"],
+            f"forceid.{name}".replace("/", "."),
+            [f"forceid/{name}.cpp"],
             cxx_std=17,
             extra_compile_args=flags,
             optional=True,
         )
+        for name in ("kalman/_compiled", "kalman/_flight", "motion/_poses")
     ]
 
 setup(ext_modules=extensions)

@@ -21,6 +21,7 @@ WORKLOADS = {
     "w4": "rotations",
     "w5": "second_derivative",
     "w6": "files",
+    "flight": "flight",
     "tuning": "tuned_smoother",
     "start": "start",
 }

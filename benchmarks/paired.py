@@ -66,7 +66,7 @@ class Race:
 
     base: whom ratios refer to; reference: whose answer is taken for right, if not the base's; check: the
     size on which answers are compared; clock: ns, us or ms, in which times are printed;
-    rounds: at most.
+    rounds: at most; tolerance: of the largest entry, within which answers agree.
     """
 
     title: str
@@ -80,6 +80,7 @@ class Race:
     clock: str = "ns"
     rounds: int = 100
     reference: str = ""
+    tolerance: float = TOLERANCE
 
 
 @dataclass
@@ -92,6 +93,7 @@ class Row:
     seconds: list[float] = field(default_factory=list)
     disagreement: dict[str, float] = field(default_factory=dict)
     judged: bool = True
+    tolerance: float = TOLERANCE
     absent: str = ""
     figures: dict[str, float] = field(default_factory=dict)
 
@@ -144,7 +146,7 @@ def run(race: Race, rounds: int, budget: float) -> Outcome:
     gc.collect()
     gc.freeze()
     for c in race.contestants:
-        row = rows[c.name] = Row(c.name, judged=c.judged)
+        row = rows[c.name] = Row(c.name, judged=c.judged, tolerance=race.tolerance)
         try:
             job = c.prepare(race.check)
             found, pace = timed(job)
@@ -228,7 +230,7 @@ def relative(reference: np.ndarray, answer: np.ndarray) -> float:
 
 def wrong(row: Row) -> bool:
     """Whether an answer that should agree does not."""
-    return row.judged and max(row.disagreement.values(), default=0.0) > TOLERANCE
+    return row.judged and max(row.disagreement.values(), default=0.0) > row.tolerance
 
 
 def agreement(row: Row) -> str:
@@ -239,7 +241,7 @@ def agreement(row: Row) -> str:
         return "not compared"
     worst = max(row.disagreement, key=lambda name: row.disagreement[name])
     text = f"{worst} {row.disagreement[worst]:.1e}"
-    return f"wrong at {TOLERANCE:.0e}: {text}" if wrong(row) else f"agrees: {text}"
+    return f"wrong at {row.tolerance:.0e}: {text}" if wrong(row) else f"agrees: {text}"
 
 
 def figure(value: float) -> str:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, Indices
+
+try:
+    compiled: Any = import_module("forceid.motion._poses")
+except ImportError:  # no compiler, or built for another processor
+    compiled = None
 
 RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2
 
@@ -63,32 +70,79 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
     neither center nor rotation. Source: principal equations 2.5, 4b.
     """
     # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
-    center, R = fit_rotation(position, shape, weight + weight.max())
-    seen = np.isfinite(position).all(2)
-    T = len(position)
-    S = summation_operator(shape)
-    patterns, which = np.unique(seen, axis=0, return_inverse=True)
-    cov6, chi_square = np.full((T, 6, 6), np.nan), np.full(T, np.nan)
-    out = Pose(center, R, cov6, np.empty_like(position), chi_square, np.zeros(T))
-    gains = [pose_gain(S, pattern, cov) for pattern in patterns]
-    for i, (pattern, gain) in enumerate(zip(patterns, gains, strict=True)):
-        at = which.ravel() == i
+    start = weight + weight.max()
+    T, S = len(position), summation_operator(shape)
+    patterns, which = seen_together(position)
+    center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
+    out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
+    for i, pattern in enumerate(patterns):
+        gain = pose_gain(S, pattern, cov)
         if gain is None:
-            center[at], R[at] = np.nan, np.nan
             continue
-        A, C, V_inv = gain
-        for _ in range(2):  # linear in small errors of the rotation fit; the second turn leaves nothing
-            e = (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
-            d = e @ A.T
-            center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])
-            R[at] = R[at] @ exp(d[:, 3:])
-        e = (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
-        out.chi_square[at], out.dof[at] = np.einsum("ti,ij,tj->t", e, V_inv, e), e.shape[1] - 6
-        turn = np.zeros((at.sum(), 6, 6))
-        turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
-        out.cov[at] = turn @ C @ turn.swapaxes(1, 2)
-    out.residual[:] = body_axes(position, center, R) - shape
+        at = np.flatnonzero(which == i)
+        found = fitted(position, at, pattern, shape, start, gain)
+        dof = np.full(len(at), 3.0 * pattern.sum() - 6)
+        if len(at) == T:
+            return Pose(*found, dof)
+        for whole, part in zip(
+            (center, R, cov6, out.residual, out.chi_square, out.dof), (*found, dof), strict=True
+        ):
+            whole[at] = part
     return out
+
+
+def seen_together(position: Array) -> tuple[Flags, Indices]:
+    """Sets of markers (pattern, node) that frames see, and which of them each frame does, (time,)."""
+    if np.isfinite(position).all():
+        return np.ones((1, position.shape[1]), bool), np.zeros(len(position), np.intp)
+    seen = np.asarray(np.isfinite(position).all(2))
+    packed = np.packbits(seen, axis=1)
+    keys = np.ascontiguousarray(packed).view(np.dtype((np.void, packed.shape[1]))).ravel()
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    return seen[first], which
+
+
+def fitted(
+    position: Array, at: Indices, pattern: Flags, shape: Array, start: Array, gain: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Poses of the frames `at`, which see the same markers: center, rotation, cov, residual, chi_square.
+
+    start: weights of the rotation fit that begins; gain as of `pose_gain`. Compiled where a compiler was.
+    """
+    if compiled is None:
+        return fitted_in_numpy(position[at], pattern, shape, start, gain)
+    A, C, V_inv = gain
+    V = np.diagonal(V_inv)
+    V = V_inv if (V_inv != np.diag(V)).any() else np.ascontiguousarray(V)
+    nodes = np.flatnonzero(pattern)
+    center, R, cov, chi_square, residual, arrived = compiled.fitted(
+        position, at, nodes, shape, start[nodes], A, C, V
+    )
+    found = center, R, cov, residual, chi_square
+    if len(hard := np.flatnonzero(arrived != 1)):
+        for whole, part in zip(
+            found, fitted_in_numpy(position[at[hard]], pattern, shape, start, gain), strict=True
+        ):
+            whole[hard] = part
+    return found
+
+
+def fitted_in_numpy(
+    position: Array, pattern: Flags, shape: Array, start: Array, gain: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """`fitted`, of all frames at once."""
+    A, C, V_inv = gain
+    center, R = fit_rotation(position, shape, start)
+    for _ in range(2):  # linear in small errors of the rotation fit; the second turn leaves nothing
+        e = (body_axes(position, center, R) - shape)[:, pattern].reshape(len(position), -1)
+        d = e @ A.T
+        center += np.einsum("tab,tb->ta", R, d[:, :3])
+        R = R @ exp(d[:, 3:])
+    residual = body_axes(position, center, R) - shape
+    e = residual[:, pattern].reshape(len(position), -1)
+    turn = np.zeros((len(position), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = R
+    return center, R, turn @ C @ turn.swapaxes(1, 2), residual, np.einsum("ti,ij,tj->t", e, V_inv, e)
 
 
 def pose_gain(S: Array, seen: Flags, cov: Array) -> tuple[Array, Array, Array] | None:

@@ -4,6 +4,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from forceid.motion import pose as pose_module
 from forceid.motion.modes import split
 from forceid.motion.pose import exp, fit_pose, fit_rotation, log, pose_rank
 from forceid.principal.operator import summation_operator
@@ -147,3 +148,27 @@ def test_massless_markers_alone_fix_the_pose():
     x[:, 0] = np.nan
     pose = fit_pose(x, SHAPE, np.array([1.0, 0.1, 0, 0, 0, 0]), WHITE)
     np.testing.assert_allclose(pose.rotation, R, atol=1e-10)
+
+
+@pytest.mark.skipif(pose_module.compiled is None, reason="no compiler was here")
+@pytest.mark.parametrize("markers", [3, 4, 15])
+def test_compiled_poses_are_those_in_numpy(markers, monkeypatch):
+    rng = np.random.default_rng(markers)
+    X = rng.uniform(-0.2, 0.2, (markers, 3)) * ([1, 1, 0] if markers == 4 else [1, 1, 1])
+    R = Rotation.random(300, rng=rng).as_matrix()
+    x = (
+        rng.standard_normal((300, 1, 3))
+        + X @ R.swapaxes(1, 2)
+        + 1e-3 * rng.standard_normal((300, markers, 3))
+    )
+    x[::7, 1], x[5] = np.nan, np.nan
+    shape = rng.standard_normal((3 * markers, 2))
+    cov = 1e-6 * (np.eye(3 * markers) + (shape @ shape.T if markers == 15 else 0))
+    weight = rng.uniform(0, 1, markers)
+    ours = fit_pose(x, X, weight, cov)
+    monkeypatch.setattr(pose_module, "compiled", None)
+    plain = fit_pose(x, X, weight, cov)
+    for name in ("center", "rotation", "cov", "residual", "chi_square", "dof"):
+        scale = np.nanmax(np.abs(getattr(plain, name)))
+        # two Gauss-Newton steps leave the fourth power of the first error
+        np.testing.assert_allclose(getattr(ours, name), getattr(plain, name), rtol=0, atol=1e-9 * scale)

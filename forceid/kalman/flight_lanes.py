@@ -1,0 +1,157 @@
+"""The linear smoother of a long flight: stretches of one record side by side, a stretch in each vector lane.
+
+About a reference the model of a flight changes with every sample, but only in the rows of the rotation error,
+so that no covariance comes to rest and most of every matrix is the same or nothing. `_flight` goes through
+such a record in eight lanes at once: each begins some time before its part, and where two meet they must
+agree to 1e-8 of a standard deviation. Else, and where a load has a constant, which is never forgotten, the
+record is gone through from end to end. The start, which may be as good as unknown, goes through the array
+form as everywhere (`conditioning`). Source: principal equations 4f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from forceid.errors import EstimationError
+from forceid.kalman import linear, passes
+from forceid.kalman.covariance import square_root
+from forceid.kalman.model import Filtered, StateSpace
+from forceid.kalman.square_root import eliminate, step_back, white_share
+from forceid.records import Array, Indices
+
+WARM = 1024  # samples that a lane begins before its part, and goes on behind it
+LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in _flight.cpp
+STATES, SMOOTHED, FILTERED = 0, 1, 2
+numpy_passes: Any = passes  # few samples
+
+try:
+    compiled: Any = import_module("forceid.kalman._flight")
+except ImportError:  # no compiler, or built for another processor
+    compiled = None
+
+
+@dataclass(frozen=True)
+class TurningModel:
+    """A linear model of kinds of steps, of which the rows of theta change with every step.
+
+    F, Q (kind, state, state), u (kind, state); which (step,): kind of each; top, noise (step, 3, states from
+    theta on): rows of theta in F and Q; push (step, 3): its known input; theta: its first state, or their
+    number where there is none; H (channel, state), R (time, channel, channel), x0, P0 as in StateSpace; read
+    (12, state): rows of wrench and pose; guess (time, state): where a lane may begin.
+    """
+
+    F: Array
+    Q: Array
+    u: Array
+    which: Indices
+    top: Array
+    noise: Array
+    push: Array
+    theta: int
+    H: Array
+    R: Array
+    x0: Array
+    P0: Array
+    read: Array
+
+    def first(self, samples: int) -> StateSpace:
+        """The model of the first samples, step by step."""
+        which, t = self.which[: samples - 1], self.theta
+        F, Q, u = self.F[which], self.Q[which], self.u[which]
+        if t < len(self.x0):
+            F[:, t : t + 3, t:], u[:, t : t + 3] = self.top[: samples - 1], self.push[: samples - 1]
+            Q[:, t : t + 3, t:] = self.noise[: samples - 1]
+            Q[:, t:, t : t + 3] = self.noise[: samples - 1].swapaxes(1, 2)
+        return StateSpace(F, Q, self.H, self.R[:samples], self.x0, self.P0, u)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a state stays for ever as it was at the start: no stretch of a record forgets that."""
+        still = (np.eye(len(self.x0)) == self.F).all((0, 2)) & ~self.Q.any((0, 2))
+        still[self.theta : self.theta + 3] = False
+        return bool(still.any())
+
+
+@dataclass(frozen=True)
+class Path:
+    """States x (time, state) given all samples, or those so far; covariances (time, 6, 6) read out of them.
+
+    innovation (time, channel): whitened. Covariances are empty where states alone were asked for.
+    """
+
+    x: Array
+    wrench_cov: Array
+    pose_cov: Array
+    innovation: Array
+    log_likelihood: float
+
+
+def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOOTHED) -> Path | None:
+    """States and covariances of a flight given z (time, channel); None where only the plain passes will do.
+
+    guess (time, state): where a lane may begin. mode: STATES alone, SMOOTHED, or FILTERED with covariances.
+    """
+    n, T = len(model.x0), len(z)
+    seen = np.isfinite(z).any(1)
+    head = int(seen.argmax()) + 4 + -(-n // z.shape[1])
+    if compiled is None or head > 64 or 2 * head > T:
+        return None
+    try:
+        start, C = linear.filter_with_factors(numpy_passes, model.first(head), z[:head])
+    except EstimationError:
+        return None
+    warm = WARM if T - head >= 4 * WARM and not model.remembers else 0
+    for cut in (True, False) if warm else (False,):
+        begin = head + (T - head - 2 * warm) // 8 * np.arange(8) - 1
+        x0 = np.array([start.x[-1], *guess[begin[1:]]]) if cut else np.tile(start.x[-1], (8, 1))
+        found = compiled.smooth(
+            model.F, model.Q, model.u, model.which, model.top, model.noise, model.push, model.H, model.R, z,
+            model.read, model.theta, start.gains.P[-1], x0, head, warm if cut else 0, cut, mode,
+        )  # fmt: skip
+        if found[0] == "ill":
+            return None
+        if not found[0]:
+            break
+    _, x, wrench_cov, pose_cov, white, log_likelihood, r, later, _ = found
+    f_P = start.P
+    if mode == FILTERED:
+        x[:head], P = start.x, f_P
+    else:
+        x[:head], P = smoothed_start(start, C, r, later if mode == SMOOTHED else None)
+    if mode != STATES:
+        out, before = (model.read @ a @ model.read.T for a in (P, f_P[-1]))
+        if (np.diagonal(out[-1]) < LOST * np.diagonal(before)).any():
+            return None
+        wrench_cov[:head], pose_cov[:head] = out[:, :6, :6], out[:, 6:, 6:]
+    white[:head] = start.innovation
+    return Path(x, wrench_cov, pose_cov, white, log_likelihood + float(start.log_likelihood))
+
+
+def smoothed_start(start: Filtered, C: Array | None, r: Array, later: Array | None) -> tuple[Array, Array]:
+    """States and covariances of the first samples, given the adjoint of all later ones at the last of them.
+
+    Step by step back with factors, of which neither a start as good as unknown nor a difference takes digits.
+    """
+    x, P = start.x.copy(), start.P
+    roots = square_root(P)
+    if C is not None:
+        roots = np.where(np.isfinite(C[:, :1, :1]), C, roots)
+    model, u = start.model, start.model.u
+    assert u is not None
+    Q_root = square_root(model.Q)
+    x[-1] += P[-1] @ r
+    if later is not None:
+        P[-1] -= P[-1] @ later @ P[-1]
+    for k in range(len(x) - 2, -1, -1):
+        F = model.F[k]
+        L, K = step_back(roots[k], F, Q_root[k])
+        x[k] += K @ white_share(L, x[k + 1] - F @ start.x[k] - u[k])
+        if later is not None:
+            rest = eliminate(F @ roots[k], roots[k], Q_root[k])[2]
+            moved = K @ white_share(L, square_root(P[k + 1]))
+            P[k] = rest @ rest.T + moved @ moved.T
+    return x, P

@@ -1,0 +1,191 @@
+"""Gauss-Newton on the rotations of a rigid flight, compiled: about each reference the smoother goes in lanes.
+
+The first round moves the rotation by itself, at a fifth of the cost; the next ones all of the flight. Each
+leaves an error that is its own step times the ratio of that step to the one before, or less, since the steps
+shrink ever faster: they end when that is a thousandth of the standard deviation. Source: principal equations
+4f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from forceid.kalman import turning
+from forceid.kalman.flight_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
+from forceid.kalman.model import StateSpace
+from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
+from forceid.kalman.turning import Course, between, turned
+from forceid.records import Array, Indices
+
+if TYPE_CHECKING:
+    from forceid.kalman.flight import Flight
+
+ROUNDS = 12
+ERROR = 1e-3  # standard deviations that a flight may be from the most probable one
+LEAST = 256  # samples below which it does not pay
+TURN = 0.5  # rad from frame to frame, beyond which differences of frames do for no first reference
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """What the steps of each kind, all of one length, have in common; states that are zero for ever left out.
+
+    which (step,): kind of each; F, Q (kind, state, state), u (kind, state), x0, P0: translation, then the
+    chain of the moment, from state `theta` on; H (6, state); read (12, state): rows of wrench and pose; loads
+    (5, state, 3): columns of momentum, force, angular momentum, moment and its rate, world axes; chain (state
+    from theta on,): which states of the whole chain they are, of `size`.
+    """
+
+    which: Indices
+    F: Array
+    Q: Array
+    u: Array
+    x0: Array
+    P0: Array
+    H: Array
+    read: Array
+    loads: Array
+    theta: int
+    chain: Indices
+    size: int
+
+
+def step_kinds(time: Array) -> tuple[Array, Indices]:
+    """Times (kind + 1,) between which each kind of step is once, and the kind of each step."""
+    kinds, which = np.unique(np.round(np.diff(time), 12), return_inverse=True)
+    return np.concatenate([[0.0], np.cumsum(kinds)]), which
+
+
+def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, moment: LoadPrior) -> Kinds:
+    """The kinds of steps between the times `time`, of each of which `free` is the translation."""
+    F, Q, P0 = chain_along(moment, np.diff(time))
+    P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
+    n, m = len(free.x0), len(P0)
+    both = np.zeros((2, len(F), n + m, n + m))
+    both[0, :, :n, :n], both[1, :, :n, :n], both[0, :, n:, n:], both[1, :, n:, n:] = free.F, free.Q, F, Q
+    F, Q, P0 = *both, block_diag(free.P0, P0)
+    # zero for ever: known so at the start, and moved by itself alone
+    moved = P0.any(1) | Q.any((0, 2)) | (F * (1 - np.eye(n + m))).any((0, 2))
+    s = np.flatnonzero(moved)
+    read = np.zeros((12, n + m))
+    read[:3, :n] = load_rows(n, force.axes, force.lines)
+    read[3:6, n:] = load_rows(m, moment.axes, moment.lines)
+    read[6:9, :3], read[9:, n : n + 3] = force.axes, np.eye(3)
+    assert free.u is not None
+    u = np.concatenate([free.u, np.zeros((len(F), m))], 1)[:, s]
+    x0, H = np.concatenate([free.x0, np.zeros(m)])[s], block_diag(free.H, np.eye(3, m))[:, s]
+    loads = np.zeros((15, n + m))
+    loads[:6, :n] = np.concatenate([a.T for a in along_world(np.eye(n), force.axes, force.lines)[:2]])
+    loads[6:, n:] = np.concatenate([a.T for a in along_world(np.eye(m), moment.axes, moment.lines)])
+    # contiguous: a product this thin is slow in any other order
+    columns = np.ascontiguousarray(loads[:, s].reshape(5, 3, len(s)).swapaxes(1, 2))
+    return Kinds(
+        which, F[:, s][:, :, s], Q[:, s][:, :, s], u, x0, P0[s][:, s], H, read[:, s], columns,
+        int((s < n).sum()), s[s >= n] - n, m,
+    )  # fmt: skip
+
+
+def loads_of(kinds: Kinds, x: Array, first: int = 0) -> list[Array]:
+    """Momentum, force, angular momentum, moment and its rate (time, 3), from `first` on, of states x."""
+    return [x @ columns for columns in kinds.loads[first:]]
+
+
+def about(kinds: Kinds, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+    """The whole flight about a reference, where `rows` are those of theta."""
+    k = kinds
+    return TurningModel(k.F, k.Q, k.u, k.which, *rows, k.theta, k.H, pose_cov, k.x0, k.P0, k.read)
+
+
+def rotation_alone(kinds: Kinds, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+    """The rotation by itself, as if its errors had nothing to do with those of the mass center."""
+    k, s = kinds, slice(kinds.theta, None)
+    R = np.ascontiguousarray(pose_cov[:, 3:, 3:])
+    return TurningModel(
+        k.F[:, s, s],
+        k.Q[:, s, s],
+        k.u[:, s],
+        k.which,
+        *rows,
+        0,
+        k.H[3:, s],
+        R,
+        k.x0[s],
+        k.P0[s, s],
+        k.read[:, s],
+    )
+
+
+def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
+    """Rotations as measured, and their angular momentum (time, 3) along the axes of the prior.
+
+    None where a frame is missing, or turns far: there is more to a first reference then.
+    """
+    R = flight.rotation
+    turns = between(R[1:], R[:-1])
+    if not (np.abs(turns).max() < TURN):
+        return None
+    omega = turns / np.diff(flight.time)[:, None]
+    omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
+    body = apply(flight.inertia, apply(R.swapaxes(1, 2), omega)) + flight.h
+    return R, apply(R, body) @ moment.axes
+
+
+def apply(A: Array, x: Array) -> Array:
+    """A x (time, 3) of matrices (time, 3, 3)."""
+    return np.asarray((A @ x[..., None])[..., 0])
+
+
+def settled_in_lanes(
+    flight: Flight, kinds: Kinds, force: LoadPrior, moment: LoadPrior,
+    course_of: Callable[[Array, Array, Array, Array], Course], causal: bool,
+) -> tuple[Path, Array, Array] | None:  # fmt: skip
+    """The flight about a reference where it comes to rest: path, and rotations and moment chain of that.
+
+    course_of: the flight about a rotation, momentum, moment and its rate. None where only the passes of an
+    engine will do.
+    """
+    t, time, center = kinds.theta, flight.time, flight.center
+    if turning.compiled is None or len(time) < LEAST or (first := by_frames(flight, moment)) is None:
+        return None
+    R, last = first[0], np.inf
+    guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference
+    guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
+    guess[1:-1, 3:6] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
+    for alone in (True, *[False] * ROUNDS):
+        chain = guess[:, t:].copy()
+        parts = course_of(R, *loads_of(kinds, guess, 2)).parts
+        rows = turning.compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
+        theta = between(flight.rotation, R)
+        if alone:
+            path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, STATES)
+        else:
+            model, z = about(kinds, rows, flight.pose_cov), np.concatenate([center, theta], 1)
+            path = smooth_turning(model, z, guess, SMOOTHED)
+        if path is None:
+            return None
+        x = path.x if alone else path.x[:, t:]
+        step = float(np.abs(x[:, :3]).max())
+        ratio, last = step / last, step
+        if not alone:
+            var = (np.diagonal(a, axis1=1, axis2=2)[:, 3:] for a in (path.pose_cov, path.wrench_cov))
+            moves = (x[:, :3], (x - chain) @ kinds.loads[3, t:])
+            size = np.sqrt(max(float((d**2 / v).max()) for d, v in zip(moves, var, strict=True)))
+            if size * min(ratio, 1.0) < ERROR and (ratio < 0.5 or size < ERROR**2):
+                if causal and (path := smooth_turning(model, z, guess, FILTERED)) is None:
+                    return None
+                whole = np.zeros((len(R), kinds.size))
+                whole[:, kinds.chain] = chain
+                return path, R, whole
+        R, guess[:, t + 3 :] = turned(x[:, :3], R), x[:, 3:]
+    return None
+
+
+def chain_of(kinds: Kinds) -> tuple[Array, Array]:
+    """F, Q (kind, state, state) of the moment's chain."""
+    s = slice(kinds.theta, None)
+    return kinds.F[:, s, s], kinds.Q[:, s, s]
