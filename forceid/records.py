@@ -25,6 +25,7 @@ class Body:
     total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
     mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
+    strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
     """
 
     node: tuple[str, ...] = ()
@@ -40,6 +41,7 @@ class Body:
     mode_damping: Array | None = None
     sensor_position: Array | None = None
     sensor_rotation: Array | None = None
+    strain_shape: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,8 @@ class Estimate:
     innovation squared per degree of freedom, NaN where the method has no innovations; innovation
     (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
     that the force was computed with. What cannot be
-    identified is NaN. settings: the merged configuration as TOML text.
+    identified is NaN. model_choice: a sentence on why this model, ladder: what every level looked at said, as
+    numbers with names. settings: the merged configuration as TOML text.
     """
 
     time: Array
@@ -161,6 +164,8 @@ class Estimate:
     tuned: dict[str, float] = field(default_factory=dict)
     leakage: dict[str, float] = field(default_factory=dict)
     sensitivity: dict[str, float] = field(default_factory=dict)
+    model_choice: str = ""
+    ladder: dict[str, float] = field(default_factory=dict)
 
     @property
     def force_std(self) -> Array:

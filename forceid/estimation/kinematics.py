@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.errors import DataError
+from forceid.motion.frames import Frames, fit_frames
 from forceid.motion.modes import (
     Modes,
     deflected_shape,
@@ -62,7 +63,9 @@ class Kinematics:
     shape (node, 3) m about the mass center, body axes: the mean shape; pose: of every frame; seen (node,):
     nodes that carry a marker; shapes (mode, node, 3) of unit norm, with raw amplitudes (time, mode) m
     and their noise_var; model: rigid, affine or modal; noise: standard deviation by variable, stated:
-    whether the user stated it; attitude: whether the markers fix the rotation.
+    whether the user stated it; attitude: whether the markers fix the rotation; frames: what every frame says
+    of pose and amplitudes together, and beside (dof, dof) m2 what it counts as noise of deformation beside
+    the shapes, None for a body that does not deform.
     """
 
     time: Array
@@ -77,6 +80,8 @@ class Kinematics:
     noise: dict[str, float]
     stated: dict[str, bool]
     attitude: bool
+    frames: Frames | None = None
+    beside: Array | None = None
 
     @property
     def unfollowed(self) -> Flags:
@@ -153,7 +158,7 @@ def from_markers(
         body, inertia, modes, residual, shape, weight, seen, sigma, settings
     )
     model = settings.model
-    if model in ("auto", "ladder"):
+    if model == "auto":
         model = "modal" if len(shapes) else "rigid"
     flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)
     deforming = rest + flat.T @ (var[:, None] * flat)
@@ -161,7 +166,12 @@ def from_markers(
     # as noise of one frame, deformation counts as often
     pose = fit_pose(x, shape, weight, white + period(motion, modes) * deforming)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest)
-    return Kinematics(motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True)
+    frames, beside = None, period(motion, modes) * rest
+    if len(shapes):
+        frames = fit_frames(x, pose, shape, shapes, white + beside)
+    return Kinematics(
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True, frames, beside
+    )
 
 
 def period(motion: Motion, modes: Modes | None) -> float:
@@ -267,6 +277,8 @@ def deformation_shapes(
         U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
         shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
         q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
+        if not np.isfinite(q).any(0).all():  # in no frame are markers enough
+            return none
         var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
         return shapes, var, none[2]
     principal, var, rest = none
@@ -290,9 +302,9 @@ def deformation_shapes(
     noise = sigma**2 * np.eye(len(scatter))
     D = shown.of(own)
     kept, own_var, level = telling_modes(scatter, frames, D, soft, sigma**2, settings.modes)
-    flat = own.reshape(len(own), -1)
     if soft is not None:
-        rest = flat.T @ (level * soft[:, None] ** 2 * flat)
+        flat, left = np.delete(own.reshape(len(own), shape.size), kept, axis=0), np.delete(soft, kept)
+        rest = flat.T @ (level * left[:, None] ** 2 * flat)
     k, dim = len(principal), len(shown.rows) - 6
     numbers = k * dim - k * (k - 1) / 2 - len(kept) - 1  # by which principal deformations cost more
     alike = D.T @ (level * soft[:, None] ** 2 * D) if soft is not None else 0.0

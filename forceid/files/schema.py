@@ -55,6 +55,7 @@ BODY = {
     "mode_frequency": Variable(("mode",), "Hz", "frequency of the deformation modes"),
     "mode_damping": Variable(("mode",), "1", "damping ratio of the deformation modes"),
     "sensor_position": Variable(("sensor", "axis"), "m", "sensor position, reference axes"),
+    "strain_shape": Variable(("gauge", "node", "axis"), "m-1", "strain per nodal displacement"),
     "sensor_rotation": Variable(("sensor", "quaternion"), "1", "rotation from sensor to body axes"),
 }
 MOTION = {
@@ -100,7 +101,7 @@ LOAD = {
     "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
 }
 TRUTH = ESTIMATE | {"load": LOAD["load"]}
-NUMBERS = ("tuned", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
+NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
 ESTIMATE_ATTRS = (
     "method",
     "model",
@@ -198,6 +199,7 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
                 **{name: getattr(estimate, name) for name in ESTIMATE_ATTRS},
                 "verdict": estimate.verdict.level,
                 "reasons": "\n".join(estimate.verdict.reasons),
+                "model_choice": estimate.model_choice,
                 **{
                     f"{kind}_{name}": float(value)
                     for kind in NUMBERS

@@ -180,8 +180,27 @@ def check_sensors(motion: Motion, body: Body, where: str) -> None:
             f"{on_body}/sensor_position",
             "add where each sensor stands, in the axes of the reference shape",
         )
+    if body.strain_shape is not None and body.position is not None:
+        check_strain_shape(body.strain_shape, body.position, f"{on_body}/strain_shape")
     if body.sensor_rotation is not None:
         check_quaternions(body.sensor_rotation, f"{on_body}/sensor_rotation")
+
+
+def check_strain_shape(shape: Array, position: Array, where: str) -> None:
+    """No gauge reads a rigid motion: a strain is blind to it."""
+    arm = position - position.mean(0)
+    moved = np.concatenate([shape.sum(1), np.cross(arm, shape).sum(1)], 1)
+    size = np.abs(shape).sum((1, 2))
+    scale = np.repeat(np.stack([size, size * np.abs(arm).max(initial=0.0)], 1), 3, axis=1)
+    off = np.abs(moved) > _SYMMETRY * scale
+    if off.any():
+        k = int(np.argmax(off.any(1)))
+        motion = "a translation" if off[k, :3].any() else "a rotation"
+        raise DataError(
+            f"lets gauge {k} read {motion} of the whole body, expected no rigid motion to strain it",
+            where,
+            "give the strain per displacement of every node: opposite ones where it holds on, along the line",
+        )
 
 
 def check_quaternions(q: Array, where: str) -> None:

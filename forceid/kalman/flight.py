@@ -11,23 +11,34 @@ of the state. Source: principal equations 4b, 4d, 4f.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
-from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.errors import EstimationError
+from forceid.kalman.bending_sensors import bending
+from forceid.kalman.dead_reckoning import gyro_rate, reckoned
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight_sensors import Moved, Sensors, gyro_rate, reckoned, sensed, with_sensors
+from forceid.kalman.flight_modes import FlyingModes, bent, gauged
+from forceid.kalman.flight_sensors import Moved, Sensors, carried, sensed_late, with_sensors
 from forceid.kalman.lines import Line
-from forceid.kalman.model import Filtered, Smoothed, StateSpace
+from forceid.kalman.long_flight import apply, kinds_of, loads_of, settled_in_lanes, step_kinds
+from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
-from forceid.motion.pose import exp, log
-from forceid.principal.operator import cross_matrix as skew
+from forceid.kalman.turning import Course, between, cubics, turned
+from forceid.kalman.turning import turn as turn_along
+from forceid.motion.free_turn import free_turn, momentum_between
+from forceid.motion.pose import log
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
+FARTHEST = 60.0  # rad that a path on its way to rest may turn from one sample to the next
+UNSETTLED = (
+    "the smoother on rotations",
+    "raise the sample rate, or state a noise_std nearer to the truth; past half a turn a frame, add a gyro",
+)
 ITERATIONS = 40
 STANDSTILL = 1e-6  # of the standard deviation of a measured rotation
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
@@ -40,7 +51,9 @@ class Flight:
     time (time,) s; center (time, 3) m and rotation (time, 3, 3) body to world, NaN where not seen; pose_cov
     (time, 6, 6), center first, world axes, rotation as a left error (rad); mass kg; inertia (time, 3, 3)
     kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
-    body axes and about the mass center; gravity (3,) m/s2; sensors: gyros and accelerometers on the body.
+    body axes and about the mass center; gravity (3,) m/s2; sensors: gyros and accelerometers on the body;
+    modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
+    with the deformation taken out, inertia and h those along the path of the modes.
     """
 
     time: Array
@@ -52,6 +65,7 @@ class Flight:
     h: Array
     gravity: Array
     sensors: Sensors | None = None
+    modes: FlyingModes | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +73,9 @@ class Reference:
     """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
 
     axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each;
-    force (time, state): the chain of the force, which sensors are linearized about as well, None for none.
+    force (time, state): the chain of the force, which sensors are linearized about as well, None for none;
+    clock (2,) s: by which gyros and accelerometers read late; modes (time, state): chains of the modes, None
+    for those that the flight begins with.
     """
 
     rotation: Array
@@ -67,12 +83,17 @@ class Reference:
     axes: Array = field(default_factory=lambda: np.eye(3))
     lines: tuple[Line, ...] = ()
     force: Array | None = None
+    clock: Array = field(default_factory=lambda: np.zeros(2))
+    modes: Array | None = None
 
 
-def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
-    """Linear model of the mass center under force and weight: c' = P / m, P' = F + m g."""
+def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) -> StateSpace:
+    """Linear model of the mass center under force and weight: c' = P / m, P' = F + m g.
+
+    carrier (time, 3, 3): rotation of the body, for a force that turns with it.
+    """
     step = np.diff(flight.time)
-    F, Q, P0 = chain_along(prior, step)
+    F, Q, P0 = chain_along(prior, step, carrier)
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
     F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
@@ -86,51 +107,38 @@ def translation(flight: Flight, prior: LoadPrior) -> StateSpace:
     return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
 
+def course(flight: Flight, reference: Reference) -> Course:
+    """The flight about its reference."""
+    loads = along_world(reference.chain, reference.axes, reference.lines)
+    return course_of(flight, reference.rotation, *loads)
+
+
+def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course:
+    """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn."""
+    step = np.diff(flight.time)
+    inertia, h = cubics(flight.time, flight.inertia), cubics(flight.time, flight.h)
+    body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
+    omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
+    far = float((np.linalg.norm(omega, axis=1) * step).max())
+    if not far < FARTHEST:
+        raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *UNSETTLED)
+    n = max(1, int(np.ceil(far / SUBSTEP)))
+    return Course(step, R, H, T, dT, inertia, h, n)
+
+
 def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
     """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
 
-    R' = [omega]x R with omega = J^-1 (H - h) by Runge-Kutta-Munthe-Kaas of order 4; d theta / d theta from
-    theta' = J^-1 [H]x theta + J^-1 delta H, and that by delta H which grows over the step as 1, s and s^2,
-    (3, time - 1, 3, 3).
+    d theta / d theta (time - 1, 3, 3), and that by delta H which grows over the step as 1, s and s^2, (3,
+    time - 1, 3, 3).
     """
-    time, step = flight.time, np.diff(flight.time)
-    J_of, h_of = CubicSpline(time, flight.inertia), CubicSpline(time, flight.h)
-    H, T, dT = along_world(reference.chain[:-1], reference.axes, reference.lines)
-    R = reference.rotation[:-1]
-
-    def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
-        H_s = H + T * s[:, None] + 0.5 * dT * s[:, None] ** 2
-        J_inv = np.asarray(np.linalg.inv(R @ J_of(time[:-1] + s) @ R.swapaxes(1, 2)))
-        h = (R @ h_of(time[:-1] + s)[..., None])[..., 0]
-        return np.einsum("tij,tj->ti", J_inv, H_s - h), J_inv, H_s
-
-    turned = np.linalg.norm(omega(R, 0 * step)[0], axis=1) * step
-    n = max(1, int(np.ceil(turned.max() / SUBSTEP)))
-    h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((3, len(step), 3, 3))
-    for i in range(n):
-        s, hv = i * h, h[:, None]
-        k1, _, _ = omega(R, s)
-        k2 = bend(0.5 * hv * k1, omega(exp(0.5 * hv * k1) @ R, s + 0.5 * h)[0])
-        w, J_inv, H_s = omega(exp(0.5 * hv * k2) @ R, s + 0.5 * h)
-        k3 = bend(0.5 * hv * k2, w)
-        k4 = bend(hv * k3, omega(exp(hv * k3) @ R, s + h)[0])
-        R = exp(hv / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
-        a = J_inv @ skew(H_s) * h[:, None, None]
-        half, whole = np.eye(3) + 0.5 * a + a @ a / 8, np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
-        grown = np.stack([h, h * (s + 0.5 * h), h * ((s + 0.5 * h) ** 2 + h**2 / 12)])
-        d_theta, d_H = whole @ d_theta, whole @ d_H + half @ J_inv * grown[..., None, None]
-    return R, d_theta, d_H
-
-
-def bend(phi: Array, omega: Array) -> Array:
-    """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
-    return omega - 0.5 * np.cross(phi, omega) + np.cross(phi, np.cross(phi, omega)) / 12
+    return turn_along(course(flight, reference))
 
 
 def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
-    F, Q, P0 = chain_along(prior, step)
+    F, Q, P0 = chain_along(prior, step, reference.rotation)
     R, d_theta, d_H = turn(flight, reference)
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
@@ -150,10 +158,7 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
 
 def error_angle(flight: Flight, reference: Reference) -> Array:
     """Measured rotation error theta (time, 3) from a reference, NaN where no rotation is seen."""
-    seen = np.all(np.isfinite(flight.rotation), axis=(1, 2))
-    theta = np.full((len(seen), 3), np.nan)
-    theta[seen] = log(flight.rotation[seen] @ reference.rotation[seen].swapaxes(1, 2))
-    return theta
+    return between(flight.rotation, reference.rotation)
 
 
 def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) -> tuple[StateSpace, Array]:
@@ -181,29 +186,62 @@ def linear_flight(
 ) -> tuple[StateSpace, Array]:
     """The whole flight as a linear model about a reference, and what it measures (time, channel).
 
-    Channels: mass center, rotation error, and the sensors with what is constant about the reference removed.
+    Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
+    constant about the reference removed.
     """
-    free = translation(flight, force)
+    flight, free = flexed(flight, reference), translation(flight, force, reference.rotation)
     model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
     z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
+    n, N = len(free.x0), len(model.x0)
+    if flight.modes is not None:
+        frames, seen = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
+        H, _, _ = along_world(reference.chain, reference.axes, reference.lines)
+        model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
+        theta = error_angle(replace(flight, rotation=frames.rotation), reference)
+        z = np.where(seen, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
+        if (gauges := flight.modes.gauges) is not None:
+            model, z = gauged(model, gauges, N), np.concatenate([z, gauges.reading], 1)
     if flight.sensors is None:
         return model, z
-    n, N = len(free.x0), len(model.x0)
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force
-    H, T, _ = along_world(reference.chain, reference.axes, reference.lines)
     to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
-    J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
-    moved = Moved(
-        reference.rotation, H, T, chain @ to_F.T, flight.mass,
-        flight.inertia, J(flight.time, 1), flight.h, h(flight.time, 1),
-    )  # fmt: skip
-    y, by_theta, by_H, by_T, by_F = sensed(flight.sensors, moved)
+    moved = moved_along(flight, force, replace(reference, force=chain))
+    y, by_theta, by_H, by_T, by_F, rate = sensed_late(flight.sensors, moved, reference.clock)
     rows = np.concatenate([by_F @ to_F, by_T @ to_T], 2)
     rows[:, :, n : n + 3] += by_theta
     rows[:, :, n + 3 : n + 6] += by_H @ reference.axes
     about = np.concatenate([chain, reference.chain], 1)
+    rows, chance = carried(rows, flight.sensors, reference.clock, (force, moment))
     told = flight.sensors.readings[:, flight.sensors.used] - y + np.einsum("tcs,ts->tc", rows, about)
-    return with_sensors(model, flight.sensors, rows), np.concatenate([z, told], 1)
+    told += rate * reference.clock[flight.sensors.family]
+    rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
+    if flight.modes is not None and flight.modes.mounting is not None:
+        more, by_modes = bending(flight.sensors, moved, flight.modes)
+        rows[:, :, N : N + by_modes.shape[2]] = by_modes
+        told += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
+    rows_below = with_sensors(model, flight.sensors, rows, chance, rate, np.diff(flight.time))
+    return rows_below, np.concatenate([z, told], 1)
+
+
+def flexed(flight: Flight, reference: Reference) -> Flight:
+    """The flight with its modes along those of a reference, and the inertia of that shape."""
+    if flight.modes is None or reference.modes is None:
+        return flight
+    modes = replace(flight.modes, path=reference.modes)
+    inertia, h = modes.products.of(modes.amplitude, modes.rate)
+    return replace(flight, modes=modes, inertia=inertia, h=h)
+
+
+def moved_along(flight: Flight, force: LoadPrior, reference: Reference) -> Moved:
+    """The flight as its sensors meet it along a reference."""
+    assert reference.force is not None
+    H, T, dT = along_world(reference.chain, reference.axes, reference.lines)
+    _, F, dF = along_world(reference.force, force.axes, force.lines)
+    J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
+    return Moved(
+        reference.rotation, H, T, F, flight.mass,
+        flight.inertia, J(flight.time, 1), flight.h, h(flight.time, 1), dT, dF,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -213,7 +251,9 @@ class FlightState:
     center, velocity, force, moment, H, omega (time, 3); rotation (time, 3, 3); wrench_cov, pose_cov
     (time, 6, 6); innovation (time, channel) of the pose, whitened, nis (time,) of all channels; reference:
     where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
-    their bias (channel,) with bias_std.
+    their bias (channel,) at the end with bias_std; clock (2,) s by which gyros and accelerometers read late,
+    with clock_std, zero where it is not in doubt; modes (time, state): chains of the modes of the body;
+    gauge_innovation (time, gauge) whitened, of the strain gauges used.
     """
 
     center: Array
@@ -232,6 +272,10 @@ class FlightState:
     sensor_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
     bias: Array = field(default_factory=lambda: np.zeros(0))
     bias_std: Array = field(default_factory=lambda: np.zeros(0))
+    clock: Array = field(default_factory=lambda: np.zeros(2))
+    clock_std: Array = field(default_factory=lambda: np.zeros(2))
+    modes: Array | None = None
+    gauge_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def smooth_flight(
@@ -245,7 +289,52 @@ def smooth_flight(
 
     Raises EstimationError when the reference does not come to rest.
     """
-    reference = first_reference(flight, moment)
+    first = None
+    if engine.name == "compiled":
+        stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
+        if stiff is not None and flight.modes is None:
+            return stiff
+        first = None if stiff is None else stiff.reference  # near to where a flight that bends settles
+    model, z, about, _ = settled(flight, force, moment, engine, first)
+    path = engine.smooth(model, z)
+    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
+    return read(flight, about, path.filtered if causal else path, path.filtered, n, force)
+
+
+def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
+    """`smooth_flight` of a body without modes, compiled throughout; None where only an engine's passes do."""
+    if flight.sensors is not None or force.carried is not None or moment.carried is not None:
+        return None
+    clock, which = step_kinds(flight.time)
+    free = translation(replace(flight, time=clock), force)
+
+    kinds = kinds_of(clock, which, free, force, moment)
+    try:
+        found = settled_in_lanes(flight, kinds, force, moment, partial(course_of, flight), causal)
+    except EstimationError:
+        return None
+    if found is None:
+        return None
+    path, R, chain = found
+    x, rot = path.x, turned(path.x[:, kinds.theta : kinds.theta + 3], R)
+    P, F, H, T, _ = loads_of(kinds, x)
+    body = apply(rot.swapaxes(1, 2), H) - flight.h
+    omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
+    reference = Reference(R, chain, moment.axes, moment.lines)
+    return FlightState(
+        x[:, :3] @ force.axes.T, P / flight.mass, rot, H, omega, F, T, path.wrench_cov, path.pose_cov,
+        path.innovation, mean_square(path.innovation), path.log_likelihood, reference,
+    )  # fmt: skip
+
+
+def settled(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, first: Reference | None = None
+) -> tuple[StateSpace, Array, Reference, Reference]:
+    """The flight linearized where it comes to rest, what it measures, that reference, and where it leads.
+
+    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
+    """
+    reference = first_reference(flight, moment) if first is None else first
     n, m = (3 * (p.tuned.order + 3) + 2 * len(p.lines) for p in (force, moment))
     seen = np.isfinite(flight.rotation).all((1, 2))
     rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
@@ -253,26 +342,30 @@ def smooth_flight(
     for _ in range(ITERATIONS):
         model, z = linear_flight(flight, force, moment, reference)
         x = engine.smooth_states(model, z)
-        turned = x[:, n : n + 3]
+        theta = x[:, n : n + 3]
         previous = reference
-        turned_to = exp(turned) @ reference.rotation
-        reference = Reference(turned_to, at_rest(x[:, n : n + m]), moment.axes, moment.lines, x[:, :n])
-        last, size = size, float(np.abs(turned).max())
+        turned_to = turned(theta, reference.rotation)
+        chain = at_rest(x[:, n : n + m])
+        clock = clocks(flight.sensors, x[-1])
+        modes = None if flight.modes is None else x[:, n + m :][:, : flight.modes.path.shape[1]]
+        reference = Reference(turned_to, chain, moment.axes, moment.lines, x[:, :n], clock, modes)
+        last, size = size, float(np.abs(theta).max())
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
     if size > SETTLED:
-        raise EstimationError(
-            f"does not settle: its last step turned the path by {size:.1e} rad",
-            "the smoother on rotations",
-            "raise the sample rate, or state a noise_std nearer to the truth",
-        )
-    path = engine.smooth(model, z)
-    return read(flight, previous, path.filtered if causal else path, path.filtered, n, force)
+        raise EstimationError(f"does not settle: its last step turned the path by {size:.1e} rad", *UNSETTLED)
+    return model, z, previous, reference
 
 
-def smooth_translation(
-    flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False
-) -> FlightState:
+def clocks(sensors: Sensors | None, state: Array) -> Array:
+    """Of the last entries of a state (state,), the clock of each family (2,); zero where none is in doubt."""
+    clock = np.zeros(2)
+    if sensors is not None and len(sensors.clocked):
+        clock[sensors.clocked] = state[-len(sensors.clocked) :]
+    return clock
+
+
+def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False) -> FlightState:
     """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
     path = engine.smooth(translation(flight, force), flight.center)
     f = path.filtered
@@ -293,7 +386,8 @@ def read(
     flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, force: LoadPrior
 ) -> FlightState:
     """The physical quantities in the state of a path; its moment part starts at state n."""
-    x, rot = path.x, exp(path.x[:, n : n + 3]) @ reference.rotation
+    flight = flexed(flight, reference)
+    x, rot = path.x, turned(path.x[:, n : n + 3], reference.rotation)
     axes = force.axes
     P, F, _ = along_world(x[:, :n], axes, force.lines)
     end = n + reference.chain.shape[1]
@@ -305,16 +399,24 @@ def read(
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
     P_all, white = path.P, f.innovation
+    std = np.sqrt(np.maximum(np.diagonal(P_all[-1]), 0.0))
+    modes, told, shown = None, 6, 6
+    if flight.modes is not None:
+        modes, told = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
+        shown = told if (gauges := flight.modes.gauges) is None else told + len(gauges.rows)
+        end += modes.shape[1] + shown - told
+    biases = slice(end, end + white.shape[1] - shown)
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ P_all @ read_wrench.T, read_pose @ P_all @ read_pose.T,
         white[:, :6], f.nis, f.log_likelihood, reference,
-        white[:, 6:], x[-1, end:], np.sqrt(np.maximum(np.diagonal(P_all[-1])[end:], 0.0)),
+        white[:, shown:], x[-1, biases], std[biases], clocks(flight.sensors, x[-1]),
+        clocks(flight.sensors, std), modes, white[:, told:shown],
     )  # fmt: skip
 
 
 def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
-    """Measured rotations, bridged across gaps, with H from their differences and no moment.
+    """Measured rotations, bridged across gaps by a free body, with the H that takes it from frame to frame.
 
     Where gyros read, H is theirs, and the bridges are laid by dead reckoning: any number of turns between two
     frames.
@@ -328,12 +430,11 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
         chain[:, 3:6] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
         return Reference(rot, chain, moment.axes, moment.lines)
     seen = np.isfinite(flight.rotation).all((1, 2))
-    bridge = Slerp(time[seen], Rotation.from_matrix(flight.rotation[seen]))
-    rot = bridge(np.clip(time, *time[seen][[0, -1]])).as_matrix()
-    omega = log(rot[1:] @ rot[:-1].swapaxes(1, 2)) / np.diff(time)[:, None]
-    omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
-    h = (rot @ flight.h[..., None])[..., 0]
-    H = np.einsum("tij,tj->ti", rot @ flight.inertia @ rot.swapaxes(1, 2), omega) + h
+    t, R, J, h = (a[seen] for a in (time, flight.rotation, flight.inertia, flight.h))
+    H = momentum_between(t, R, J, h)[0]
+    last = np.clip(np.searchsorted(t, time, "right") - 1, 0, len(H) - 1)
+    rot = free_turn(time - t[last], R[last], H[last], J[last], h[last])[0]
+    H = np.stack([np.interp(time, 0.5 * (t[1:] + t[:-1]), axis) for axis in H.T], 1)
     chain[:, 3:6] = H @ moment.axes
     return Reference(rot, chain, moment.axes, moment.lines)
 

@@ -1,0 +1,154 @@
+"""Modes of a body in flight: their chains beside those of the loads, and what they do to its rotation.
+
+Each mode has the states (q, q', f) of its prior. They are seen by the frames, whose poses they bend and whose
+further numbers they make, and they change the inertia: theta' gains
+
+    - R J^-1 (dJ/dq_k Omega + dh/dq_k) dq_k - R J^-1 dh/dq'_k dq'_k.
+
+Source: principal equations 4d, 4f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from forceid.kalman.model import StateSpace
+from forceid.kalman.process import discretize
+from forceid.kalman.vibration import STATES, Vibration
+from forceid.motion.frames import Frames
+from forceid.motion.products import Products
+from forceid.records import Array
+
+
+@dataclass(frozen=True)
+class Gauges:
+    """Strain gauges: reading (time, gauge) = rows q + bias + noise, NaN where not sampled.
+
+    rows (gauge, mode) 1/m; noise_cov (gauge, gauge) of white noise; bias_std (gauge,) of the bias before
+    anything is read, which stays.
+    """
+
+    reading: Array
+    rows: Array
+    noise_cov: Array
+    bias_std: Array
+
+
+@dataclass(frozen=True)
+class FlyingModes:
+    """The modes of a flight: what frames show of them, their prior, what they weigh, and where they begin.
+
+    path (time, state): chains (q, q', f) of all modes, about which a flight is linearized first; gauges: that
+    read their strain; mounting: displacement and tilt (sensor, mode, 3) of gyros and accelerometers, each for
+    a unit of amplitude.
+    """
+
+    frames: Frames
+    prior: Vibration
+    products: Products
+    path: Array
+    gauges: Gauges | None = None
+    mounting: tuple[Array, Array] | None = None
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitudes q (time, mode) along the path."""
+        return self.path[:, ::STATES]
+
+    @property
+    def rate(self) -> Array:
+        """Their rates q' (time, mode)."""
+        return self.path[:, 1::STATES]
+
+    def part(self, s: slice) -> FlyingModes:
+        """A stretch of the flight."""
+        frames = replace(self.frames, **{f.name: getattr(self.frames, f.name)[s] for f in fields(Frames)})
+        gauges = self.gauges
+        if gauges is not None:
+            gauges = replace(gauges, reading=gauges.reading[s])
+        return replace(self, frames=frames, path=self.path[s], gauges=gauges)
+
+
+def chains(modes: FlyingModes, step: Array) -> tuple[Array, Array, Array]:
+    """F, Q (time - 1, state, state) and P0 of the chains of all modes."""
+    unique, which = np.unique(np.round(step, 12), return_inverse=True)
+    process = modes.prior.process
+    F, Q = discretize(replace(process, A=process.A[None], Qc=process.Qc[None]), unique[:, None])
+    F, Q = (np.stack([block_diag(*each) for each in a])[which] for a in (F, Q))
+    return F, Q, block_diag(*process.P0)
+
+
+def bent(
+    model: StateSpace, first: int, modes: FlyingModes, time: Array, rotation: Array, H: Array
+) -> StateSpace:
+    """The model of a rigid flight with the chains of its modes behind its states.
+
+    first: its first state of the rotation error theta; rotation (time, 3, 3) and H (time, 3), world axes: of
+    the reference.
+    """
+    step = np.diff(time)
+    F_q, Q_q, P_q = chains(modes, step)
+    n, k, T = len(model.x0), len(P_q), len(time)
+    theta, own = slice(first, first + 3), slice(n, n + k)
+    at_start, at_end = pushes(modes, step, rotation, H, model.F[:, theta, theta])
+    F, Q = (np.zeros((T - 1, n + k, n + k)) for _ in range(2))
+    F[:, :n, :n], F[:, own, own], F[:, theta, own] = model.F, F_q, at_start + at_end @ F_q
+    Q[:, :n, :n], Q[:, own, own], Q[:, theta, own] = model.Q, Q_q, at_end @ Q_q
+    Q[:, own, theta] = Q[:, theta, own].swapaxes(1, 2)
+    Q[:, theta, theta] += Q[:, theta, own] @ at_end.swapaxes(1, 2)
+    u = np.zeros((T - 1, n + k))
+    u[:, :n] = model.u
+    u[:, theta] -= np.einsum("tij,tj->ti", F[:, theta, own], modes.path[:-1])
+    m = k // STATES
+    rows, R = np.zeros((T, 6 + m, n + k)), np.zeros((T, 6 + m, 6 + m))
+    rows[:, :6, :n] = model.H
+    rows[:, :6, n::STATES], rows[:, 6:, n::STATES] = modes.frames.leak, modes.frames.rows
+    R[:, :6, :6] = np.where(np.isfinite(modes.frames.cov), modes.frames.cov, np.eye(6))
+    R[:, 6:, 6:] = np.eye(m)
+    return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), block_diag(model.P0, P_q), u)
+
+
+def pushes(modes: FlyingModes, step: Array, rotation: Array, H: Array, d_theta: Array) -> tuple[Array, Array]:
+    """What the chains do to theta over a step, by their values at its start and at its end.
+
+    Both (time - 1, 3, state): the integral of a cubic through amplitudes and rates at both ends. d_theta
+    (time - 1, 3, 3): of theta over a step by itself.
+    """
+    J, h = modes.products.of(modes.amplitude, modes.rate)
+    J_inv = np.linalg.inv(J)
+    omega = np.einsum("tij,tj->ti", J_inv, np.einsum("tji,tj->ti", rotation, H) - h)
+    dJ, by_q, by_rate = modes.products.slopes(modes.amplitude, modes.rate)
+    turn = -rotation @ J_inv
+    B = turn @ (np.einsum("tkij,tj->tki", dJ, omega) + by_q).swapaxes(1, 2)
+    C = turn @ by_rate.swapaxes(1, 2)
+    s = step[:, None, None]
+    at_start, at_end = (np.zeros((len(step), 3, modes.path.shape[1])) for _ in range(2))
+    along = 0.5 * (d_theta @ C[:-1] + C[1:])  # times the change of q
+    B_start, B_end = d_theta @ B[:-1], B[1:]
+    at_start[:, :, ::STATES], at_start[:, :, 1::STATES] = 0.5 * s * B_start - along, s**2 / 12 * B_start
+    at_end[:, :, ::STATES], at_end[:, :, 1::STATES] = 0.5 * s * B_end + along, -(s**2) / 12 * B_end
+    return at_start, at_end
+
+
+def gauged(model: StateSpace, gauges: Gauges, first: int) -> StateSpace:
+    """A model with the channels of gauges below its own, and their biases behind its states.
+
+    first: state of the first amplitude.
+    """
+    (k, m), n, c = gauges.rows.shape, len(model.x0), model.R.shape[-1]
+    R, H = np.zeros((len(model.R), c + k, c + k)), np.zeros((len(model.H), c + k, n + k))
+    R[:, :c, :c], R[:, c:, c:] = model.R, gauges.noise_cov
+    H[:, :c, :n], H[:, c:, first : first + STATES * m : STATES], H[:, c:, n:] = (
+        model.H,
+        gauges.rows,
+        np.eye(k),
+    )
+    F, Q = (np.pad(a, ((0, 0), (0, k), (0, k))) for a in (model.F, model.Q))
+    F[:, n:, n:] = np.eye(k)
+    u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k)))
+    return StateSpace(
+        F, Q, H, R, np.pad(model.x0, (0, k)), block_diag(model.P0, np.diag(gauges.bias_std**2)), u
+    )

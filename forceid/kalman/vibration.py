@@ -1,0 +1,100 @@
+"""The prior of a mode: an oscillator under a load that wanders, its four numbers by maximum likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from forceid.kalman.channels import driven, stretch
+from forceid.kalman.engines import Engine, for_tuning
+from forceid.kalman.model import StateSpace
+from forceid.kalman.process import Process
+from forceid.kalman.search import climb
+from forceid.records import Array
+
+STATES = 3  # of a mode: amplitude, rate, load
+OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a vibration
+FREQUENCIES, LINES = 16, 4  # looked at first: evenly spread, and the tallest of the periodogram
+DAMPED, REMEMBERED = (0.01, 0.1, 1.0), (0.003, 0.1, 3.0)  # rates over the frequency, looked at first
+REACH = 0.3  # of a logarithm: how far the frequency may move from the best of these
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """Amplitudes q'' + 2 b q' + w^2 q = f with a load f that forgets at `rate`, an oscillator each.
+
+    frequency w (mode,) rad/s; damping b (mode,) 1/s; std (mode,) m of q; rate (mode,) 1/s. With b = w = rate
+    a Matern process of order 3, with little damping a line at w. Source: principal equations 4e.
+    """
+
+    frequency: Array
+    damping: Array
+    std: Array
+    rate: Array
+
+    @property
+    def process(self) -> Process:
+        """States (q, q', f) of each mode, stationary from the start; the output is q."""
+        w2, b, k = self.frequency**2, self.damping, self.rate
+        with_load = self.std**2 * w2 / (k / (2 * b) + 1)  # covariance of q and f
+        load = with_load * (w2 + 2 * b * k + k**2)
+        A, Qc, P0 = (np.zeros((*np.shape(w2), STATES, STATES)) for _ in range(3))
+        A[..., 0, 1] = A[..., 1, 2] = 1.0
+        A[..., 1, 0], A[..., 1, 1], A[..., 2, 2] = -w2, -2 * b, -k
+        Qc[..., 2, 2] = 2 * k * load
+        P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = self.std**2, with_load * k / (2 * b), load
+        P0[..., 0, 2] = P0[..., 2, 0] = with_load
+        P0[..., 1, 2] = P0[..., 2, 1] = with_load * k
+        return Process(A, Qc, P0, np.eye(STATES)[0])
+
+
+def vibrating(prior: Vibration, noise_var: Array, step: Array) -> StateSpace:
+    """Measured amplitudes as one scalar model a mode; noise_var (time, mode) m2; step (time - 1,) s."""
+    return driven(prior.process, 1.0, noise_var, np.zeros(noise_var.shape[1]), step)
+
+
+def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | None = None) -> Vibration:
+    """The most likely prior of each of the amplitudes q (time, mode), seen with noise_var (time, mode).
+
+    Every mode by itself; NaN = missing. From the best of a grid, on it the lines that stand out of the
+    periodogram.
+    """
+    likelihood, modes = for_tuning(engine).log_likelihood, q.shape[1]
+    runs = stretch(q)
+    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
+
+    def objective(points: Array, _levels: Array) -> Array:
+        mode = np.broadcast_to(np.arange(modes)[:, None], points.shape[:-1]).ravel()
+        prior = Vibration(*np.exp(points.reshape(-1, 4)).T)
+        total = np.zeros(len(mode))
+        for run in runs:
+            model = vibrating(prior, noise_var[run][:, mode], np.diff(time[run]))
+            total += likelihood(model, q[run][:, mode, None], OUTLIER)
+        return np.asarray(total.reshape(points.shape[:-1]))
+
+    seen = np.isfinite(q)
+    var = np.nanmean(q**2, 0)
+    size = np.sqrt(np.maximum(var - np.nanmean(np.where(seen, noise_var, np.nan), 0), 1e-2 * var))
+    slow, fast = 2 * np.pi / span, 0.9 * np.pi / step
+    power = np.abs(np.fft.rfft(np.nan_to_num(q), 2 * len(q), axis=0)[1:]) ** 2
+    line = 2 * np.pi * np.fft.rfftfreq(2 * len(q), span / (len(q) - 1))[1:]
+    power[(line < slow) | (line > fast)] = 0.0
+    tallest = line[np.argsort(-power, axis=0)[:LINES]].T
+    spread = np.geomspace(slow, fast, FREQUENCIES)
+    first = np.concatenate([np.broadcast_to(spread, (modes, FREQUENCIES)), tallest], 1)
+    shape = np.array(list(product(DAMPED, REMEMBERED)))
+    grid = np.empty((modes, first.shape[1], len(shape), 4))
+    grid[..., 0], grid[..., 2] = first[:, :, None], size[:, None, None]
+    grid[..., 1], grid[..., 3] = (first[:, :, None] * rate for rate in shape.T)
+    grid = np.log(grid.reshape(modes, -1, 4))
+    value = np.nan_to_num(objective(grid[None], np.zeros(1))[0], nan=-np.inf)
+    at = grid[np.arange(modes), value.argmax(1)]
+    low = np.log(np.broadcast_to([slow, 0.1 / span, 1.0, 0.1 / span], at.shape)).copy()
+    high = np.log(np.broadcast_to([fast, fast, 1.0, fast], at.shape)).copy()
+    low[:, 0], high[:, 0] = (np.clip(at[:, 0] + d, low[:, 0], high[:, 0]) for d in (-REACH, REACH))
+    low[:, 2], high[:, 2] = np.log(0.1 * size), np.log(10 * size)
+    at = np.clip(at, low, high)
+    found = climb(lambda p, s: objective(p, s), low, high, (0.0, 0.0), at, 0.0)[0]
+    return Vibration(*np.exp(found).T)

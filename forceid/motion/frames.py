@@ -1,0 +1,73 @@
+"""What the markers of every frame say of pose and deformation together, in 6 + m numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.motion.pose import Pose, body_axes, exp, pose_gain
+from forceid.principal.operator import summation_operator
+from forceid.records import Array
+
+BLIND = 1e-8  # of the information on the amplitude known best: less is none
+
+
+@dataclass(frozen=True)
+class Frames:
+    """A pose and m numbers for every frame, which hold all that its markers say of pose and amplitudes q.
+
+    center (time, 3) m, rotation (time, 3, 3), NaN where not fixed: those of a rigid body, with covariance cov
+    (time, 6, 6) of marker noise alone, as in `Pose`; deformation bends them by leak q, leak (time, 6, mode)
+    in world axes. told (time, mode) = rows q + noise of unit variance, rows (time, mode, mode), NaN where
+    there is no further number; that noise is independent of the pose's.
+    """
+
+    center: Array
+    rotation: Array
+    cov: Array
+    leak: Array
+    told: Array
+    rows: Array
+
+
+def fit_frames(position: Array, pose: Pose, shape: Array, shapes: Array, cov: Array) -> Frames:
+    """The pose and the further numbers of every frame, from markers near a pose.
+
+    position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
+    cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes. Generalized least
+    squares: what the fit of the pose leaves is independent of it, and shows the amplitudes with the
+    information Phi^T (V^-1 - V^-1 S C S^T V^-1) Phi, whose square root the rows are. So nothing is lost
+    where markers show less than m amplitudes, or none. Source: principal equations 4b, 4d.
+    """
+    T, m = len(position), len(shapes)
+    center, R = pose.center.copy(), pose.rotation.copy()
+    flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
+    leak, rows, told = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
+    out = np.full((T, 6, 6), np.nan)
+    patterns, which = np.unique(np.isfinite(position).all(2), axis=0, return_inverse=True)
+    for i, pattern in enumerate(patterns):
+        at = (which.ravel() == i) & np.isfinite(center).all(1)
+        gain = pose_gain(S, pattern, cov) if at.any() else None
+        if gain is None:
+            continue
+        K, C, V_inv = gain
+        seen = np.repeat(pattern, 3)
+
+        def left(at: Array = at, pattern: Array = pattern) -> Array:
+            return (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
+
+        d = left() @ K.T
+        center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])
+        R[at] = R[at] @ exp(d[:, 3:])
+        turn = np.zeros((at.sum(), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
+        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
+        weighed = flat[seen].T @ V_inv
+        information = weighed @ (flat[seen] - S[seen] @ (K @ flat[seen]))
+        size, axes = np.linalg.eigh(0.5 * (information + information.T))
+        known = size > BLIND * size.max(initial=0.0)
+        root = axes[:, known] / np.sqrt(size[known])
+        rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
+        told[at, : known.sum()] = left() @ (weighed.T @ root)
+    return Frames(center, R, out, leak, told, rows)
