@@ -8,22 +8,25 @@ from typing import Any
 import numpy as np
 
 from forceid.config import Settings
-from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.leakage import Leakage, leakage
 from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.sensitivity import Budget, sensitivity
-from forceid.estimation.unmarked import is_unmarked
-from forceid.estimation.verdict import judge_leakage, judge_recording, judge_shape, largest_turn
+from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
+from forceid.estimation.unmarked_prospects import sensed_bandwidths
+from forceid.estimation.verdict import judge_leakage, judge_recording, judge_shape
 from forceid.kalman.channels import lags, second_difference
+from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion.first_moment import angular_channel
+from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Body, Motion, Recording
 
+UNITS = {"orientation": "rad", "angular_velocity": "rad/s", "specific_force": "m/s2"}
 RESOLVED = 0.1  # of a load: error at which it counts as followed
 
 
@@ -67,7 +70,7 @@ class Inspection:
         """The same for people, a line each."""
         clock = "" if self.regular else ", irregular clock"
         noise = ", ".join(
-            f"{name} {level:.2g} {'rad' if name == 'orientation' else 'm'} "
+            f"{name} {level:.2g} {UNITS.get(name, 'm')} "
             f"({'stated' if self.noise_stated[name] else 'from the data'})"
             for name, level in self.noise_std.items()
         )
@@ -134,13 +137,9 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     check_stiffness(body)
     check_points(settings, body)
     if is_unmarked(motion):
-        raise EstimationError(
-            "holds sensors alone, and an inspection looks at markers or a mean motion",
-            "/motion",
-            "run `forceid estimate`, whose verdict says what sensors alone do not show",
-        )
+        return inspect_unmarked(recording, settings)
     kin = kinematics(body, motion, settings)
-    findings = judge_recording(kin)
+    findings = judge_recording(kin, motion)
     leaks = leakage(body, kin)
     step = np.diff(motion.time)
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
@@ -153,13 +152,38 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         nodes=len(body.node), seen_nodes=int(kin.seen.sum()),
         missing_percent=float(100 * np.isnan(x).mean()), mass_kg=kin.inertia.mass,
         gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise, noise_stated=kin.stated, rank=int(rank),
-        turn_deg_per_frame=float(np.degrees(largest_turn(kin.pose.rotation))), shapes=len(kin.shapes),
+        turn_deg_per_frame=float(np.degrees(largest_turn(kin.time, kin.pose.rotation))),
+        shapes=len(kin.shapes),
         force=bool(force), moment=kin.attitude,
         force_bandwidth_hz=bandwidth(*force_channel(kin, motion.gravity)) if force else None,
         moment_bandwidth_hz=bandwidth(*moment_channel(kin)) if kin.attitude else None,
         has_truth="force" in recording.truth, leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None,
         warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin)]),
+    )  # fmt: skip
+
+
+def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
+    """The same of a recording of sensors alone."""
+    body, motion = recording.body, recording.motion
+    kin, findings = unmarked_kinematics(body, motion, settings), judge_unmarked(body, motion, settings)
+    flight = unmarked_flight(body, motion, settings, kin)
+    moment = not any(f.refuses for f in findings)
+    read = [a for a in (motion.angular_velocity, motion.specific_force) if a is not None]
+    force = moment and motion.specific_force is not None and bool(np.isfinite(motion.specific_force).any())
+    missing = float(100 * np.mean([np.isnan(a).mean() for a in read]))
+    bands = sensed_bandwidths(flight, RESOLVED) if moment else (None, None)
+    rate, step = gyro_rate(motion.time, flight.sensors), np.diff(motion.time)
+    turn = 0.0 if rate is None else float(np.linalg.norm(rate, axis=1).max() * np.median(step))
+    return Inspection(
+        title=recording.title, frames=len(motion.time), duration_s=float(np.ptp(motion.time)),
+        rate_hz=float(1 / np.median(step)), regular=bool(np.ptp(step) < 1e-3 * np.median(step)),
+        nodes=len(body.node), seen_nodes=0, missing_percent=missing,
+        mass_kg=kin.inertia.mass, gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise,
+        noise_stated=kin.stated, rank=0, turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force,
+        moment=moment, force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
+        has_truth="force" in recording.truth, leakage=None, sensitivity=None,
+        warnings=tuple(f.text for f in findings),
     )  # fmt: skip
 
 

@@ -6,31 +6,37 @@ guess, the likelihood of all channels together settles.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Set
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
+from forceid.estimation.joint_tuning import FAMILIES, tune_together
 from forceid.estimation.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.rough_priors import rough_priors
+from forceid.estimation.sensor_clocks import aligned
+from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, Reference, linear_flight, smooth_flight
+from forceid.kalman.flight import Flight, FlightState
 from forceid.kalman.flight_sensors import Sensors
 from forceid.kalman.prior import LoadPrior
+from forceid.motion.free_turn import largest_turn
+from forceid.motion.mounting import mounted
+from forceid.motion.pose import exp
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Motion
 
-FAMILIES = ("angular_velocity", "specific_force")
-LONGEST = 400  # samples that tuning looks at: the middle of a longer record
-STEP = 0.7  # of a logarithm: first step of the search
-LEAK = 0.02  # of the load on its strongest axis, as little as a quiet one is ever taken to have
-LEAST = 0.5  # of a log-likelihood: less is no gain
-SWEEPS = 3
 AMISS = 1.3  # mean squared innovation of a family of sensors, over its covariance
+NAMES, SHORT = ("gyros", "accelerometers"), ("gyro", "accelerometer")
+UNITS = ("rad/s", "m/s2")
+FAR = 1.0  # rad between frames: beyond, the first moment is a poor channel to tune the moment on
+SENSE = 0.8 * np.pi  # rad between frames: beyond, frames alone may have the wrong sense
+SURE = 3.0  # standard errors beyond which a clock is off
+EARLY = 0.1  # of a step: less than that of an offset is not worth a word
 
 
 def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
@@ -38,11 +44,36 @@ def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, se
 
     Noise is as stated, by the file or as noise_std.angular_velocity and noise_std.specific_force; else as
     high-order differences show it. Biases stay constant from a start as good as unknown, or with a standard
-    deviation of noise_std.angular_velocity_bias (rad/s) and noise_std.specific_force_bias (m/s2).
+    deviation of noise_std.angular_velocity_bias (rad/s) and noise_std.specific_force_bias (m/s2); they wander
+    by noise_std.angular_velocity_walk (rad/s per root of a second), noise_std.specific_force_walk (m/s2 per
+    root of a second) where stated. The clocks are off by about noise_std.angular_velocity_clock (s) and
+    noise_std.specific_force_clock (s), zero for clocks that agree; by a frame where nothing is stated.
     Raises DataError where nobody says where the sensors stand.
     """
     sensors = sensors_of(body, motion, settings, kin.inertia.center)
-    return flight if sensors is None else replace(flight, sensors=sensors)
+    if sensors is None:
+        return flight
+    if body.sensor_position is None or body.position is None:
+        return replace(flight, sensors=sensors)
+    return on_shape(replace(flight, sensors=sensors), kin, body.position - kin.inertia.center)
+
+
+def on_shape(flight: Flight, kin: Kinematics, position: Array) -> Flight:
+    """The flight with its sensors where the mean shape takes them from the reference shape, and its modes on.
+
+    position (node, 3) m about the mass center: the reference shape.
+    """
+    sensors, modes = flight.sensors, flight.modes
+    assert sensors is not None
+    if not len(position) or not (kin.shapes.size or (kin.shape != position).any()):
+        return flight
+    shapes = np.concatenate([(kin.shape - position)[None], kin.shapes])
+    moved, tilt = mounted(position, shapes, sensors.position)
+    rotation = exp(tilt[:, 0]) @ sensors.rotation
+    sensors = replace(sensors, position=sensors.position + moved[:, 0], rotation=rotation)
+    if modes is not None:
+        modes = replace(modes, mounting=(moved[:, 1:], tilt[:, 1:]))
+    return replace(flight, sensors=sensors, modes=modes)
 
 
 def fused(
@@ -56,34 +87,82 @@ def fused(
 ) -> tuple[Flight, dict[str, LoadPrior]]:
     """A flight with the sensors of its recording, and the priors of "force" and "moment" that both call for.
 
-    As they were where there are no sensors, or where markers do not show the rotation.
+    As they were where markers do not show the rotation, or where there are no sensors and the body turns by
+    less between frames than makes the first moment a poor channel.
     """
     flight = with_sensors(flight, kin, body, motion, settings) if kin.attitude else flight
-    if flight.sensors is None:
+    turn = turn_a_frame(flight)
+    if not kin.attitude or (flight.sensors is None and turn < FAR):
         return flight, priors
-    known = motion.noise_std | settings.noise_std
-    stated = {name: name in known for name in FAMILIES}
-    flight, force, moment = tune_together(flight, priors["force"], priors["moment"], engine, stated)
+    force, moment = priors["force"], priors["moment"]
+    if turn < SENSE:
+        flight = aligned(flight, force, moment, engine)
+    elif flight.sensors is not None and gyro_rate(flight.time, flight.sensors) is not None:
+        moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
+    known = set(motion.noise_std | settings.noise_std)
+    try:
+        flight, force, moment = tune_together(flight, force, moment, engine, known)
+    except EstimationError:
+        if flight.sensors is not None:
+            raise
+        return flight, priors  # read in the wrong sense, perhaps: what the first moment says has to do
     return flight, priors | {"force": force, "moment": moment}
 
 
-def sensor_reasons(flight: Flight, state: FlightState) -> tuple[str, ...]:
-    """A sentence on the family of sensors that reads most of what the flight does not explain, if any."""
+def turn_a_frame(flight: Flight) -> float:
+    """Largest turn (rad) from one frame seen to the next: as gyros of three axes read it, or as both show."""
+    rate = gyro_rate(flight.time, flight.sensors)
+    seen = np.isfinite(flight.rotation).all((1, 2))
+    if rate is None or seen.sum() < 2:
+        return largest_turn(flight.time, flight.rotation)
+    return float(np.linalg.norm(rate, axis=1).max() * np.median(np.diff(flight.time[seen])))
+
+
+def sensor_reasons(flight: Flight, state: FlightState, stated: Set[str] = frozenset()) -> tuple[str, ...]:
+    """Sentences on clocks that are off, on biases that wander though none is `stated` to (by the name of its
+    noise_std), and on the family that reads most of what nothing explains.
+    """
     if flight.sensors is None:
         return ()
-    gyro = np.repeat([True, False], flight.sensors.readings.shape[1] // 2)[flight.sensors.used]
-    level = {}
-    for name, family in (("gyros", gyro), ("accelerometers", ~gyro)):
-        white = state.sensor_innovation[:, family]
+    found, level, sensors = [], {}, flight.sensors
+    step = float(np.median(np.diff(flight.time)))
+    for i, name in enumerate(NAMES):
+        white = state.sensor_innovation[:, sensors.family == i]
         level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
+        off, error = float(sensors.shifted[i] + state.clock[i]), float(state.clock_std[i])
+        if i in sensors.clocked and abs(off) > max(SURE * error, EARLY * step):
+            sense = "later" if off > 0 else "earlier"
+            found.append(
+                f"the {name} read {1e3 * abs(off):.3g} ms {sense} than their samples say, with a standard "
+                f"error of {1e3 * error:.2g} ms: taken into account; set the clocks"
+            )
+        if sensors.bias_walk[i] and f"{FAMILIES[i]}_walk" not in stated:
+            found.append(
+                f"the biases of the {name} wander, by {sensors.bias_walk[i]:.2g} {UNITS[i]} in a second, or "
+                "what passes for it: they stand or point elsewhere than stated, or the body bends; look at "
+                f"their places, or state noise_std.{FAMILIES[i]}_walk"
+            )
     worst = max(level, key=level.__getitem__)
-    if level[worst] < AMISS:
-        return ()
-    return (
-        f"the innovations of the {worst} are {np.sqrt(level[worst]):.2f} times as large as predicted: they "
-        "stand or point elsewhere than stated, their clock is off, or the body bends under them; "
-        "claimed errors are too small",
-    )
+    if level[worst] > AMISS:
+        found.append(
+            f"the innovations of the {worst} are {np.sqrt(level[worst]):.2f} times as large as predicted: "
+            "they stand or point elsewhere than stated, their clock drifts, or the body bends under them; "
+            "claimed errors are too small"
+        )
+    return tuple(found)
+
+
+def named_sensors(flight: Flight, state: FlightState) -> dict[str, float]:
+    """What was found of the clocks (s) and of biases that wander, as numbers with names."""
+    found = {}
+    if (sensors := flight.sensors) is None:
+        return {}
+    for i in sensors.clocked:
+        found[f"clock_offset_{SHORT[i]}"] = float(sensors.shifted[i] + state.clock[i])
+        found[f"clock_offset_{SHORT[i]}_std"] = float(state.clock_std[i])
+    for i in np.flatnonzero(sensors.bias_walk):
+        found[f"bias_walk_{SHORT[i]}"] = float(sensors.bias_walk[i])
+    return found
 
 
 def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) -> Sensors | None:
@@ -102,6 +181,9 @@ def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) ->
         rotation = Rotation.from_quat(body.sensor_rotation).as_matrix()
     stated = motion.noise_std | settings.noise_std
     noise, bias = np.ones((2, shape[1])), np.ones((2, shape[1]))
+    walk = np.array([stated.get(f"{name}_walk", 0.0) for name in FAMILIES])
+    frame = marker_step(motion)
+    clock = np.array([stated.get(f"{name}_clock", frame) for name in FAMILIES])
     for i, name in enumerate(FAMILIES):
         if name not in read:
             continue
@@ -111,7 +193,16 @@ def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) ->
             level = stated.get(name) or sensor_noise(motion.time, read[name][:, s])
             noise[i, s] = max(level, ROUNDOFF * largest)
     gyro, accelerometer = (read.get(name, gone) for name in FAMILIES)
-    return Sensors(gyro, accelerometer, position, rotation, noise, bias)
+    return Sensors(gyro, accelerometer, position, rotation, noise, bias, walk, clock)
+
+
+def marker_step(motion: Motion) -> float:
+    """Usual time s between frames in which a marker or a mean motion is seen; of the clock where none is."""
+    seen = motion.position if motion.position is not None else motion.center
+    time = motion.time
+    if seen is not None:
+        time = time[np.isfinite(seen).reshape(len(time), -1).any(1)]
+    return float(np.median(np.diff(time))) if len(time) > 1 else float(np.ptp(motion.time))
 
 
 def sensor_noise(time: Array, z: Array) -> float:
@@ -123,135 +214,3 @@ def sensor_noise(time: Array, z: Array) -> float:
     if np.isfinite(z).all(1).sum() < 2 * DIFFERENCES:
         return float(np.nanstd(z)) if np.isfinite(z).any() else 1.0
     return float(np.sqrt(noise_variance(time, z)))
-
-
-def tune_together(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, stated: dict[str, bool] | None = None
-) -> tuple[Flight, LoadPrior, LoadPrior]:
-    """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
-
-    force, moment: as the markers alone have them, which misses axes by more than sensors forgive: first each
-    load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
-    for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
-    moves. The likelihood is that of the flight linearized about its smoothed path, which is laid anew in
-    between. Returns what it was given where the flight has no sensors.
-    """
-    if flight.sensors is None:
-        return flight, force, moment
-    free = [i for i, name in enumerate(FAMILIES) if not (stated or {}).get(name, False)]
-    free = [i for i in free if np.isfinite(getattr(flight.sensors, FAMILIES[i])).any()]
-
-    def searched(
-        flight: Flight, force: LoadPrior, moment: LoadPrior, state: FlightState
-    ) -> tuple[Flight, LoadPrior, LoadPrior]:
-        assert state.reference is not None
-        middle = max((len(flight.time) - LONGEST) // 2, 0)
-        stretch = slice(middle, middle + LONGEST)
-        about = stretched_reference(state.reference, stretch)
-        value = partial(evidence, stretched(flight, stretch), force, moment, about, engine, free)
-        best = climb(value, np.zeros(4 + len(free)))
-        return louder(flight, free, best[4:]), moved(force, best[:2]), moved(moment, best[2:4])
-
-    force, moment = round_prior(force), round_prior(moment)
-    state = smooth_flight(flight, force, moment, engine)
-    flight, force, moment = searched(flight, force, moment, state)
-    state = smooth_flight(flight, force, moment, engine)
-    for load in ("force", "moment"):  # one after the other: one may be uneven, and the other not
-        tried = {"force": force, "moment": moment}
-        tried[load] = along_own_axes(tried[load], getattr(state, load))
-        uneven = smooth_flight(flight, tried["force"], tried["moment"], engine)
-        if uneven.log_likelihood > state.log_likelihood:
-            state, force, moment = uneven, tried["force"], tried["moment"]
-    return searched(flight, force, moment, state)
-
-
-def evidence(
-    flight: Flight,
-    force: LoadPrior,
-    moment: LoadPrior,
-    about: Reference,
-    engine: Engine,
-    free: list[int],
-    by: Array,
-) -> float:
-    """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved."""
-    priors = moved(force, by[:2]), moved(moment, by[2:4])
-    model, z = linear_flight(louder(flight, free, by[4:]), *priors, about)
-    try:
-        return float(engine.log_likelihood(model, z))
-    except EstimationError:  # numbers so far off that a covariance loses its sign
-        return -np.inf
-
-
-def round_prior(prior: LoadPrior) -> LoadPrior:
-    """A prior that is along every axis what it is along its strongest."""
-    tuned = prior.tuned
-    strongest = int(tuned.std.argmax())
-    std, rate = (np.full(3, a[strongest]) for a in (tuned.std, tuned.rate))
-    return replace(prior, tuned=replace(tuned, std=std, rate=rate))
-
-
-def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
-    """A prior that is the same along every axis, along those of a load (time, 3) and in their proportions."""
-    square, axes = np.linalg.eigh(np.cov(load.T))
-    share = np.sqrt(np.maximum(square / square[-1], LEAK**2))
-    axes = axes * np.sign(np.linalg.det(axes))
-    return replace(prior, axes=axes, tuned=replace(prior.tuned, std=prior.tuned.std * share))
-
-
-def moved(prior: LoadPrior, by: Array) -> LoadPrior:
-    """A prior whose level at high frequency is e^by[0] times itself, and its rate e^by[1]."""
-    tuned = prior.tuned
-    std = tuned.std * np.exp(by[0] - (tuned.order - 0.5) * by[1])
-    return replace(prior, tuned=replace(tuned, std=std, rate=tuned.rate * np.exp(by[1])))
-
-
-def louder(flight: Flight, family: list[int], by: Array) -> Flight:
-    """A flight whose families of sensors have e^by times the noise."""
-    assert flight.sensors is not None
-    noise = flight.sensors.noise_std.copy()
-    for i, b in zip(family, by, strict=True):
-        noise[i] *= np.exp(b)
-    return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
-
-
-def stretched(flight: Flight, s: slice) -> Flight:
-    """A stretch of a flight."""
-    assert flight.sensors is not None
-    parts = {
-        name: getattr(flight, name)[s]
-        for name in ("time", "center", "rotation", "pose_cov", "inertia", "h")
-    }  # fmt: skip
-    read = {name: getattr(flight.sensors, name)[s] for name in FAMILIES}
-    # a family that does not read in the stretch reads nothing there, and its bias has no state
-    return replace(flight, **parts, sensors=replace(flight.sensors, **read))
-
-
-def stretched_reference(reference: Reference, s: slice) -> Reference:
-    """The part of a reference in a stretch of the flight."""
-    force = None if reference.force is None else reference.force[s]
-    return replace(reference, rotation=reference.rotation[s], chain=reference.chain[s], force=force)
-
-
-def climb(value: Callable[[Array], float], p: Array) -> Array:
-    """A maximum of value(p) near p (k,): along each coordinate to the top of a parabola, and again.
-
-    >>> climb(lambda p: -float((p[0] - 0.5) ** 2 + (p[1] + 0.2) ** 2), np.zeros(2)).round(3)
-    array([ 0.5, -0.2])
-    """
-    best, step = value(p), np.full(len(p), STEP)
-    for _ in range(SWEEPS):
-        began = best
-        for i in range(len(p)):
-            at = [p + s * step[i] * np.eye(len(p))[i] for s in (-1, 1)]
-            low, high = (value(q) for q in at)
-            bend, slope = low + high - 2 * best, 0.5 * (high - low)
-            to = -slope / bend if bend < 0 else np.sign(slope) * 2.0
-            to = float(np.clip(to, -2.0, 2.0)) if np.isfinite(to) else 0.0
-            trial = p + to * step[i] * np.eye(len(p))[i]
-            tried = [(best, p), (low, at[0]), (high, at[1]), (value(trial), trial)]
-            best, p = max(tried, key=lambda pair: pair[0])
-            step[i] = np.clip(abs(to) * step[i], 0.1, 2 * STEP)
-        if best - began < LEAST:
-            break
-    return p

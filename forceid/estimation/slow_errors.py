@@ -62,7 +62,10 @@ def with_shared_error(kin: Kinematics) -> Kinematics:
     """
     cov = kin.pose.cov.copy()
     cov[:, :3, :3] += 0.5 * max(kin.noise.values()) ** 2 * np.eye(3)
-    return replace(kin, pose=replace(kin.pose, cov=cov))
+    frames = kin.frames
+    if frames is not None:
+        frames = replace(frames, cov=frames.cov + cov - kin.pose.cov)
+    return replace(kin, pose=replace(kin.pose, cov=cov), frames=frames)
 
 
 def noise_by_prediction(channel: Channel, lines: tuple[Line, ...], engine: Engine) -> tuple[float, int]:

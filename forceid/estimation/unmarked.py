@@ -14,20 +14,17 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.deformation import Deformation
 from forceid.estimation.flight_smoother import Solution, named
+from forceid.estimation.joint_tuning import FAMILIES, tune_together
 from forceid.estimation.kinematics import Kinematics, inertia_of
-from forceid.estimation.sensors import FAMILIES, sensor_reasons, sensors_of, tune_together
+from forceid.estimation.rough_priors import rough_priors
+from forceid.estimation.sensors import named_sensors, sensor_reasons, sensors_of
 from forceid.estimation.verdict import Finding
-from forceid.kalman.channels import Start
+from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, smooth_flight
-from forceid.kalman.flight_sensors import gyro_rate
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
+from forceid.kalman.flight import Flight, FlightState, smooth_flight
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Motion
 
-ORDER = 3
-RATE = 20.0  # 1/s: where the search for the rate begins
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
 LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
 
@@ -55,7 +52,20 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
         "observable; force and moment stand in the axes of the body at the first sample, and place and speed "
         "are left out; add markers, or a measured pose"
     )
-    return [Finding(text)]
+    found = [Finding(text)]
+    if sensors is not None and 1 in sensors.family and f"{FAMILIES[1]}_bias" not in known(motion, settings):
+        text = (
+            "biases of the accelerometers are not stated, and one that all of them share reads as a force "
+            "does that turns with the body: such a force is not told apart, and counts as bias; state "
+            "noise_std.specific_force_bias from a record at rest"
+        )
+        found.append(Finding(text))
+    return found
+
+
+def known(motion: Motion, settings: Settings) -> dict[str, float]:
+    """What is stated of the sensors, by name."""
+    return motion.noise_std | settings.noise_std
 
 
 def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
@@ -63,10 +73,10 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     kin = unmarked_kinematics(body, motion, settings)
     flight = unmarked_flight(body, motion, settings, kin)
     force, moment = rough_priors(flight)
-    stated = {name: kin.stated.get(name, False) for name in FAMILIES}
+    stated = set(known(motion, settings))
     flight, force, moment = tune_together(flight, force, moment, engine, stated)
     state = smooth_flight(flight, force, moment, engine, settings.method == "filter")
-    reasons = list(sensor_reasons(flight, state))
+    reasons = list(sensor_reasons(flight, state, stated))
     var = np.diagonal(state.pose_cov[-1], axis1=0, axis2=1)[3:]
     off = float(np.degrees(np.sqrt(var.max())))
     reasons.append(
@@ -87,6 +97,12 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
                 f"biases of the accelerometers pass for force: its claimed error is {claimed:.2g} N beside "
                 f"{size:.2g} N; state noise_std.specific_force_bias from a record at rest"
             )
+        elif "specific_force_bias" not in stated:
+            turning = float(np.linalg.norm(common_bias(flight, state)) * flight.mass)
+            reasons.append(
+                f"a force of up to {turning:.2g} N that turns with the body may be among the biases of the "
+                "accelerometers, and is not in the claimed error"
+            )
     lost = np.full_like(state.center, np.nan)
     pose_cov = state.pose_cov.copy()
     pose_cov[:, :3], pose_cov[:, :, :3] = np.nan, np.nan
@@ -95,7 +111,19 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     none = np.zeros((T, 0))
     deformation = Deformation(none, none, flight.inertia, flight.h)
     priors = {"force": force, "moment": moment}
-    return Solution(kin, deformation, state, engine.name, named(kin, priors), {}, tuple(reasons))
+    tuned = named(kin, priors) | named_sensors(flight, state)
+    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(reasons))
+
+
+def common_bias(flight: Flight, state: FlightState) -> Array:
+    """What the biases of the accelerometers have in common (3,) m/s2, body axes, over those of three axes."""
+    assert flight.sensors is not None
+    every = np.full(len(flight.sensors.used), np.nan)
+    every[flight.sensors.used] = state.bias
+    biases = every.reshape(2, -1, 3)[1]
+    whole = np.isfinite(biases).all(1)
+    turned = np.einsum("sab,sb->sa", flight.sensors.rotation[whole], biases[whole])
+    return np.asarray(turned.mean(0)) if whole.any() else np.zeros(3)
 
 
 def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinematics:
@@ -105,13 +133,12 @@ def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinem
     lost, unseen = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
     cov, empty = np.tile(np.eye(6), (T, 1, 1)), np.zeros((T, 0))
     pose = Pose(lost, unseen, cov, np.full((T, nodes, 3), np.nan), np.full(T, np.nan), np.zeros(T))
-    known = motion.noise_std | settings.noise_std
     sensors = sensors_of(body, motion, settings, inertia.center)
     noise = {}
     if sensors is not None:
         read = [name for name in FAMILIES if getattr(motion, name) is not None]
         noise = {name: float(sensors.noise_std[FAMILIES.index(name)].mean()) for name in read}
-    stated = {name: name in known for name in noise}
+    stated = {name: name in known(motion, settings) for name in noise}
     none = np.zeros((0, nodes, 3))
     return Kinematics(
         motion.time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", noise, stated, True
@@ -126,33 +153,9 @@ def unmarked_flight(body: Body, motion: Motion, settings: Settings, kin: Kinemat
     cov = np.tile(HELD**2 * np.eye(6), (T, 1, 1))
     inertia = np.tile(kin.inertia.tensor, (T, 1, 1))
     sensors = sensors_of(body, motion, settings, kin.inertia.center)
+    if sensors is not None:  # the clock is that of the gyros
+        sensors = replace(sensors, clock_std=sensors.clock_std * [0.0, 1.0])
     nothing = np.zeros((T, 3))
     return Flight(
         motion.time, center, rotation, cov, kin.inertia.mass, inertia, nothing, np.zeros(3), sensors
     )  # fmt: skip
-
-
-def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
-    """Priors of force and moment of about the size that the sensors show, for a search to begin with."""
-    sensors, time = flight.sensors, flight.time
-    omega = gyro_rate(time, sensors)
-    assert sensors is not None
-    assert omega is not None
-    span, alpha = float(np.ptp(time)), np.gradient(omega, time, axis=0)
-    H = np.einsum("tij,tj->ti", flight.inertia, omega)
-    T = np.einsum("tij,tj->ti", flight.inertia, alpha) + np.cross(omega, H)
-    pulled = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.specific_force)
-    swept = np.cross(alpha[:, None], sensors.position)
-    swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
-    f = pulled - swept
-    F = flight.mass * f[np.isfinite(f).all(2)]
-    return prior(F, 0.0, span), prior(T, float(np.abs(H).max()), span)
-
-
-def prior(load: Array, momentum: float, span: float) -> LoadPrior:
-    """A prior of loads of the size of `load` (sample, 3), with momentum of about that size at the start."""
-    size = float(np.sqrt(np.mean(load**2))) if load.size else 1.0
-    size = size or 1.0
-    first = (10 * max(momentum, size * span)) ** 2
-    tuned = Tuned(ORDER, np.full(3, size), np.full(3, max(RATE, 3 / span)), 1.0, False, 0.0)
-    return LoadPrior(tuned, np.eye(3), Start(1.0, first, (10 * size) ** 2))

@@ -10,11 +10,12 @@ from scipy.special import chdtri
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.leakage import Leakage, marker_cov
 from forceid.estimation.sensitivity import follows
-from forceid.motion.pose import log, pose_gain
+from forceid.motion.free_turn import WIDE, largest_turn
+from forceid.motion.pose import pose_gain
 from forceid.motion.window import noise_growth
 from forceid.principal.loads import undetermined
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags, Loads, Verdict
+from forceid.records import Array, Flags, Loads, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
@@ -47,23 +48,34 @@ def judge(findings: list[Finding]) -> Verdict:
     return Verdict(level, tuple(f.text for f in findings))  # type: ignore[arg-type]
 
 
-def judge_recording(kin: Kinematics) -> list[Finding]:
-    """What the recording alone does not allow, before any force is computed."""
+def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
+    """What the recording alone does not allow, before any force is computed.
+
+    motion: where it may hold gyros and accelerometers beside what shows a pose.
+    """
     if not np.isfinite(kin.pose.center).any():
         text = "no frame shows the mass center: the markers seen do not span it; mark every node with mass"
         return [Finding(text, refuses=True)]
-    found = [Finding(text) for text in unseen(kin)]
-    turn = largest_turn(kin.pose.rotation)
-    if turn > FAST:
+    found = [Finding(text) for text in unseen(kin, motion)]
+    turn = largest_turn(kin.time, kin.pose.rotation)
+    if turn > FAST and not (motion is not None and reads_turn(motion)):
+        step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
+        taken, other = turn / (2 * np.pi * step), (2 * np.pi - turn) / (2 * np.pi * step)
         text = (
             f"the body turns {np.degrees(turn):.0f} degrees between frames, near or past the half turn at "
-            "which the sense and number of turns are lost; record faster or add a gyro"
+            f"which the sense and number of turns are lost: what is read as {taken:.3g} rev/s may be "
+            f"{other:.3g} rev/s the other way; record faster or add a gyro"
         )
         found.append(Finding(text))
     return found
 
 
-def unseen(kin: Kinematics) -> list[str]:
+def reads_turn(motion: Motion) -> bool:
+    """Whether a gyro of three axes reads."""
+    return motion.angular_velocity is not None and bool(np.isfinite(motion.angular_velocity).all(2).any())
+
+
+def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
     """Sentences on motions that the markers do not show."""
     found = []
     marked = int(kin.seen.sum())
@@ -84,7 +96,7 @@ def unseen(kin: Kinematics) -> list[str]:
             f"{hidden} nodes carry mass but no marker, and the body deforms: their share of force and moment "
             "is that of the undeformed shape; mark them, or give mode shapes"
         )
-    lost = ~np.all(np.isfinite(kin.pose.center), axis=1)
+    lost = lost_frames(kin, motion)
     if lost.any():
         span = longest_run(lost)
         found.append(
@@ -271,14 +283,37 @@ def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float,
     return at, where
 
 
-def largest_turn(rotation: Array) -> float:
-    """Largest rotation between neighboring frames that both show one, rad; zero where there is none."""
-    seen = np.all(np.isfinite(rotation), axis=(1, 2))
-    pair = seen[1:] & seen[:-1]
-    if not pair.any():
-        return 0.0
-    turned = log(rotation[1:][pair] @ rotation[:-1][pair].swapaxes(1, 2))
-    return float(np.linalg.norm(turned, axis=1).max())
+def lost_frames(kin: Kinematics, motion: Motion | None = None) -> Flags:
+    """Samples (time,) that show no pose, and that nothing bridges.
+
+    Beside gyros and accelerometers, what shows the pose may have a rate of its own: between two of its frames
+    none is lost. Nor where both families of sensors read on.
+    """
+    time, seen = kin.time, np.asarray(np.isfinite(kin.pose.center).all(1))
+    if motion is None or (motion.angular_velocity is None and motion.specific_force is None):
+        return ~seen
+    read = np.ones_like(seen)
+    for family in (motion.angular_velocity, motion.specific_force):
+        one = np.zeros_like(seen) if family is None else np.asarray(np.isfinite(family).any((1, 2)))
+        read &= on_its_clock(time, one)
+    return np.asarray(~(on_its_clock(time, seen) | read))
+
+
+def on_its_clock(time: Array, seen: Flags) -> Flags:
+    """Samples (time,) that are seen, or no farther from one seen than it usually is to the next.
+
+    >>> on_its_clock(np.arange(9.0), np.array([1, 0, 1, 0, 1, 0, 0, 0, 1], bool)).astype(int)
+    array([1, 1, 1, 1, 1, 0, 0, 0, 1])
+    """
+    at = time[seen]
+    if len(at) < 2:
+        return seen
+    k = np.searchsorted(at, time, "right")
+    before, after = np.append(-np.inf, at)[k], np.append(at, np.inf)[k]
+    gap = np.where(
+        np.isfinite(before) & np.isfinite(after), after - before, np.minimum(time - before, after - time)
+    )
+    return np.asarray(seen | (gap < WIDE * np.median(np.diff(at))))
 
 
 def longest_run(flag: Flags) -> int:

@@ -8,21 +8,22 @@ In body axes, with H, F, T turned into them and the reading of a body that may d
 
 F leaves weight out, so F / m is the specific force of the mass center. Exact, and linear in F and T; about a
 reference linear in H and in the rotation error, which stands on the left: R^T v gains R^T [v]x theta. Each
-channel has a bias that stays. The sensor stands still in body axes: its own motion and tilt as the body
-deforms are not in the rows. Source: principal equations 4d, 4f.
+channel has a bias that stays, or wanders as b' = w. A family may read on a clock of its own: late by a time
+that stays, it reads y + y' times that. The sensor stands still in body axes: its own motion and tilt as the
+body deforms are not in the rows. Source: principal equations 4d, 4f.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.kalman.model import StateSpace
-from forceid.motion.pose import log
+from forceid.kalman.prior import LoadPrior, chain_along
+from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, Indices
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,9 @@ class Sensors:
     angular_velocity rad/s and specific_force m/s2 (time, sensor, 3), sensor axes, NaN where not sampled;
     position (sensor, 3) m from the mass center and rotation (sensor, 3, 3) sensor to body, body axes;
     noise_std and bias_std (2, sensor), first of the gyros: of white noise, and of the bias before anything
-    is read, which may be as good as unknown.
+    is read, which may be as good as unknown. Of a family (2,): bias_walk, by which a bias wanders in a second
+    (rad/s and m/s2 per root of a second); clock_std s, of the time by which it reads later than its samples
+    say, zero where the clocks agree; shifted s, by which its readings have been put on later samples.
     """
 
     angular_velocity: Array
@@ -41,6 +44,9 @@ class Sensors:
     rotation: Array
     noise_std: Array
     bias_std: Array
+    bias_walk: Array = field(default_factory=lambda: np.zeros(2))
+    clock_std: Array = field(default_factory=lambda: np.zeros(2))
+    shifted: Array = field(default_factory=lambda: np.zeros(2))
 
     @property
     def readings(self) -> Array:
@@ -52,6 +58,16 @@ class Sensors:
     def used(self) -> Flags:
         """Channels (channel,) that read anything at all: the others get no row and no bias."""
         return np.asarray(np.isfinite(self.readings).any(0))
+
+    @property
+    def family(self) -> Indices:
+        """Of every channel used, 0 for a gyro and 1 for an accelerometer."""
+        return np.asarray(np.repeat([0, 1], self.readings.shape[1] // 2)[self.used])
+
+    @property
+    def clocked(self) -> Indices:
+        """The families whose clock is in doubt: each has a state."""
+        return np.asarray([i for i in (0, 1) if self.clock_std[i] > 0 and i in self.family], int)
 
     @property
     def noise_var(self) -> Array:
@@ -69,7 +85,7 @@ class Moved:
     """A flight at the samples of its clock, for its sensors: rotation, momentum and loads in world axes.
 
     rotation (time, 3, 3); H, T, F (time, 3); mass kg; inertia, inertia_rate (time, 3, 3), h, h_rate (time, 3)
-    of the shape, body axes.
+    of the shape, body axes; T_rate, F_rate (time, 3) of the loads.
     """
 
     rotation: Array
@@ -81,6 +97,23 @@ class Moved:
     inertia_rate: Array
     h: Array
     h_rate: Array
+    T_rate: Array | float = 0.0
+    F_rate: Array | float = 0.0
+
+    @property
+    def omega(self) -> Array:
+        """Angular velocity (time, 3), world axes."""
+        Rt = np.asarray(self.rotation.swapaxes(1, 2))
+        H = apply(Rt, self.H) - self.h
+        return apply(self.rotation, np.asarray(np.linalg.solve(self.inertia, H[..., None])[..., 0]))
+
+    def later(self, s: float) -> Moved:
+        """The flight a little later, by s seconds, as its own rates say."""
+        H = self.H + s * self.T + 0.5 * s**2 * self.T_rate
+        inertia, h = self.inertia + s * self.inertia_rate, self.h + s * self.h_rate
+        now = replace(self, H=H, T=self.T + s * self.T_rate, F=self.F + s * self.F_rate, inertia=inertia, h=h)
+        ahead = replace(now, rotation=exp(s * self.omega) @ self.rotation).omega
+        return replace(now, rotation=exp(0.5 * s * (self.omega + ahead)) @ self.rotation)
 
 
 def sensed(sensors: Sensors, moved: Moved) -> tuple[Array, Array, Array, Array, Array]:
@@ -127,68 +160,75 @@ def sensed(sensors: Sensors, moved: Moved) -> tuple[Array, Array, Array, Array, 
     return y, d[0], d[1], d[2], d[3]
 
 
-def with_sensors(model: StateSpace, sensors: Sensors, H: Array) -> StateSpace:
-    """A model with channels of sensors below its own, and their biases behind its states.
+def sensed_late(sensors: Sensors, moved: Moved, clock: Array) -> tuple[Array, ...]:
+    """What `sensed` says, of families that read later than their samples by clock (2,) s.
 
-    H (time, channel, state): rows of the sensors on the states of the model.
+    Also, last, the rate of what is read (time, channel).
     """
-    k, n, m, T = H.shape[1], len(model.x0), model.R.shape[-1], len(H)
-    rows = np.zeros((T, m + k, n + k))
-    rows[:, :m, :n], rows[:, m:, :n], rows[:, m:, n:] = model.H, H, np.eye(k)
-    R, P0 = np.zeros((T, m + k, m + k)), np.zeros((n + k, n + k))
-    R[:, :m, :m], R[:, m:, m:] = model.R, np.diag(sensors.noise_var)
-    P0[:n, :n], P0[n:, n:] = model.P0, np.diag(sensors.bias_var)
-    F, Q = (np.zeros((len(a), n + k, n + k)) for a in (model.F, model.Q))
-    F[:, :n, :n], F[:, n:, n:], Q[:, :n, :n] = model.F, np.eye(k), model.Q
-    u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k)))
-    return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), P0, u)
+    same = clock[0] == clock[1]
+    parts = []
+    for i in (0,) if same else (0, 1):
+        then = moved.later(clock[i]) if clock[i] else moved
+        y, *rows = sensed(sensors, then)
+        rates = (then.omega, then.T, then.T_rate, then.F_rate)
+        rate = sum(
+            np.einsum("tcs,ts->tc", d, np.broadcast_to(v, then.H.shape))
+            for d, v in zip(rows, rates, strict=True)
+        )
+        parts.append((y, *rows, np.asarray(rate)))
+    if same:
+        return parts[0]
+    gyro = sensors.family == 0
+    return tuple(np.concatenate([a[:, gyro], b[:, ~gyro]], 1) for a, b in zip(*parts, strict=True))
 
 
-def gyro_rate(time: Array, sensors: Sensors | None) -> Array | None:
-    """Angular velocity (time, 3), body axes, that the gyros read on average; bridged between samples.
+def carried(rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior, ...]) -> tuple[Array, Array]:
+    """Rows (time, channel, state) on the states of a sample, of what is read by `clock` (2,) s later.
 
-    None where no gyro reads all three axes at once.
+    Also the covariance (time, channel, channel) of what the chains of the loads do in between by chance.
     """
-    if sensors is None:
-        return None
-    body = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.angular_velocity)
-    whole = np.isfinite(body).all(2)
-    seen = whole.any(1)
-    if not seen.any():
-        return None
-    mean = np.where(whole[..., None], body, 0.0).sum(1)[seen] / whole.sum(1)[seen, None]
-    return np.stack([np.interp(time, time[seen], axis) for axis in mean.T], 1)
+    rows, noise = rows.copy(), np.zeros((*rows.shape[:2], rows.shape[1]))
+    for i, by in enumerate(clock):
+        mine = np.flatnonzero(sensors.family == i)
+        if by == 0.0 or not len(mine):
+            continue
+        begin = 0
+        for load in loads:
+            F, Q, P0 = chain_along(load, np.array([abs(by)]))
+            lead, chance, part = F[0], Q[0], slice(begin + 3, begin + len(P0))
+            if by < 0:
+                lead = np.linalg.inv(lead)
+                chance = lead @ chance @ lead.T
+            own = rows[:, mine, part]
+            noise[:, mine[:, None], mine] += own @ chance[3:, 3:] @ own.swapaxes(1, 2)
+            rows[:, mine, part] = own @ lead[3:, 3:]
+            begin += len(P0)
+    return rows, noise
 
 
-def reckoned(time: Array, step: Array, rotation: Array) -> Array:
-    """Rotations (time, 3, 3) by dead reckoning, led back to those that are seen.
+def with_sensors(
+    model: StateSpace, sensors: Sensors, H: Array, noise: Array, rate: Array, step: Array
+) -> StateSpace:
+    """A model with channels of sensors below its own; behind its states their biases, then their clocks.
 
-    step (time - 1, 3, 3): turn from each sample to the next, body axes; rotation (time, 3, 3), NaN where not
-    seen. The number of turns is that of the steps, so nothing is lost past half a turn a frame: what the
-    reckoning drifts between two frames seen only has to stay below one half. Where none is seen, the world
-    axes are those of the body at the first sample.
+    H (time, channel, state): rows of the sensors on the states of the model; noise (time, channel, channel)
+    beside their own; rate (time, channel) of what they read; step (time - 1,) s.
     """
-    path = np.empty((len(time), 3, 3))
-    path[0] = np.eye(3)
-    for k, turn in enumerate(step):
-        path[k + 1] = path[k] @ turn
-    path = Rotation.from_matrix(path).as_matrix()  # rounding adds up along the products
-    seen = np.isfinite(rotation).all((1, 2))
-    if not seen.any():
-        return path
-    off = rotation[seen] @ path[seen].swapaxes(1, 2)
-    if seen.sum() == 1:
-        return np.asarray(off @ path)
-    between = Slerp(time[seen], Rotation.from_matrix(off))
-    return np.asarray(between(np.clip(time, *time[seen][[0, -1]])).as_matrix() @ path)
-
-
-def drift(time: Array, step: Array, rotation: Array) -> float:
-    """Largest angle rad by which dead reckoning, as in `reckoned`, misses a frame seen from the last."""
-    seen = np.flatnonzero(np.isfinite(rotation).all((1, 2)))
-    path = reckoned(time, step, np.full_like(rotation, np.nan))
-    off = rotation[seen] @ path[seen].swapaxes(1, 2)
-    return float(np.linalg.norm(log(off[1:] @ off[:-1].swapaxes(1, 2)), axis=1).max(initial=0.0))
+    clocked, family = sensors.clocked, sensors.family
+    k, n, m, T, c = H.shape[1], len(model.x0), model.R.shape[-1], len(H), len(clocked)
+    rows = np.zeros((T, m + k, n + k + c))
+    rows[:, :m, :n], rows[:, m:, :n], rows[:, m:, n : n + k] = model.H, H, np.eye(k)
+    rows[:, m:, n + k :] = rate[..., None] * (family[:, None] == clocked)
+    R, P0 = np.zeros((T, m + k, m + k)), np.zeros((n + k + c, n + k + c))
+    R[:, :m, :m], R[:, m:, m:] = model.R, noise + np.diag(sensors.noise_var)
+    P0[:n, :n] = model.P0
+    P0[n:, n:] = np.diag(np.concatenate([sensors.bias_var, sensors.clock_std[clocked] ** 2]))
+    F, Q = (np.zeros((len(a), *P0.shape)) for a in (model.F, model.Q))
+    F[:, :n, :n], F[:, n:, n:], Q[:, :n, :n] = model.F, np.eye(k + c), model.Q
+    wander = np.diag(sensors.bias_walk[family] ** 2)
+    Q[:, n : n + k, n : n + k] = step[:, None, None] * wander
+    u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k + c)))
+    return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k + c)), P0, u)
 
 
 def apply(A: Array, v: Array) -> Array:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import exp, log
-from forceid.principal.operator import cross_matrix
+from forceid.motion.free_turn import momentum_between
 from forceid.records import Array
 
 
@@ -28,21 +27,21 @@ class AngularChannel:
 def angular_channel(time: Array, rotation: Array, cov: Array, inertia: Array, h: Array) -> AngularChannel:
     """Integrated angular momentum of measured rotations (time, 3, 3), with cov (time, 3, 3) of left errors.
 
-    inertia (time, 3, 3) and h (time, 3) of the deforming body, body axes. An error theta of the rotation
-    makes H wrong by J theta' - H x theta, so Y by J theta plus the integral of (-J' - [H]x) theta.
+    inertia (time, 3, 3) and h (time, 3) of the deforming body, body axes. H is the one that takes a free body
+    from frame to frame. An error theta of the rotation makes H wrong by J theta' - H x theta, so Y by J theta
+    plus the integral of (-J' - [H]x) theta; across a step of some size, by what that step makes of theta.
     Good for tuning a prior; the flight smoother makes no use of it. Source: principal equations 2.4, 4f.
     """
     seen = np.isfinite(rotation).all((1, 2))
     t, R, C, J_body = time[seen], rotation[seen], cov[seen], inertia[seen]
-    step = np.diff(t)[:, None]
-    turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
-    middle = exp(0.5 * turn) @ R[:-1]
-    J = middle @ (0.5 * (J_body[1:] + J_body[:-1])) @ middle.swapaxes(1, 2)
-    h_world = np.einsum("tab,tb->ta", middle, 0.5 * (h[seen][1:] + h[seen][:-1]))
-    gain = np.einsum("tab,tb->ta", J, turn) + h_world * step
-    omega, H = cross_matrix(turn / step), cross_matrix(gain / step)
-    adds_up = omega @ J - J @ omega + H
-    drift = (step[..., None] * (adds_up @ C[1:] @ adds_up.swapaxes(1, 2))).mean(0)
-    J_world = R @ J_body @ R.swapaxes(1, 2)
-    Y = np.concatenate([np.zeros((1, 3)), np.cumsum(gain, axis=0)])
-    return AngularChannel(t, Y, J_world @ C @ J_world.swapaxes(1, 2), drift)
+    step = np.diff(t)[:, None, None]
+    H, by_R, by_H = momentum_between(t, R, J_body, h[seen])
+    Y = np.concatenate([np.zeros((1, 3)), np.cumsum(H * step[..., 0], axis=0)])
+    # theta_2 = by_R theta_1 + by_H dH: a frame moves Y by the step that ends in it, against the one it begins
+    ends = step * np.linalg.inv(by_H)
+    adds_up = ends[:-1] - ends[1:] @ by_R[1:]
+    drift = (
+        (adds_up @ C[1:-1] @ adds_up.swapaxes(1, 2) / step[1:]).mean(0) if len(step) > 1 else np.zeros((3, 3))
+    )
+    moved = np.concatenate([ends[:1], ends])
+    return AngularChannel(t, Y, moved @ C @ moved.swapaxes(1, 2), drift)

@@ -2,7 +2,8 @@
 
 The loads are sums of sines of time, world axes, so that both are known in closed form at any instant. The
 sensors read by the laws of Newton and Euler in body axes, and then what makes them sensors is added: white
-noise, a bias that stays, and their own rate on the clock of the recording, NaN between their samples.
+noise, a bias that stays or wanders, a clock that is late, and their own rate on the clock of the recording,
+NaN between their samples.
 """
 
 from __future__ import annotations
@@ -34,8 +35,10 @@ class Parameters(Section):
 
     Sensors: sensor_position m and sensor_turn rad (rotation vector sensor to body), one each. gyro_noise
     rad/s and accelerometer_noise m/s2: white, per component; gyro_bias and accelerometer_bias: of every
-    sensor, sensor axes; sensor_every, marker_every: read at each so many samples of the clock; markers:
-    whether there are any.
+    sensor, sensor axes; gyro_walk rad/s and accelerometer_walk m/s2 per root of a second: by which they
+    wander; gyro_clock and accelerometer_clock s: what is stamped t was read so much later, and nothing before
+    the flight; sensor_every, marker_every: read at each so many samples of the clock; markers: whether there
+    are any.
     """
 
     position: tuple[Vector, ...] = (
@@ -66,6 +69,10 @@ class Parameters(Section):
     accelerometer_noise: float = Field(default=0.1, ge=0.0)
     gyro_bias: tuple[Vector, ...] = ((0.05, -0.03, 0.02), (-0.02, 0.06, 0.01))
     accelerometer_bias: tuple[Vector, ...] = ((0.3, -0.2, 0.1), (-0.1, 0.25, 0.2))
+    gyro_walk: float = Field(default=0.0, ge=0.0)
+    accelerometer_walk: float = Field(default=0.0, ge=0.0)
+    gyro_clock: float = 0.0
+    accelerometer_clock: float = 0.0
     sensor_every: int = Field(default=1, ge=1)
     marker_every: int = Field(default=1, ge=1)
     markers: bool = True
@@ -142,9 +149,28 @@ def measure(
         rare = (sample % p.marker_every > 0).reshape(-1, *[1] * (values.ndim - 1))
         seen = seen | {name: np.where(rare, np.nan, values)}
     std = {"angular_velocity": p.gyro_noise, "specific_force": p.accelerometer_noise}
-    biases = (p.gyro_bias, p.accelerometer_bias)
-    for name, exact, bias in zip(std, readings(p, truth), biases, strict=True):
+    errors = (
+        (p.gyro_bias, p.gyro_walk, p.gyro_clock),
+        (p.accelerometer_bias, p.accelerometer_walk, p.accelerometer_clock),
+    )
+    for i, (name, (bias, walk, clock)) in enumerate(zip(std, errors, strict=True)):
+        exact = late_readings(p, truth, clock)[i]
         read = exact + np.array(bias) + std[name] * rng.standard_normal(exact.shape)
+        if walk > 0:
+            step = np.sqrt(np.diff(truth["time"], prepend=truth["time"][0]))
+            read += walk * np.cumsum(step[:, None, None] * rng.standard_normal(exact.shape), 0)
         read[sample % p.sensor_every > 0] = np.nan
         seen = seen | {name: read}
     return seen, std
+
+
+def late_readings(parameters: Parameters, truth: dict[str, Array], clock: float) -> tuple[Array, Array]:
+    """Readings as `readings` gives them, but taken `clock` s after the times of `truth`; NaN before t = 0."""
+    if clock == 0.0:
+        return readings(parameters, truth)
+    taken = truth["time"] + clock
+    flown = taken > 0
+    then = fly(parameters, np.concatenate([[0.0], taken[flown]])).truth
+    gyro, accelerometer = (np.full((len(taken), *a.shape[1:]), np.nan) for a in readings(parameters, then))
+    gyro[flown], accelerometer[flown] = (a[1:] for a in readings(parameters, then))
+    return gyro, accelerometer

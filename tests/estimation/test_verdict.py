@@ -22,9 +22,9 @@ from forceid.estimation.verdict import (
     judge_recording,
     judge_shape,
     judge_tuning,
-    largest_turn,
     strongest_line,
 )
+from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
 
 TIME = cf.clock(400)
@@ -93,13 +93,17 @@ def test_spin_well_below_half_a_turn_is_not_said():
     assert judge_recording(seen(cf.toss(cf.clock(60, 30.0), spin=(60.0, 0.0)))) == []  # 115 degrees
 
 
-def test_largest_turn_skips_gaps():
-    R = Rotation.from_rotvec(np.outer([0.0, 0.1, 0.3, 0.9], [0, 0, 1])).as_matrix()
-    assert largest_turn(R) == pytest.approx(0.6)
-    R[2] = np.nan
-    assert largest_turn(R) == pytest.approx(0.1)
-    R[1] = np.nan
-    assert largest_turn(R) == 0.0
+def test_largest_turn_skips_gaps_and_takes_rare_frames_as_they_come():
+    R = Rotation.from_rotvec(np.outer([0.0, 0.1, 0.3, 0.9, 1.1, 1.2], [0, 0, 1])).as_matrix()
+    time = np.arange(6.0)
+    assert largest_turn(time, R) == pytest.approx(0.6)
+    gap = R.copy()
+    gap[3] = np.nan
+    assert largest_turn(time, gap) == pytest.approx(0.2)
+    R[[1, 3, 5]] = np.nan
+    assert largest_turn(time, R) == pytest.approx(0.8)
+    R[1:] = np.nan
+    assert largest_turn(time, R) == 0.0
 
 
 def test_lost_frames_are_counted_with_their_longest_run():

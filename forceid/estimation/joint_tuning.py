@@ -1,0 +1,221 @@
+"""Priors of force and moment, and the noise of sensors, by the likelihood of a whole flight.
+
+Markers show a load through two integrals, sensors almost directly: what the markers leave of its prior to
+guess, the likelihood of all channels together settles. The likelihood is that of the flight linearized about
+its smoothed path. Source: principal equations 4d, 4f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from forceid.errors import EstimationError
+from forceid.kalman.engines import Engine
+from forceid.kalman.flight import Flight, Reference, linear_flight, settled
+from forceid.kalman.prior import LoadPrior, along_world
+from forceid.records import Array
+
+FAMILIES = ("angular_velocity", "specific_force")
+LONGEST = 400  # samples that tuning looks at: the middle of a longer record
+STEP = 0.7  # of a logarithm: first step of the search
+FARTHER = 2.0  # steps that one parabola may lead to, and on where it still goes uphill
+FARTHEST = 16.0
+LEAK = 0.02  # of the load on its strongest axis, as little as a quiet one is ever taken to have
+LEAST = 0.5  # of a log-likelihood: less is no gain
+SWEEPS = 3
+UNEVEN = 5.0  # of a log-likelihood: by which axes and proportions, five numbers, have to be likelier
+WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
+FACTOR = 7.0  # of a log-likelihood: by which a bias that wanders has to be likelier than one that stays
+
+
+def tune_together(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, stated: Set[str] = frozenset()
+) -> tuple[Flight, LoadPrior, LoadPrior]:
+    """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
+
+    force, moment: as the markers alone have them, which misses axes by more than sensors forgive: first each
+    load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
+    for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
+    moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between.
+    """
+    free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
+    loud = [i for i in free if FAMILIES[i] not in stated]
+
+    def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
+        middle = max((len(flight.time) - LONGEST) // 2, 0)
+        part = slice(middle, middle + LONGEST)
+        value = partial(
+            evidence, stretched(flight, part), force, moment, stretched_reference(about, part), engine, loud
+        )
+        best = climb(value, np.zeros(4 + len(loud)))
+        return louder(flight, loud, best[4:]), moved(force, best[:2]), moved(moment, best[2:4])
+
+    force, moment = round_prior(force), round_prior(moment)
+    _, _, _, about = settled(flight, force, moment, engine)
+    flight, force, moment = searched(about)
+    flight = wandering(
+        [i for i in free if f"{FAMILIES[i]}_walk" not in stated], flight, force, moment, about, engine
+    )
+    model, z, _, about = settled(flight, force, moment, engine, about)
+    level = float(engine.log_likelihood(model, z))
+    for load in ("force", "moment"):  # one after the other: one may be uneven, and the other not
+        pair, turned = uneven(load, force, moment, about)
+        model, z, _, reached = settled(flight, *pair, engine, turned)
+        if (likely := float(engine.log_likelihood(model, z))) > level + UNEVEN:
+            level, about, (force, moment) = likely, reached, pair
+    return searched(about)
+
+
+def wandering(
+    families: list[int], flight: Flight, force: LoadPrior, moment: LoadPrior, about: Reference, engine: Engine
+) -> Flight:
+    """A flight whose families have biases that wander, where that is far likelier than that they stay."""
+
+    def level(flight: Flight) -> float:
+        return evidence(flight, force, moment, about, engine, [], np.zeros(4))
+
+    if not families:
+        return flight
+    stays = level(flight)
+    for i in families:
+        sensors = flight.sensors
+        assert sensors is not None
+        unit = float(sensors.noise_std[i].min()) / np.sqrt(len(flight.time) * np.ptp(flight.time))
+        best, likely = (stays + FACTOR, flight), stays
+        for size in WANDER:
+            walk = sensors.bias_walk.copy()
+            walk[i] = size * unit
+            tried = replace(flight, sensors=replace(sensors, bias_walk=walk))
+            likely, last = level(tried), likely
+            if likely < last:
+                break
+            if likely > best[0]:
+                best = (likely, tried)
+        if best[1] is not flight:
+            stays, flight = best
+    return flight
+
+
+def uneven(
+    load: str, force: LoadPrior, moment: LoadPrior, about: Reference
+) -> tuple[tuple[LoadPrior, LoadPrior], Reference]:
+    """Both priors, that of one load along the axes of what a reference holds of it; the reference on them."""
+    assert about.force is not None
+    if load == "force":
+        along = along_own_axes(force, along_world(about.force, force.axes, force.lines)[1])
+        return (along, moment), replace(about, force=on_axes(about.force, force, along))
+    along = along_own_axes(moment, along_world(about.chain, moment.axes, moment.lines)[1])
+    return (force, along), replace(about, chain=on_axes(about.chain, moment, along), axes=along.axes)
+
+
+def on_axes(chain: Array, was: LoadPrior, now: LoadPrior) -> Array:
+    """A chain (time, state) along the axes of one prior, put along those of another."""
+    smooth = chain.shape[1] - 2 * len(was.lines)
+    turned = chain[:, :smooth].reshape(len(chain), -1, 3) @ (was.axes.T @ now.axes)
+    return np.concatenate([turned.reshape(len(chain), smooth), chain[:, smooth:]], 1)
+
+
+def evidence(
+    flight: Flight,
+    force: LoadPrior,
+    moment: LoadPrior,
+    about: Reference,
+    engine: Engine,
+    free: list[int],
+    by: Array,
+) -> float:
+    """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved."""
+    priors = moved(force, by[:2]), moved(moment, by[2:4])
+    model, z = linear_flight(louder(flight, free, by[4:]), *priors, about)
+    try:
+        return float(engine.log_likelihood(model, z))
+    except EstimationError:  # numbers so far off that a covariance loses its sign
+        return -np.inf
+
+
+def round_prior(prior: LoadPrior) -> LoadPrior:
+    """A prior that is along every axis what it is along its strongest."""
+    tuned = prior.tuned
+    strongest = int(tuned.std.argmax())
+    std, rate = (np.full(3, a[strongest]) for a in (tuned.std, tuned.rate))
+    return replace(prior, tuned=replace(tuned, std=std, rate=rate))
+
+
+def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
+    """A prior that is the same along every axis, along those of a load (time, 3) and in their proportions."""
+    square, axes = np.linalg.eigh(np.cov(load.T))
+    share = np.sqrt(np.maximum(square / square[-1], LEAK**2))
+    axes = axes * np.sign(np.linalg.det(axes))
+    return replace(prior, axes=axes, tuned=replace(prior.tuned, std=prior.tuned.std * share))
+
+
+def moved(prior: LoadPrior, by: Array) -> LoadPrior:
+    """A prior whose level at high frequency is e^by[0] times itself, and its rate e^by[1]."""
+    tuned = prior.tuned
+    std = tuned.std * np.exp(by[0] - (tuned.order - 0.5) * by[1])
+    return replace(prior, tuned=replace(tuned, std=std, rate=tuned.rate * np.exp(by[1])))
+
+
+def louder(flight: Flight, family: list[int], by: Array) -> Flight:
+    """A flight whose families of sensors have e^by times the noise."""
+    if flight.sensors is None:
+        return flight
+    noise = flight.sensors.noise_std.copy()
+    for i, b in zip(family, by, strict=True):
+        noise[i] *= np.exp(b)
+    return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
+
+
+def stretched(flight: Flight, s: slice) -> Flight:
+    """A stretch of a flight."""
+    parts = {
+        name: getattr(flight, name)[s]
+        for name in ("time", "center", "rotation", "pose_cov", "inertia", "h")
+    }  # fmt: skip
+    if flight.modes is not None:
+        flight = replace(flight, modes=flight.modes.part(s))
+    if flight.sensors is None:
+        return replace(flight, **parts)
+    read = {name: getattr(flight.sensors, name)[s] for name in FAMILIES}
+    # a family that does not read in the stretch reads nothing there, and its bias has no state
+    return replace(flight, **parts, sensors=replace(flight.sensors, **read))
+
+
+def stretched_reference(reference: Reference, s: slice) -> Reference:
+    """The part of a reference in a stretch of the flight."""
+    force = None if reference.force is None else reference.force[s]
+    modes = None if reference.modes is None else reference.modes[s]
+    rotation, chain = reference.rotation[s], reference.chain[s]
+    return replace(reference, rotation=rotation, chain=chain, force=force, modes=modes)
+
+
+def climb(value: Callable[[Array], float], p: Array) -> Array:
+    """A maximum of value(p) near p (k,): along each coordinate to the top of a parabola, and again.
+
+    >>> climb(lambda p: -float((p[0] - 0.5) ** 2 + (p[1] + 0.2) ** 2), np.zeros(2)).round(3)
+    array([ 0.5, -0.2])
+    """
+    best, step = value(p), np.full(len(p), STEP)
+    for _ in range(SWEEPS):
+        began = best
+        for i in range(len(p)):
+            at = [p + s * step[i] * np.eye(len(p))[i] for s in (-1, 1)]
+            low, high = (value(q) for q in at)
+            bend, slope = low + high - 2 * best, 0.5 * (high - low)
+            to = -slope / bend if bend < 0 else np.sign(slope) * FARTHER
+            to = float(np.clip(to, -FARTHER, FARTHER)) if np.isfinite(to) else 0.0
+            trial = p + to * step[i] * np.eye(len(p))[i]
+            tried = [(best, p), (low, at[0]), (high, at[1]), (value(trial), trial)]
+            while FARTHER <= abs(to) < FARTHEST and tried[-1][0] > max(pair[0] for pair in tried[:-1]):
+                to *= 2
+                trial = p + to * step[i] * np.eye(len(p))[i]
+                tried.append((value(trial), trial))
+            best, p = max(tried, key=lambda pair: pair[0])
+            step[i] = np.clip(abs(to) * step[i], 0.1, 2 * STEP)
+        if best - began < LEAST:
+            break
+    return p

@@ -1,0 +1,41 @@
+"""Priors of about the size of the loads that sensors show, for a search to begin with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.kalman.channels import Start
+from forceid.kalman.dead_reckoning import gyro_rate
+from forceid.kalman.flight import Flight
+from forceid.kalman.prior import LoadPrior
+from forceid.kalman.tuning import Tuned
+from forceid.records import Array
+
+ORDER = 3
+RATE = 20.0  # 1/s: where the search for the rate begins
+
+
+def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
+    """Priors of force and moment of about the size that the sensors show, for a search to begin with."""
+    sensors, time = flight.sensors, flight.time
+    omega = gyro_rate(time, sensors)
+    assert sensors is not None
+    assert omega is not None
+    span, alpha = float(np.ptp(time)), np.gradient(omega, time, axis=0)
+    H = np.einsum("tij,tj->ti", flight.inertia, omega)
+    T = np.einsum("tij,tj->ti", flight.inertia, alpha) + np.cross(omega, H)
+    pulled = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.specific_force)
+    swept = np.cross(alpha[:, None], sensors.position)
+    swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
+    f = pulled - swept
+    F = flight.mass * f[np.isfinite(f).all(2)]
+    return prior(F, 0.0, span), prior(T, float(np.abs(H).max()), span)
+
+
+def prior(load: Array, momentum: float, span: float) -> LoadPrior:
+    """A prior of loads of the size of `load` (sample, 3), with momentum of about that size at the start."""
+    size = float(np.sqrt(np.mean(load**2))) if load.size else 1.0
+    size = size or 1.0
+    first = (10 * max(momentum, size * span)) ** 2
+    tuned = Tuned(ORDER, np.full(3, size), np.full(3, max(RATE, 3 / span)), 1.0, False, 0.0)
+    return LoadPrior(tuned, np.eye(3), Start(1.0, first, (10 * size) ** 2))

@@ -1,0 +1,112 @@
+"""The turn of a free body over a step, and the angular momentum that takes it from one rotation to the next.
+
+    R' = [omega]x R,  omega = J_w^-1 (H - h_w),  J_w = R J R^T      theta' = J_w^-1 ([H]x theta + delta H)
+
+with H constant in world axes, however far the body turns in a step and whatever the axis does on the way.
+Source: principal equations 4b, 4f.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.motion.pose import exp, log
+from forceid.principal.operator import cross_matrix as skew
+from forceid.records import Array
+
+SUBSTEP = 0.1  # rad that one integration step may turn
+SETTLED = 1e-6  # rad: far below what any frame shows
+ITERATIONS = 12
+REACH = 0.5  # of a momentum: the most that one Newton step may change it by
+WIDE = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned
+
+
+def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
+    """Rotations (n, 3, 3) after steps (n,) s from R (n, 3, 3), and their left errors by those of R and by H.
+
+    H (n, 3) world axes; J (n, 3, 3) and h (n, 3) body axes. Runge-Kutta-Munthe-Kaas of order 4.
+    """
+
+    def omega(R: Array) -> tuple[Array, Array]:
+        J_inv = np.asarray(R @ inverse @ R.swapaxes(1, 2))
+        return times(J_inv, H - times(R, h)), J_inv
+
+    inverse = np.linalg.inv(J)
+    turned = np.linalg.norm(omega(R)[0], axis=1) * np.abs(step)
+    n = max(1, int(np.ceil(turned.max(initial=0.0) / SUBSTEP)))
+    s, a_step = step[:, None] / n, step[:, None, None] / n
+    by_R, by_H = np.tile(np.eye(3), (len(R), 1, 1)), np.zeros((len(R), 3, 3))
+    for _ in range(n):
+        k1 = omega(R)[0]
+        k2 = bend(0.5 * s * k1, omega(exp(0.5 * s * k1) @ R)[0])
+        w, J_inv = omega(exp(0.5 * s * k2) @ R)
+        k3 = bend(0.5 * s * k2, w)
+        k4 = bend(s * k3, omega(exp(s * k3) @ R)[0])
+        R = exp(s / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
+        a = J_inv @ skew(H) * a_step
+        grown = np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
+        by_R, by_H = grown @ by_R, grown @ by_H + (np.eye(3) + a / 2 + a @ a / 6) @ J_inv * a_step
+    return R, by_R, by_H
+
+
+def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
+    """Angular momentum (time - 1, 3), world axes, that takes a free body from each rotation to the next.
+
+    R, J (time, 3, 3), h (time, 3), no gaps; also the derivatives of the rotation reached, as in `free_turn`.
+    Between two frames the body is taken to turn by less than half a turn; across a wider step by as much as
+    its momentum on both sides says. By Newton's rule, from the momentum about the mean axis; that one stays
+    where no other is found.
+    """
+    step, J, h = np.diff(time), 0.5 * (J[1:] + J[:-1]), 0.5 * (h[1:] + h[:-1])
+    turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
+    middle = exp(0.5 * turn) @ R[:-1]
+    H = times(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + times(middle, h)
+    wide = step > WIDE * np.median(step) if len(step) else np.zeros(0, bool)
+    for part in (~wide, wide):
+        if part is wide:
+            near, far = np.flatnonzero(~wide), np.flatnonzero(wide)
+            H[far] = np.stack([np.interp(far, near, axis) for axis in H[near].T], 1)
+        H[part] = shot(step[part], R[:-1][part], R[1:][part], H[part], J[part], h[part])
+    _, by_R, by_H = free_turn(step, R[:-1], H, J, h)
+    return H, by_R, by_H
+
+
+def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> Array:
+    """The momentum (n, 3) near H that takes rotations `start` (n, 3, 3) to `to`; H itself where none does."""
+    first, off = H, np.full(len(H), np.inf)
+    for _ in range(ITERATIONS):
+        reached, _, by_H = free_turn(step, start, H, J, h)
+        miss = log(to @ reached.swapaxes(1, 2))
+        off = np.linalg.norm(miss, axis=1)
+        if off.max(initial=0.0) < SETTLED:
+            break
+        change = np.linalg.solve(by_H, miss[..., None])[..., 0]
+        size = np.linalg.norm(change, axis=1)
+        reach = REACH * np.linalg.norm(H, axis=1)
+        limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
+        H = H + limit[:, None] * change
+    return np.where((off < 10 * SETTLED)[:, None], H, first)
+
+
+def largest_turn(time: Array, R: Array) -> float:
+    """Largest rotation (rad) of R (time, 3, 3) between frames a usual step apart; zero where there is none.
+
+    Frames that are NaN are not there: the usual step is that of the frames which show a rotation.
+    """
+    seen = np.isfinite(R).all((1, 2))
+    step = np.diff(time[seen])
+    if not len(step):
+        return 0.0
+    near = step < WIDE * np.median(step)
+    turned = log((R[seen][1:] @ R[seen][:-1].swapaxes(1, 2))[near])
+    return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
+
+
+def bend(phi: Array, omega: Array) -> Array:
+    """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
+    return omega - 0.5 * np.cross(phi, omega) + np.cross(phi, np.cross(phi, omega)) / 12
+
+
+def times(A: Array, v: Array) -> Array:
+    """Matrices (n, 3, 3) times vectors (n, 3)."""
+    return np.asarray((A @ v[..., None])[..., 0])
