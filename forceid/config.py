@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from forceid.errors import ConfigError
 
 Method = Literal["difference", "savgol", "spline", "filter", "smoother"]
-Model = Literal["rigid", "affine", "modal", "auto", "ladder"]
+Model = Literal["rigid", "affine", "modal", "auto"]
 Vector = tuple[float, float, float]
 
 
@@ -46,8 +46,10 @@ class Settings(Section):
     noise_std: standard deviation of one measured component (m; orientation rad) by variable, overrides
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
     "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
-    modes of the modal model, None chooses it from the data. lines: oscillating loads beside the smooth one,
-    found by evidence ("auto"), "none", or looked for at these frequencies only (Hz).
+    modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
+    smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with. lines:
+    oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
+    frequencies only (Hz).
     """
 
     method: Method = "smoother"
@@ -57,6 +59,7 @@ class Settings(Section):
     gravity: Vector | None = None
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
+    load_axes: Literal["world", "body"] = "world"
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()

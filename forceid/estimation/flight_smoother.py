@@ -8,12 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.deformation import Deformation, smooth_deformation
+from forceid.estimation.body_loads import on_body
+from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
+from forceid.estimation.gauges import gauge_reasons, with_gauges
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
-from forceid.estimation.load_lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
+from forceid.estimation.load_lines import (
+    MOST_LINES,
+    NO_LINES,
+    Lines,
+    mass_hidden,
+    more_lines,
+    unshown_lines,
+)
 from forceid.estimation.ringing import allow_for_ringing
-from forceid.estimation.sensors import fused, sensor_reasons
+from forceid.estimation.sensors import fused, named_sensors, sensor_reasons
 from forceid.estimation.slow_errors import (
     HIDDEN,
     SHARED,
@@ -82,10 +91,13 @@ def estimate_flight(
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
     stated = STATED if kin.stated[source] else UNSTATED
+    causal = settings.method == "filter"
+    kin, deformation = undeformed(kin, engine, causal)
     force = tune_channel(force_channel(kin, gravity), stated, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
+        kin, deformation = undeformed(kin, engine, causal)
     notes: tuple[str, ...] = ()
     hidden = not kin.stated[source] and (
         force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
@@ -93,6 +105,7 @@ def estimate_flight(
     if hidden:
         factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
         kin = kinematics(body, motion, settings, scaled(kin, {source: factor}))
+        kin, deformation = undeformed(kin, engine, causal)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
         notes = (HIDDEN.format(source, kin.noise[source], length),)
         at_limit = {}  # said in the note
@@ -101,8 +114,6 @@ def estimate_flight(
         notes = (SHARED,)
         kin = with_shared_error(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
-    causal = settings.method == "filter"
-    deformation = smooth_deformation(kin, engine, causal)
     priors = {"force": force}
     if kin.attitude:
         limits = (1.0, 1.0)
@@ -119,7 +130,7 @@ def estimate_flight(
             return smooth_translation(flight, force, engine, causal)
         return smooth_flight(flight, force, moment, engine, causal)
 
-    flight = flight_of(kin, deformation, gravity)
+    flight = with_gauges(flight_of(kin, deformation, gravity), kin, body, motion, settings)
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
@@ -130,17 +141,34 @@ def estimate_flight(
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
     more = lines
-    if not sentence and settings.lines != "none":  # an impact holds every line
+    if settings.lines != "none":
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        return estimate_flight(body, motion, settings, engine, reasons, more)
-    reasons = (*reasons, *notes, *sensor_reasons(flight, state), *([sentence] if sentence else []))
+        found = estimate_flight(body, motion, settings, engine, reasons, more)
+        if not sentence or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
+            return found
+    told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))
+    told = (*told, *gauge_reasons(flight, state, body, motion))
+    reasons = (*reasons, *notes, *told, *([sentence] if sentence else []))
     state, rings = allow_for_ringing(state, flight, priors, engine)
     reasons = (*reasons, *([rings] if rings else []))
     if shared or hidden:
         state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
-    return Solution(kin, deformation, state, engine.name, named(kin, priors), at_limit, reasons)
+    told_by = {"force": force_channel(kin, gravity)}
+    if kin.attitude:
+        told_by["moment"] = moment_channel(kin, deformation)
+    tuned = named(kin, priors) | named_sensors(flight, state)
+    if settings.load_axes == "body" and kin.attitude:
+        priors, gained = on_body(priors, told_by, flight, state, engine)
+        state = smooth_flight(flight, priors["force"], priors["moment"], engine, causal)
+        tuned = named(kin, priors) | named_sensors(flight, state) | gained
+    elif state.reference is not None:
+        spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
+        for name, channel in told_by.items():
+            tuned |= unshown_lines(name, channel, priors[name], spin)
+    deformation = as_smoothed(kin, deformation, state)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
 
 
 def wild_frames(

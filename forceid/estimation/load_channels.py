@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.estimation.deformation import Deformation
+from forceid.estimation.deformation import Deformation, products_of
 from forceid.estimation.kinematics import Kinematics
 from forceid.kalman.channels import Channel, load_axes, start_of
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight
+from forceid.kalman.flight_modes import FlyingModes
 from forceid.kalman.lines import Line
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import ORDERS, tune_loads
@@ -59,5 +60,9 @@ def tune_channel(
 def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:
     """The poses and the inertia that the flight smoother works on."""
     cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
-    inertia, h = deformation.inertia, deformation.h
-    return Flight(kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity)
+    inertia, h, modes = deformation.inertia, deformation.h, None
+    if kin.frames is not None and deformation.prior is not None and deformation.path is not None:
+        modes = FlyingModes(kin.frames, deformation.prior, products_of(kin), deformation.path)
+    return Flight(
+        kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity, modes=modes
+    )

@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
+from forceid.kalman.channels import Channel
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import Flight, FlightState, Reference, seen_part
-from forceid.kalman.lines import Candidate, Line, candidates, find_line, let_drift, near
+from forceid.kalman.lines import PATIENCE, Candidate, Line, candidates, find_line, let_drift, near
 from forceid.kalman.prior import LoadPrior
+from forceid.kalman.process import matern
+from forceid.records import Array
 
 MOST_LINES, AT_ONCE = 24, 4  # of both loads together; candidates of one load judged against one prior
 
@@ -69,6 +72,46 @@ def more_lines(
 def mass_hidden(kin: Kinematics) -> bool:
     """Whether a deforming body carries mass where it carries no marker."""
     return bool(len(kin.shapes) and kin.unfollowed.any())
+
+
+def densities(channel: Channel, prior: LoadPrior, frequency: float) -> tuple[Array, Array]:
+    """Spectral densities (3,) along the prior's axes of the noise and of the smooth load, both as a load."""
+    tuned, axes, w = prior.tuned, prior.axes, 2 * np.pi * frequency
+    span, seen = float(np.ptp(channel.time)), np.isfinite(channel.z).all(1).sum()
+    white = np.nanmean(channel.var(axes), axis=0) * span / seen
+    drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes) / w**2
+    smooth = matern(tuned.order, tuned.std, tuned.rate).Qc[:, -1, -1] / (tuned.rate**2 + w**2) ** tuned.order
+    return tuned.noise**2 * (white + drift) * w**4 / channel.gain**2, smooth
+
+
+def smallest_found(channel: Channel, prior: LoadPrior, frequency: float) -> Array:
+    """Amplitude (3,) along the prior's axes of a line at `frequency` (Hz) that half of all records show.
+
+    The closed form, for a long record, of the evidence that a line has to gain: against the noise and the
+    smooth load at its frequency.
+    """
+    noise, smooth = densities(channel, prior, frequency)
+    information = np.ptp(channel.time) / (2 * (noise + smooth))  # on each of the two quadratures
+    gained = 2 * PATIENCE
+    for _ in range(20):  # half of it is the likelihood gained, less what two unknown amplitudes cost
+        gained = 2 * (PATIENCE + float(np.log1p(gained / 2)))
+    return np.asarray(np.sqrt(gained / information))
+
+
+def unshown_lines(name: str, channel: Channel, prior: LoadPrior, spin: float) -> dict[str, float]:
+    """Amplitudes N or N m, by name, of what a load at once or twice the spin (Hz) may add and not be found.
+
+    Less what the smooth prior follows of it; along the axis where the most may hide. None where such a line
+    is found, or is not to be seen at this rate.
+    """
+    slow, fast = 2 / np.ptp(channel.time), 0.5 / np.median(np.diff(channel.time))
+    taken, found = [line.frequency for line in prior.lines], {}
+    for times, frequency in (("once", spin), ("twice", 2 * spin)):
+        if slow < frequency < fast and not near(frequency, taken, channel.time):
+            noise, smooth = densities(channel, prior, frequency)
+            lost = smallest_found(channel, prior, frequency) * noise / (noise + smooth)
+            found[f"{name}_unshown_at_{times}_spin"] = float(lost.max())
+    return found
 
 
 def beside(prior: LoadPrior, line: Line) -> LoadPrior:

@@ -18,6 +18,7 @@ from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
+from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
@@ -65,14 +66,16 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     if unmarked:
         findings = judge_unmarked(recording.body, recording.motion, settings)
     else:
-        findings = judge_recording(kinematics(recording.body, recording.motion, settings))
+        kin = kinematics(recording.body, recording.motion, settings)
+        findings = judge_recording(kin, recording.motion)
     if any(f.refuses for f in findings):
         result = refused(recording, settings, findings)
     else:
         solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
         solve = estimate_unmarked if unmarked else solve
-        solution = solved_at_level(recording, settings, solve, unmarked)
+        solution, choice = solved_at_level(recording, settings, solve, unmarked)
         result = assemble(recording, settings, solution, findings)
+        result = replace(result, model_choice=choice.sentence, ladder=choice.numbers())
     return replace(
         result,
         settings=to_toml(settings),
@@ -83,20 +86,19 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
 
 def solved_at_level(
     recording: Recording, settings: Settings, solve: Callable[..., Solution], unmarked: bool
-) -> Solution:
-    """The solution at the level asked for, or at the one that the ladder takes."""
+) -> tuple[Solution, Choice]:
+    """The solution at the level asked for, or at the one that the ladder takes, and why that."""
     body, motion, passes = recording.body, recording.motion, engine(settings.engine)
-    climbs = settings.model == "ladder"
-    settings = settings.model_copy(update={"model": "auto"}) if climbs else settings
 
     def at(level: Settings) -> Solution:
         return solve(body, motion, level, passes)
 
-    climbed = climb(body, motion, settings, passes, at) if climbs and not unmarked else None
-    if climbed is None:
-        return at(settings)
-    ladder, solution = climbed
-    return replace(solution, tuned=solution.tuned | ladder.numbers())
+    if settings.model != "auto":
+        return at(settings), without_choice(settings.model, "it was asked for")
+    if unmarked:
+        return at(settings), without_choice("rigid", "sensors alone show no deformation")
+    choice, solution = climb(body, motion, settings, passes, at)
+    return solution, choice
 
 
 def with_gravity(recording: Recording, settings: Settings) -> Recording:

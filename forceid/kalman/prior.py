@@ -1,10 +1,17 @@
-"""The prior of a load in space: a Matern load along each of three axes, and lines along their directions."""
+"""The prior of a load in space: a Matern load along each of three axes, and lines along their directions.
+
+The axes stand still in the laboratory, or turn with the body. A load that does (a thrust, a leak, a fin) is
+slow only there: its states are kept in world axes all the same, and turned from sample to sample. Source:
+principal equations 4e, 4f.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.spatial.transform import Rotation
 
 from forceid.kalman.channels import Channel, Start, load_chain
 from forceid.kalman.lines import Line
@@ -13,25 +20,30 @@ from forceid.kalman.process import Process, discretize, integrate
 from forceid.kalman.tuning import Tuned
 from forceid.records import Array
 
+GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # points, weights on 0 to 1
+
 
 @dataclass(frozen=True)
 class LoadPrior:
     """A tuned Matern prior along three axes (columns of `axes`, world), and how unknown its start is.
 
-    lines: that the load holds beside, with directions in world axes.
+    lines: that the load holds beside, with directions in world axes. carried: axes (3, 3) of the body, as
+    columns, along which the load is Matern instead and with which it turns; `axes` are then the world's.
     """
 
     tuned: Tuned
     axes: Array
     start: Start
     lines: tuple[Line, ...] = ()
+    carried: Array | None = None
 
 
-def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
+def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, on its axes.
 
     Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding. Behind
-    them two states a line, which drives all three axes as its direction says.
+    them two states a line, which drives all three axes as its direction says. rotation (time, 3, 3): of the
+    body, for a load that turns with it.
     """
     tuned, start = prior.tuned, prior.start
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
@@ -47,6 +59,9 @@ def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
         return out
 
     F, Q, P0 = interleave(F), interleave(Q), interleave(smooth.P0)
+    if prior.carried is not None and rotation is not None:
+        F, Q, P0 = carry(F[which], Q[which], P0, n, rotation, prior.carried)
+        unique, which = step, np.arange(len(step))
     for i, line in enumerate(prior.lines):
         own = slice(n + 2 * i, n + 2 * i + 2)
         F_line, Q_line = discretize(integrate(integrate(line.process, 0.0), 0.0), unique)
@@ -59,10 +74,36 @@ def chain_along(prior: LoadPrior, step: Array) -> tuple[Array, Array, Array]:
     return F[which], Q[which], P0
 
 
-def channel_model(channel: Channel, prior: LoadPrior) -> StateSpace:
-    """Linear model of three measured channels, z'' = gain * load, about their first sample."""
+def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -> tuple[Array, Array, Array]:
+    """A chain of n states whose load keeps to axes (3, 3) of a body, with all of its states in world axes.
+
+    The load's states turn with the body; what they add to the integrals Y and H over a step is turned by the
+    mean rotation of the step, weighted for Y as a push early in it counts more.
+    """
+    at = rotation @ axes
+    turn = Rotation.from_matrix(rotation[1:] @ rotation[:-1].swapaxes(1, 2)).as_rotvec()
+    swept = np.stack([Rotation.from_rotvec(u * turn).as_matrix() for u in GAUSS[0]])
+    mean = np.einsum("u,utab->tab", GAUSS[1], swept) @ at[:-1]
+    early = np.einsum("u,utab->tab", 2 * (1 - GAUSS[0]) * GAUSS[1], swept) @ at[:-1]
+    begin, end = (np.tile(np.eye(F.shape[1]), (len(F), 1, 1)) for _ in range(2))
+    start = np.eye(F.shape[1])
+    for i in range(6, n, 3):
+        load = slice(i, i + 3)
+        begin[:, load, load], end[:, load, load], start[load, load] = at[:-1], at[1:], at[0]
+    free = F[:, :6, :6].copy()
+    end[:, :3, :3], end[:, 3:6, 3:6] = early, mean
+    F = end @ F @ begin.swapaxes(1, 2)
+    F[:, :6, :6] = free
+    return F, end @ Q @ end.swapaxes(1, 2), start @ P0 @ start.T
+
+
+def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = None) -> StateSpace:
+    """Linear model of three measured channels, z'' = gain * load, about their first sample.
+
+    rotation (time, 3, 3): of the body, for a load that turns with it.
+    """
     step = np.diff(channel.time)
-    F, Q, P0 = chain_along(prior, step)
+    F, Q, P0 = chain_along(prior, step, rotation)
     Q[:, :3, :3] += step[:, None, None] * (prior.axes.T @ channel.drift @ prior.axes)
     H = np.zeros((3, len(P0)))
     H[:, :3] = channel.gain * prior.axes
