@@ -23,7 +23,8 @@ from benchmarks.paired import Answer, Contestant, Goal, Race
 from benchmarks.strict import shape
 from forceid import kalman
 from forceid.kalman.channels import Start
-from forceid.kalman.flight import Flight, smooth_flight
+from forceid.kalman.flight import smooth_flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned
 from forceid.motion.pose import fit_pose

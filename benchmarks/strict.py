@@ -24,7 +24,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.kalman import engines
 from forceid.kalman.channels import Start
-from forceid.kalman.flight import Flight, smooth_flight
+from forceid.kalman.flight import smooth_flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned
 from forceid.motion.pose import fit_pose

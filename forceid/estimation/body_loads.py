@@ -9,7 +9,8 @@ from scipy.optimize import Bounds, minimize
 
 from forceid.kalman.channels import Channel
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.flight import Flight, FlightState
+from forceid.kalman.flight import FlightState
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior, channel_model
 from forceid.records import Array
 

@@ -33,7 +33,8 @@ from forceid.estimation.slow_errors import (
 )
 from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, smooth_flight, smooth_translation
+from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD, drop_wild, runs, unswap
 from forceid.motion.window import noise_growth

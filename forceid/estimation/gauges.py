@@ -8,7 +8,8 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.kinematics import ROUNDOFF, Kinematics
-from forceid.kalman.flight import Flight, FlightState
+from forceid.kalman.flight import FlightState
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.flight_modes import Gauges
 from forceid.motion.window import ORDER, noise_variance
 from forceid.records import Array, Body, Motion

@@ -15,7 +15,8 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, Reference, linear_flight, settled
+from forceid.kalman.flight import settled
+from forceid.kalman.flight_model import Flight, Reference, linear_flight
 from forceid.kalman.prior import LoadPrior, along_world
 from forceid.records import Array
 

@@ -9,7 +9,7 @@ from forceid.estimation.deformation import Deformation, products_of
 from forceid.estimation.kinematics import Kinematics
 from forceid.kalman.channels import Channel, load_axes, start_of
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.flight_modes import FlyingModes
 from forceid.kalman.lines import Line
 from forceid.kalman.prior import LoadPrior

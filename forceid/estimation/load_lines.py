@@ -9,7 +9,8 @@ import numpy as np
 from forceid.estimation.kinematics import Kinematics
 from forceid.kalman.channels import Channel
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, Reference, seen_part
+from forceid.kalman.flight import FlightState
+from forceid.kalman.flight_model import Flight, Reference, seen_part
 from forceid.kalman.lines import PATIENCE, Candidate, Line, candidates, find_line, let_drift, near
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.process import matern

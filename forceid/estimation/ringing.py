@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, seen_part
+from forceid.kalman.flight import FlightState
+from forceid.kalman.flight_model import Flight, seen_part
 from forceid.kalman.lines import Line, excite, near, whiten
 from forceid.kalman.prior import LoadPrior
 from forceid.records import Array

@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.kalman.channels import Start
 from forceid.kalman.dead_reckoning import gyro_rate
-from forceid.kalman.flight import Flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned
 from forceid.records import Array

@@ -15,6 +15,7 @@ from forceid.errors import DataError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.flight_smoother import Solution, estimate_flight
+from forceid.estimation.innovations import judge_innovations
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
@@ -24,7 +25,6 @@ from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_un
 from forceid.estimation.verdict import (
     Finding,
     judge,
-    judge_innovations,
     judge_leakage,
     judge_loads,
     judge_overlap,

@@ -9,7 +9,8 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.joint_tuning import FAMILIES
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, moved_along, settled
+from forceid.kalman.flight import settled
+from forceid.kalman.flight_model import Flight, moved_along
 from forceid.kalman.flight_sensors import sensed
 from forceid.kalman.prior import LoadPrior
 from forceid.records import Array

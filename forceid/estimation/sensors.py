@@ -20,7 +20,8 @@ from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensor_clocks import aligned
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState
+from forceid.kalman.flight import FlightState
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.flight_sensors import Sensors
 from forceid.kalman.prior import LoadPrior
 from forceid.motion.free_turn import largest_turn

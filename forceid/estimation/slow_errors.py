@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.deformation import Deformation
+from forceid.estimation.innovations import colored
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.load_channels import flight_of, tune_channel
-from forceid.estimation.verdict import colored
 from forceid.kalman.channels import Channel
 from forceid.kalman.cross_validation import left_out_error
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, seen_part, smooth_translation
+from forceid.kalman.flight import FlightState, smooth_translation
+from forceid.kalman.flight_model import Flight, seen_part
 from forceid.kalman.lines import PATIENCE, Line
 from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov

@@ -14,14 +14,16 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.deformation import Deformation
 from forceid.estimation.flight_smoother import Solution, named
+from forceid.estimation.inertia import inertia_of
 from forceid.estimation.joint_tuning import FAMILIES, tune_together
-from forceid.estimation.kinematics import Kinematics, inertia_of
+from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensors import named_sensors, sensor_reasons, sensors_of
 from forceid.estimation.verdict import Finding
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import Flight, FlightState, smooth_flight
+from forceid.kalman.flight import FlightState, smooth_flight
+from forceid.kalman.flight_model import Flight
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Motion
 

@@ -9,21 +9,18 @@ from scipy.special import chdtri
 
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.leakage import Leakage, marker_cov
+from forceid.estimation.lost_frames import longest_run, lost_frames
 from forceid.estimation.sensitivity import follows
-from forceid.motion.free_turn import WIDE, largest_turn
+from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
 from forceid.motion.window import noise_growth
 from forceid.principal.loads import undetermined
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags, Loads, Motion, Verdict
+from forceid.records import Array, Loads, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
-NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
-COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
-LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
-MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
 NEARLY_RIGID = 0.1  # sine of its angle with rigid motion below which a shape passes for one
 NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
@@ -219,108 +216,3 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
             "degree of freedom: other loads act; add them"
         )
     return [Finding(text) for text in found]
-
-
-def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) -> list[Finding]:
-    """Whether the innovations (time, channel) are white and as large as they were predicted to be.
-
-    reach (channel,): load, over its claimed standard deviation, that moves a channel by one standard
-    deviation of its measurement at 1 rad/s.
-    """
-    if innovation.shape[1] == 0 or not np.isfinite(nis).any():
-        return []
-    found = []
-    level = float(np.nanmean(nis))
-    if not NIS_BAND[0] < level < NIS_BAND[1]:
-        meaning = "claimed errors are too small by about that; check noise_std and the model"
-        if level < 1:
-            meaning = "the tracks are smoother than the noise they are said to have; check noise_std"
-        found.append(f"the innovations are {np.sqrt(level):.2f} times as large as predicted: {meaning}")
-    color, channel = colored(innovation)
-    if color:
-        found.append(
-            f"the innovations of {channel} are correlated ({color:+.2f} from one frame to the next): "
-            "the errors of the markers are not white, or the load changes faster than the prior; "
-            "claimed errors are too small"
-        )
-    line, channel = strongest_line(time, innovation, reach)
-    if line:
-        found.append(
-            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or "
-            "twice the spin, is followed only in part; take its amplitude as a lower bound"
-        )
-    return [Finding(text) for text in found]
-
-
-CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
-
-
-def colored(innovation: Array) -> tuple[float, str]:
-    """Largest lag-one autocorrelation of whitened innovations and its channel, if it is not chance."""
-    worst, where = 0.0, ""
-    for j, v in enumerate(innovation.T):
-        pair = np.isfinite(v[1:]) & np.isfinite(v[:-1])
-        if pair.sum() < 20:
-            continue
-        r = float(np.mean(v[1:][pair] * v[:-1][pair]) / np.mean(v[np.isfinite(v)] ** 2))
-        if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
-            worst, where = r, CHANNELS[j]
-    return worst, where
-
-
-def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float, str]:
-    """Frequency Hz and channel of the line in the innovations that hides most load, zero where none does."""
-    most, at, where = MISSED, 0.0, ""
-    frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
-    for j, v in enumerate(np.nan_to_num(innovation).T):
-        power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
-        if len(power) < 8:
-            continue
-        k = int(power.argmax())
-        hidden = 2 * np.sqrt(power[k]) / len(v) * (2 * np.pi * frequency[k]) ** 2 * reach[j]
-        if power[k] > LINE * max(power.mean(), 1e-300) and hidden > most:
-            most, at, where = hidden, float(frequency[k]), CHANNELS[j]
-    return at, where
-
-
-def lost_frames(kin: Kinematics, motion: Motion | None = None) -> Flags:
-    """Samples (time,) that show no pose, and that nothing bridges.
-
-    Beside gyros and accelerometers, what shows the pose may have a rate of its own: between two of its frames
-    none is lost. Nor where both families of sensors read on.
-    """
-    time, seen = kin.time, np.asarray(np.isfinite(kin.pose.center).all(1))
-    if motion is None or (motion.angular_velocity is None and motion.specific_force is None):
-        return ~seen
-    read = np.ones_like(seen)
-    for family in (motion.angular_velocity, motion.specific_force):
-        one = np.zeros_like(seen) if family is None else np.asarray(np.isfinite(family).any((1, 2)))
-        read &= on_its_clock(time, one)
-    return np.asarray(~(on_its_clock(time, seen) | read))
-
-
-def on_its_clock(time: Array, seen: Flags) -> Flags:
-    """Samples (time,) that are seen, or no farther from one seen than it usually is to the next.
-
-    >>> on_its_clock(np.arange(9.0), np.array([1, 0, 1, 0, 1, 0, 0, 0, 1], bool)).astype(int)
-    array([1, 1, 1, 1, 1, 0, 0, 0, 1])
-    """
-    at = time[seen]
-    if len(at) < 2:
-        return seen
-    k = np.searchsorted(at, time, "right")
-    before, after = np.append(-np.inf, at)[k], np.append(at, np.inf)[k]
-    gap = np.where(
-        np.isfinite(before) & np.isfinite(after), after - before, np.minimum(time - before, after - time)
-    )
-    return np.asarray(seen | (gap < WIDE * np.median(np.diff(at))))
-
-
-def longest_run(flag: Flags) -> int:
-    """Length of the longest run of true entries.
-
-    >>> longest_run(np.array([0, 1, 1, 0, 1], bool))
-    2
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -23,7 +23,7 @@ from forceid.kalman.turning import Course, between, turned
 from forceid.records import Array, Indices
 
 if TYPE_CHECKING:
-    from forceid.kalman.flight import Flight
+    from forceid.kalman.flight_model import Flight
 
 ROUNDS = 12
 ERROR = 1e-3  # standard deviations that a flight may be from the most probable one

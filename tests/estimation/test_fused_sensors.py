@@ -14,10 +14,11 @@ from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.joint_tuning import climb
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.lost_frames import lost_frames
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.sensors import fused, sensor_reasons, sensors_of, with_sensors
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.verdict import judge_recording, lost_frames
+from forceid.estimation.verdict import judge_recording
 from forceid.files.validate import check_recording
 from forceid.kalman.flight import smooth_flight
 from forceid.scenes.recipe import SceneRecipe, simulate

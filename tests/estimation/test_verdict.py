@@ -9,20 +9,18 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
+from forceid.estimation.innovations import colored, judge_innovations, strongest_line
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
 from forceid.estimation.verdict import (
     Finding,
-    colored,
     judge,
-    judge_innovations,
     judge_leakage,
     judge_loads,
     judge_overlap,
     judge_recording,
     judge_shape,
     judge_tuning,
-    strongest_line,
 )
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads

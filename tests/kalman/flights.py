@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.kalman import StateSpace, discretize
 from forceid.kalman.channels import Start, load_chain
-from forceid.kalman.flight import Flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned
 

@@ -9,15 +9,9 @@ from scipy.stats import chi2
 from forceid import kalman
 from forceid.errors import EstimationError
 from forceid.kalman import flight as flights
-from forceid.kalman.flight import (
-    Reference,
-    first_reference,
-    rotation,
-    smooth_flight,
-    stack,
-    translation,
-    turn,
-)
+from forceid.kalman import flight_model
+from forceid.kalman.flight import first_reference, smooth_flight
+from forceid.kalman.flight_model import Reference, rotation, stack, translation, turn
 from forceid.kalman.lines import Line
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
@@ -67,7 +61,7 @@ def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
     flight, reference, _ = driven_top(0.04)
     error = []
     for substep in (0.1, 0.05):
-        monkeypatch.setattr(flights, "SUBSTEP", substep)
+        monkeypatch.setattr(flight_model, "SUBSTEP", substep)
         R, _, _ = turn(flight, reference)
         error.append(np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max())
     assert 3.7 < np.log2(error[0] / error[1]) < 4.5

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.kalman.channels import Start
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import Flight, Reference, flexed, linear_flight, smooth_flight, turn
+from forceid.kalman.flight import smooth_flight
+from forceid.kalman.flight_model import Flight, Reference, flexed, linear_flight, turn
 from forceid.kalman.flight_modes import FlyingModes
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned

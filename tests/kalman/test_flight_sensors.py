@@ -15,7 +15,8 @@ from forceid import kalman
 from forceid.kalman import StateSpace, discretize
 from forceid.kalman.channels import Start, load_chain
 from forceid.kalman.dead_reckoning import drift, gyro_rate, reckoned
-from forceid.kalman.flight import Flight, smooth_flight
+from forceid.kalman.flight import smooth_flight
+from forceid.kalman.flight_model import Flight
 from forceid.kalman.flight_sensors import Moved, Sensors, sensed
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)

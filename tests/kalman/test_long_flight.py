@@ -9,7 +9,8 @@ from flights import INERTIA, drawn_flight, flight_of, free_top, prior
 from forceid import kalman
 from forceid.kalman import flight as flights
 from forceid.kalman import flight_lanes, long_flight, turning
-from forceid.kalman.flight import Reference, course, first_reference, smooth_flight, smooth_long
+from forceid.kalman.flight import first_reference, smooth_flight, smooth_long
+from forceid.kalman.flight_model import Reference, course
 from forceid.kalman.lines import Line
 from forceid.motion.pose import exp
 

@@ -1,0 +1,239 @@
+"""A flight as a linear model about a reference: poses in, force and moment as states, with angular momentum.
+
+State: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the mass
+center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is
+nonlinear. It is linearized about a reference, R = exp([theta]x) R_ref (error on the left). Modes follow with
+their chains; gyros and accelerometers add rows about the same reference, and their biases to the end of the
+state. Source: principal equations 4b, 4d, 4f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
+
+from forceid.errors import EstimationError
+from forceid.kalman.bending_sensors import bending
+from forceid.kalman.flight_modes import FlyingModes, bent, gauged
+from forceid.kalman.flight_sensors import Moved, Sensors, carried, sensed_late, with_sensors
+from forceid.kalman.lines import Line
+from forceid.kalman.model import StateSpace
+from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
+from forceid.kalman.turning import Course, between, cubics
+from forceid.kalman.turning import turn as turn_along
+from forceid.motion.pose import log
+from forceid.records import Array
+
+SUBSTEP = 0.1  # rad that one integration step may turn
+
+
+FARTHEST = 60.0  # rad that a path on its way to rest may turn from one sample to the next
+
+
+UNSETTLED = (
+    "the smoother on rotations",
+    "raise the sample rate, or state a noise_std nearer to the truth; past half a turn a frame, add a gyro",
+)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What is seen of a flight, and the inertia it moves with.
+
+    time (time,) s; center (time, 3) m and rotation (time, 3, 3) body to world, NaN where not seen; pose_cov
+    (time, 6, 6), center first, world axes, rotation as a left error (rad); mass kg; inertia (time, 3, 3)
+    kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
+    body axes and about the mass center; gravity (3,) m/s2; sensors: gyros and accelerometers on the body;
+    modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
+    with the deformation taken out, inertia and h those along the path of the modes.
+    """
+
+    time: Array
+    center: Array
+    rotation: Array
+    pose_cov: Array
+    mass: float
+    inertia: Array
+    h: Array
+    gravity: Array
+    sensors: Sensors | None = None
+    modes: FlyingModes | None = None
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
+
+    axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each;
+    force (time, state): the chain of the force, which sensors are linearized about as well, None for none;
+    clock (2,) s: by which gyros and accelerometers read late; modes (time, state): chains of the modes, None
+    for those that the flight begins with.
+    """
+
+    rotation: Array
+    chain: Array
+    axes: Array = field(default_factory=lambda: np.eye(3))
+    lines: tuple[Line, ...] = ()
+    force: Array | None = None
+    clock: Array = field(default_factory=lambda: np.zeros(2))
+    modes: Array | None = None
+
+
+def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) -> StateSpace:
+    """Linear model of the mass center under force and weight: c' = P / m, P' = F + m g.
+
+    carrier (time, 3, 3): rotation of the body, for a force that turns with it.
+    """
+    step = np.diff(flight.time)
+    F, Q, P0 = chain_along(prior, step, carrier)
+    scale = np.ones(len(P0))
+    scale[:3] = 1 / flight.mass  # the chain holds m c
+    F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
+    u, gravity = np.zeros((len(step), len(P0))), flight.gravity @ prior.axes
+    u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
+    u[:, 3:6] = flight.mass * step[:, None] * gravity
+    x0, H = np.zeros(len(P0)), np.zeros((3, len(P0)))
+    if (seen := np.isfinite(flight.center).all(1)).any():
+        x0[:3] = flight.center[seen][0] @ prior.axes
+    H[:, :3] = prior.axes
+    return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
+
+
+def course(flight: Flight, reference: Reference) -> Course:
+    """The flight about its reference."""
+    loads = along_world(reference.chain, reference.axes, reference.lines)
+    return course_of(flight, reference.rotation, *loads)
+
+
+def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course:
+    """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn."""
+    step = np.diff(flight.time)
+    inertia, h = cubics(flight.time, flight.inertia), cubics(flight.time, flight.h)
+    body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
+    omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
+    far = float((np.linalg.norm(omega, axis=1) * step).max())
+    if not far < FARTHEST:
+        raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *UNSETTLED)
+    n = max(1, int(np.ceil(far / SUBSTEP)))
+    return Course(step, R, H, T, dT, inertia, h, n)
+
+
+def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
+    """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
+
+    d theta / d theta (time - 1, 3, 3), and that by delta H which grows over the step as 1, s and s^2, (3,
+    time - 1, 3, 3).
+    """
+    return turn_along(course(flight, reference))
+
+
+def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
+    """Linear model of the rotation error and the angular momentum about a reference."""
+    step = np.diff(flight.time)
+    F, Q, P0 = chain_along(prior, step, reference.rotation)
+    R, d_theta, d_H = turn(flight, reference)
+    # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
+    # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
+    s = step[:, None, None]
+    by_Y, by_H = 6 * (d_H[1] - d_H[2] / s) / s**2 @ prior.axes, (3 * d_H[2] / s - 2 * d_H[1]) / s @ prior.axes
+    start = d_H[0] @ prior.axes
+    F[:, :3, 6:] = by_Y @ F[:, :3, 6:] + by_H @ F[:, 3:6, 6:]
+    F[:, :3, 3:6], F[:, :3, :3] = start, d_theta
+    Q[:, :3] = by_Y @ Q[:, :3] + by_H @ Q[:, 3:6]
+    Q[:, :, :3] = Q[:, :, :3] @ by_Y.swapaxes(1, 2) + Q[:, :, 3:6] @ by_H.swapaxes(1, 2)
+    P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
+    u = np.zeros((len(step), len(P0)))
+    defect = log(R @ reference.rotation[1:].swapaxes(1, 2))
+    u[:, :3] = defect - np.einsum("tij,tj->ti", F[:, :3], reference.chain[:-1])
+    return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)
+
+
+def error_angle(flight: Flight, reference: Reference) -> Array:
+    """Measured rotation error theta (time, 3) from a reference, NaN where no rotation is seen."""
+    return between(flight.rotation, reference.rotation)
+
+
+def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) -> tuple[StateSpace, Array]:
+    """One load by itself and what is seen of it: the mass center, or the rotation about a reference."""
+    if about is None:
+        return translation(flight, prior), flight.center
+    new = 2 * (len(prior.lines) - len(about.lines))  # lines at rest, behind those of the reference
+    wider = replace(about, chain=np.pad(about.chain, ((0, 0), (0, new))), lines=prior.lines)
+    return rotation(flight, prior, wider), error_angle(flight, about)
+
+
+def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
+    """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
+    n, m = len(a.x0), len(b.x0)
+    F, Q = (np.zeros((len(a.F), n + m, n + m)) for _ in range(2))
+    for wide, left, right in ((F, a.F, b.F), (Q, a.Q, b.Q)):
+        wide[:, :n, :n], wide[:, n:, n:] = left, right
+    u = np.concatenate([np.broadcast_to(s.u, (len(F), len(s.x0))) for s in (a, b)], 1)  # type: ignore[arg-type]
+    H, P0 = block_diag(a.H, b.H), block_diag(a.P0, b.P0)
+    return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)
+
+
+def linear_flight(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference
+) -> tuple[StateSpace, Array]:
+    """The whole flight as a linear model about a reference, and what it measures (time, channel).
+
+    Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
+    constant about the reference removed.
+    """
+    flight, free = flexed(flight, reference), translation(flight, force, reference.rotation)
+    model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
+    z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
+    n, N = len(free.x0), len(model.x0)
+    if flight.modes is not None:
+        frames, seen = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
+        H, _, _ = along_world(reference.chain, reference.axes, reference.lines)
+        model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
+        theta = error_angle(replace(flight, rotation=frames.rotation), reference)
+        z = np.where(seen, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
+        if (gauges := flight.modes.gauges) is not None:
+            model, z = gauged(model, gauges, N), np.concatenate([z, gauges.reading], 1)
+    if flight.sensors is None:
+        return model, z
+    chain = np.zeros((len(z), n)) if reference.force is None else reference.force
+    to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
+    moved = moved_along(flight, force, replace(reference, force=chain))
+    y, by_theta, by_H, by_T, by_F, rate = sensed_late(flight.sensors, moved, reference.clock)
+    rows = np.concatenate([by_F @ to_F, by_T @ to_T], 2)
+    rows[:, :, n : n + 3] += by_theta
+    rows[:, :, n + 3 : n + 6] += by_H @ reference.axes
+    about = np.concatenate([chain, reference.chain], 1)
+    rows, chance = carried(rows, flight.sensors, reference.clock, (force, moment))
+    told = flight.sensors.readings[:, flight.sensors.used] - y + np.einsum("tcs,ts->tc", rows, about)
+    told += rate * reference.clock[flight.sensors.family]
+    rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
+    if flight.modes is not None and flight.modes.mounting is not None:
+        more, by_modes = bending(flight.sensors, moved, flight.modes)
+        rows[:, :, N : N + by_modes.shape[2]] = by_modes
+        told += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
+    rows_below = with_sensors(model, flight.sensors, rows, chance, rate, np.diff(flight.time))
+    return rows_below, np.concatenate([z, told], 1)
+
+
+def flexed(flight: Flight, reference: Reference) -> Flight:
+    """The flight with its modes along those of a reference, and the inertia of that shape."""
+    if flight.modes is None or reference.modes is None:
+        return flight
+    modes = replace(flight.modes, path=reference.modes)
+    inertia, h = modes.products.of(modes.amplitude, modes.rate)
+    return replace(flight, modes=modes, inertia=inertia, h=h)
+
+
+def moved_along(flight: Flight, force: LoadPrior, reference: Reference) -> Moved:
+    """The flight as its sensors meet it along a reference."""
+    assert reference.force is not None
+    H, T, dT = along_world(reference.chain, reference.axes, reference.lines)
+    _, F, dF = along_world(reference.force, force.axes, force.lines)
+    J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
+    return Moved(
+        reference.rotation, H, T, F, flight.mass,
+        flight.inertia, J(flight.time, 1), flight.h, h(flight.time, 1), dT, dF,
+    )  # fmt: skip
