@@ -11,7 +11,6 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 from scipy.special import chdtri
@@ -87,20 +86,19 @@ def descend(
     """From the level that explains the motion down to the smallest that is enough."""
     steps = list(steps)
     best = explaining(steps)
-    solutions: dict[int, tuple[Solution, float]] = {}
+    solutions: dict[int, Solution] = {}
 
     def solved(i: int) -> Solution:
         if i not in solutions:
-            began = perf_counter()
-            solutions[i] = solve(rungs[i].settings), perf_counter() - began
-        return solutions[i][0]
+            solutions[i] = solve(rungs[i].settings)
+        return solutions[i]
 
     def seen(i: int) -> Channels:
         return channels_of(rungs[i].seen(body, motion), motion.gravity, engine)
 
     def chosen(i: int) -> tuple[Choice, Solution]:
         solution = solved(i)
-        said = sentence_of(steps, i, best, solutions[i][1])
+        said = sentence_of(steps, i, best)
         if i != best:
             solution = allowing(solution, steps[i])
         return Choice(steps[i].model, said, steps[i], tuple(steps)), solution

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.levels import Step
+from forceid.kalman.vibration import STATES
+
+LOADS = 30  # states of a flight without modes, with loads of order two
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,8 @@ def without_choice(model: str, why: str) -> Choice:
     return Choice(model, f"the model is {model}: {why}")
 
 
-def sentence_of(steps: list[Step], taken: int, best: int, seconds: float) -> str:
-    """What was taken and why, and what the next step would cost; seconds: that the level taken took."""
+def sentence_of(steps: list[Step], taken: int, best: int) -> str:
+    """What was taken and why, and what the next step would cost."""
     level, top = steps[taken], steps[best]
     said = f"the model is {level.name}, chi-square {level.chi_square:.2f} per degree of freedom"
     if level.modes:
@@ -58,7 +61,7 @@ def sentence_of(steps: list[Step], taken: int, best: int, seconds: float) -> str
             f"; {top.name} explains more of the markers, chi-square {top.chi_square:.2f}, log evidence "
             f"{top.evidence - level.evidence:+.0f} over this, but would move force and moment by only "
             f"{level.force_change:.2g} and {level.moment_change:.2g} standard errors; it costs "
-            f"{cost(level, top, seconds)}"
+            f"{cost(level, top)}"
         )
     below = next((s for s in steps[taken - 1 :: -1] if taken and np.isfinite(s.change)), None)
     if below is not None:
@@ -68,7 +71,7 @@ def sentence_of(steps: list[Step], taken: int, best: int, seconds: float) -> str
         )
     if taken + 1 < len(steps):
         upper = steps[taken + 1]
-        said += f"; the next step, {upper.name}, costs {cost(level, upper, seconds)}"
+        said += f"; the next step, {upper.name}, costs {cost(level, upper)}"
         said += f" and has log evidence {upper.evidence - level.evidence:+.0f} over this"
         if np.isfinite(upper.change):
             said += (
@@ -80,7 +83,12 @@ def sentence_of(steps: list[Step], taken: int, best: int, seconds: float) -> str
     return said
 
 
-def cost(level: Step, upper: Step, seconds: float) -> str:
-    """What a step up costs."""
+def cost(level: Step, upper: Step) -> str:
+    """What a step up costs: arithmetic as the cube of the states, that of the modes and some of the loads.
+
+    >>> cost(Step("modal", 1, 1.0, 1.0, 0.0, False, 9.0), Step("modal", 3, 1.0, 1.0, 0.0, False, 9.0))
+    '2 more amplitudes a frame and 1.7 times the arithmetic'
+    """
     more = upper.modes - level.modes
-    return f"{more} more amplitude{'s'[: more > 1]} a frame, in about {seconds:.1g} s as this one took"
+    times = ((LOADS + STATES * upper.modes) / (LOADS + STATES * level.modes)) ** 3
+    return f"{more} more amplitude{'s'[: more > 1]} a frame and {times:.2g} times the arithmetic"
