@@ -20,7 +20,16 @@ from forceid.estimation.beyond_rigid import CHANCE, Beyond, beyond_rigid, princi
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.levels import FOUND, Level, Step, explaining, levels, weigh
-from forceid.estimation.load_changes import NEAR, Channels, changes, channels_of, from_view, looked, view
+from forceid.estimation.load_changes import (
+    NEAR,
+    Channels,
+    changes,
+    channels_of,
+    from_view,
+    looked,
+    view,
+    wider,
+)
 from forceid.estimation.model_choice import Choice, sentence_of, without_choice
 from forceid.kalman.engines import Engine
 from forceid.kalman.robust import unswap
@@ -28,6 +37,7 @@ from forceid.records import Body, Motion
 
 ENOUGH = 1.0  # standard errors: a force that moves by less has not moved
 CLEAR = 0.75  # standard errors: so little, by that look, that a flight that says otherwise is compared
+WIDER = 1.25  # times the error claimed at the explaining level: to pay with a wider claim is not enough
 FEW = 20  # frames below which nothing is told apart
 
 Solve = Callable[[Settings], Solution]
@@ -117,14 +127,15 @@ def descend(
         return steps[i].change <= NEAR
 
     def enough(i: int) -> bool:
-        if from_view(solved(i), top, motion.time) <= NEAR:
+        far, claimed = from_view(solved(i), top, motion.time)
+        if far <= NEAR and claimed <= WIDER:
             return True
         if steps[i].change > CLEAR:
             return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
         force, moment = changes(solved(i), solved(best))
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)
-        return steps[i].change <= ENOUGH
+        return steps[i].change <= ENOUGH and wider(solved(i), solved(best)) <= WIDER
 
     if not near(nested[-1]):
         return chosen(best)

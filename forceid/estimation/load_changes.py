@@ -112,17 +112,21 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
 
 
-def from_view(solution: Solution, top: View, time: Array) -> float:
-    """How far a solved flight is from what the explaining level shows, in standard errors of that."""
-    found = []
+def from_view(solution: Solution, top: View, time: Array) -> tuple[float, float]:
+    """How far a solved flight is from what the explaining level shows, and how much more error it claims.
+
+    In standard errors of what that shows: rms of the distance, and rms of the claim.
+    """
+    far, claimed = [0.0], [0.0]
     clocks = (time - time[0], time)
-    for load, shown, clock in zip(
-        (solution.state.force, solution.state.moment), top.each, clocks, strict=True
-    ):
+    var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
+    loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
+    for (load, own), shown, clock in zip(loads, top.each, clocks, strict=True):
         if shown is not None:
             kept = np.isin(clock, shown.channel.time)
-            found.append(distance(load[kept], shown.load, shown.std))
-    return max(found)
+            far.append(distance(load[kept], shown.load, shown.std))
+            claimed.append(distance(np.sqrt(own[kept]), np.zeros_like(shown.std), shown.std))
+    return max(far), max(claimed)
 
 
 def at_times(channel: Channel, other: Channel, load: Array) -> Array:
@@ -138,6 +142,13 @@ def changes(one: Solution, other: Solution) -> tuple[float, float]:
     a, b = one.state, other.state
     std = np.sqrt(np.fmin(*(np.diagonal(s.wrench_cov, axis1=1, axis2=2) for s in (a, b))))
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
+
+
+def wider(one: Solution, other: Solution) -> float:
+    """How much more error one solution claims of force or of moment than another: the larger ratio of rms."""
+    std = [np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other)]
+    zero = np.zeros_like(std[0][:, :3])
+    return max(distance(std[0][:, part], zero, std[1][:, part]) for part in (slice(3), slice(3, 6)))
 
 
 def distance(a: Array, b: Array, std: Array) -> float:

@@ -22,7 +22,7 @@ using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 using Index = py::array_t<py::ssize_t, py::array::c_style | py::array::forcecast>;
 using Size = py::ssize_t;
 
-constexpr int LANES = 8, BLOCK = 32; // samples between covariances that are kept on the way forward
+constexpr int LANES = 8, BLOCK = 8; // samples between covariances that are kept on the way forward
 constexpr double AGREES = 1e-8; // of a standard deviation, or of a variance: two stretches that meet
 constexpr double ALIKE = 1e-5;  // pivot of an innovation covariance in units of its diagonal: no less
 constexpr double LOST = 1e-6;   // of a variance that may be left of it, lest its digits go
@@ -46,7 +46,7 @@ struct Samples {
 };
 
 template <typename Call> INLINE Lanes each(const Lanes &a, Call call) {
-  Lanes out;
+  Lanes out = {};
   for (int l = 0; l < LANES; ++l) out[l] = call(a[l]);
   return out;
 }
@@ -119,6 +119,14 @@ INLINE Matrix inverse(const Matrix &x) {
   return z * (1.0 / (a[0] * z.a[0] + a[1] * z.a[3] + a[2] * z.a[6]));
 }
 
+// One over the factors by which a term of a series of sine or cosine shrinks: no division in the loop.
+constexpr struct Series {
+  double odd[10] = {}, even[10] = {};
+  constexpr Series() {
+    for (int k = 0; k < 10; ++k) odd[k] = 1.0 / ((2 * k + 2) * (2 * k + 3)), even[k] = 1.0 / ((2 * k + 3) * (2 * k + 4));
+  }
+} SERIES;
+
 // Rotation matrix of a rotation vector, by Rodrigues; series up to a radian.
 INLINE Matrix exponential(const Vector &phi) {
   const Lanes square = dot(phi, phi);
@@ -127,9 +135,10 @@ INLINE Matrix exponential(const Vector &phi) {
     s = each(square, [](double q) { return q > 1e-16 ? std::sin(std::sqrt(q)) / std::sqrt(q) : 1.0; });
     v = each(square, [](double q) { return q > 1e-8 ? (1.0 - std::cos(std::sqrt(q))) / q : 0.5; });
   } else {
-    for (int k = 9; k >= 0; --k) { // sum (-q)^k / (2k + 1)!, and of / (2k + 2)!
-      s = 1.0 - s * square / ((2 * k + 2) * (2 * k + 3.0));
-      v = 1.0 - v * square / ((2 * k + 3) * (2 * k + 4.0));
+    // sum (-q)^k / (2k + 1)!, and of / (2k + 2)!
+    for (int k = any(square > 0.0625 ? all(1) : all(0)) ? 9 : 5; k >= 0; --k) {
+      s = 1.0 - s * square * SERIES.odd[k];
+      v = 1.0 - v * square * SERIES.even[k];
     }
     v *= 0.5;
   }
@@ -301,7 +310,7 @@ py::tuple rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J
   for (int i = 0; i < 9; ++i) axes.a[i] = all(axes_.data()[i]);
   {
     py::gil_scoped_release unlocked;
-    Fleet out(3 * n), spread(3 * n);
+    Fleet out(3 * n), spread(3 * n), F_k(n * n), Q_k(n * n);
     in_eights(steps, [&](Size first, const Size *k, int lanes) {
       Matrix R_end, theta, by[3];
       course.turn(k, R_end, theta, by);
@@ -313,8 +322,14 @@ py::tuple rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J
         kind[l] = which[k[l]];
         next[l] = k[l] + 1;
       }
-      const Samples F_k(F, n * n, kind), Q_k(Q, n * n, kind);
-      const auto led = [&](const Samples &a, const std::vector<char> &held, int i, int j) {
+      if (first == 0 || kinds > 1) {
+        const Samples F_at(F, n * n, kind), Q_at(Q, n * n, kind);
+        for (int i = 0; i < 6 * n; ++i) {
+          if (in_F[i]) F_k[i] = F_at[i];
+          if (in_Q[i]) Q_k[i] = Q_at[i];
+        }
+      }
+      const auto led = [&](const Fleet &a, const std::vector<char> &held, int i, int j) {
         Lanes sum = {};
         for (int l = 0; l < 3; ++l) {
           if (held[l * n + j]) sum += by_Y.a[3 * i + l] * a[l * n + j];

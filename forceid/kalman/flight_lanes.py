@@ -23,7 +23,7 @@ from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.square_root import eliminate, step_back, white_share
 from forceid.records import Array, Indices
 
-WARM = 1024  # samples that a lane begins before its part, and goes on behind it
+WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
 LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in _flight.cpp
 STATES, SMOOTHED, FILTERED = 0, 1, 2
 numpy_passes: Any = passes  # few samples
@@ -104,13 +104,13 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOO
         start, C = linear.filter_with_factors(numpy_passes, model.first(head), z[:head])
     except EstimationError:
         return None
-    warm = WARM if T - head >= 4 * WARM and not model.remembers else 0
-    for cut in (True, False) if warm else (False,):
+    for warm in (*(w for w in WARM if T - head >= 4 * w and not model.remembers), 0):
+        cut = warm > 0
         begin = head + (T - head - 2 * warm) // 8 * np.arange(8) - 1
         x0 = np.array([start.x[-1], *guess[begin[1:]]]) if cut else np.tile(start.x[-1], (8, 1))
         found = compiled.smooth(
             model.F, model.Q, model.u, model.which, model.top, model.noise, model.push, model.H, model.R, z,
-            model.read, model.theta, start.gains.P[-1], x0, head, warm if cut else 0, cut, mode,
+            model.read, model.theta, start.gains.P[-1], x0, head, warm, cut, mode,
         )  # fmt: skip
         if found[0] == "ill":
             return None

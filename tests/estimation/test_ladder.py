@@ -25,6 +25,7 @@ from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
 
 FILE = Path(__file__).parents[2] / "benchmarks" / "ladder.py"
+DATA = FILE.parents[1] / "data" / "synthetic"
 SPEC = importlib.util.spec_from_file_location("scenes_of_known_level", FILE)
 scenes = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(scenes)
@@ -101,6 +102,18 @@ def test_smaller_level_claims_an_error_that_allows_for_its_distance():
     assert choice.level.vetoed
     assert "affine explains more of the markers" in choice.sentence
     assert "but would move force and moment by only" in choice.sentence
+
+
+def test_smaller_level_that_pays_with_a_wider_claim_is_not_enough():
+    """Five markers at 2 kHz and 1 mm: rigid, the moment follows the vibration, and claims for it."""
+    recipe = load_recipe(DATA / "flexible_boomerang_5_markers.toml")
+    asked = {"sample_rate": 2000.0, "noise_std": 1e-3, "duration": 0.3, "seed": 1}
+    recording = simulate(recipe.model_copy(update=asked))
+    taken, rigid = (estimate_recording(recording, load_settings(model=m)) for m in ("auto", "rigid"))
+    assert taken.model == "modal"
+    assert cf.rms(rigid.moment_std) > 1.25 * cf.rms(taken.moment_std)
+    error = [cf.rms((e.moment - recording.truth["moment"])[75:-75]) for e in (taken, rigid)]
+    assert error[0] < 0.5 * error[1]
 
 
 def test_flight_is_solved_once_where_the_best_level_is_taken():

@@ -111,10 +111,10 @@ def test_eight_stretches_are_one_record(flown, monkeypatch):
         prior(std=std, rate=150.0, order=1, mean=0.0) for std in (20.0, 2.0)
     ]  # a constant is never forgotten
     whole = smooth_long(coupled(flown), *rough, causal=False)
-    monkeypatch.setattr(flight_lanes, "WARM", 150)
+    monkeypatch.setattr(flight_lanes, "WARM", (150,))
     cut = smooth_long(coupled(flown), *rough, causal=False)
     assert 0 < max(differences(cut, whole)) < 1e-7
-    monkeypatch.setattr(flight_lanes, "WARM", 10)  # they do not meet: then it is gone through from end to end
+    monkeypatch.setattr(flight_lanes, "WARM", (10,))  # they do not meet: then it is gone through from end to end
     assert max(differences(smooth_long(coupled(flown), *rough, causal=False), whole)) == 0
 
 
