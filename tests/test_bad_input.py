@@ -217,7 +217,7 @@ def test_few_markers_are_no_error(file, position, words, capsys):
 def test_gap_is_no_error(file, capsys):
     recording = thrown()
     x = recording.motion.position.copy()
-    x[10:13] = np.nan
+    x[10:18] = np.nan
     write_motion(file, replace(recording, motion=replace(recording.motion, position=x)))
     assert main(["estimate", str(file)]) == 0
-    assert "3 of 40 frames show no pose" in capsys.readouterr().out
+    assert "8 of 40 frames show no pose" in capsys.readouterr().out

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from forceid.estimation.load_lines import (
     more_lines,
     unshown_lines,
 )
+from forceid.estimation.outliers import cleaned, wild_frames, wildest, without_frames
 from forceid.estimation.ringing import allow_for_ringing
 from forceid.estimation.sensors import fused, named_sensors, sensor_reasons
 from forceid.estimation.slow_errors import (
@@ -36,16 +36,12 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation
 from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
-from forceid.kalman.robust import WILD, drop_wild, runs, unswap
+from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Body, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
-TRADED = (
-    "markers traded places ({}): exchanged back {} times, first at {:.4g} s; look at the labels, and at what "
-    "the exchange leaves"
-)
 ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
@@ -79,15 +75,8 @@ def estimate_flight(
     reasons: sentences from a first pass that rejected frames; lines: of the loads, that a pass without
     them found.
     """
-    if motion.position is not None:
-        position, traded = unswap(motion.position)
-        if traded:
-            motion = replace(motion, position=position)
-            names = sorted({body.node[t.channel] for t in traded})
-            reasons = (
-                *reasons,
-                TRADED.format(", ".join(names), len(traded) // 2, motion.time[traded[0].sample]),
-            )
+    motion, told = cleaned(body, motion)
+    reasons = (*reasons, *told)
     kin = kinematics(body, motion, settings)
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
@@ -170,55 +159,6 @@ def estimate_flight(
             tuned |= unshown_lines(name, channel, priors[name], spin)
     deformation = as_smoothed(kin, deformation, state)
     return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
-
-
-def wild_frames(
-    flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
-) -> tuple[Flags, str]:
-    """Frames (time,) that nothing else agrees with, and a sentence on them.
-
-    A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
-    wildness stays, it is not the frames but the motion: then none is dropped.
-    """
-
-    def again(dropped: Flags) -> Array:
-        kept = np.where(dropped[:, 0], np.nan, 1.0)[:, None]
-        center, rotation = flight.center * kept, flight.rotation * kept[..., None]
-        return wildest(solve(replace(flight, center=center, rotation=rotation)))
-
-    every = wildest(first)
-    wild, ended = drop_wild(every, again)
-    dropped, size = wild[:, 0], float(every.max())
-    if not dropped.any():
-        return dropped, ""
-    when = flight.time[dropped][0]
-    if not ended:
-        return np.zeros_like(dropped), (
-            f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact "
-            "faster than the prior follows, or markers that changed places; force and moment are blurred "
-            "around such times"
-        )
-    alone = sum(length == 1 for _, length in runs(dropped))
-    return dropped, (
-        f"frames rejected as outliers: {dropped.sum()} ({alone} alone, {dropped.sum() - alone} in bursts), "
-        f"the first at {when:.4g} s, up to {size:.0f} sigma off; look at the markers there"
-    )
-
-
-def wildest(state: FlightState) -> Array:
-    """Largest innovation (time, 1) of every frame, in standard deviations; zero where nothing is seen."""
-    return np.asarray(np.abs(np.nan_to_num(state.innovation)).max(1, keepdims=True))
-
-
-def without_frames(motion: Motion, dropped: Flags) -> Motion:
-    """The motion with nothing seen in some frames."""
-    kept = np.where(dropped, np.nan, 1.0)
-    gone = {
-        name: value * kept.reshape(-1, *[1] * (value.ndim - 1))
-        for name in ("position", "center", "orientation")
-        if (value := getattr(motion, name)) is not None
-    }
-    return replace(motion, **gone)
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:

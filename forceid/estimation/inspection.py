@@ -191,7 +191,7 @@ def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget:
     """Sensitivity from the quickest estimate there is, without a prior; about the mass center."""
     quick = settings.model_copy(update={"method": "savgol"})
     found = estimate_classic(body, motion, quick, engine(settings.engine))
-    return sensitivity(found.kinematics, found.deformation, found.state, body.node)
+    return sensitivity(found.kinematics, found.deformation, found.state, body.node, motion.gravity)
 
 
 def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:

@@ -31,8 +31,8 @@ from forceid.estimation.load_changes import (
     wider,
 )
 from forceid.estimation.model_choice import Choice, sentence_of, without_choice
+from forceid.estimation.outliers import cleaned
 from forceid.kalman.engines import Engine
-from forceid.kalman.robust import unswap
 from forceid.records import Body, Motion
 
 ENOUGH = 1.0  # standard errors: a force that moves by less has not moved
@@ -57,10 +57,11 @@ def climb(
         return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid)
     if settings.modes == 0:
         return without_choice("rigid", "no modes are asked for"), solve(rigid)
-    position = unswap(motion.position)[0]
-    motion = replace(motion, position=position)
+    motion = cleaned(body, motion)[0]
     most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
-    beyond = beyond_rigid(motion.time, position, most) if most.attitude else None
+    beyond = None
+    if most.attitude and motion.position is not None:
+        beyond = beyond_rigid(motion.time, motion.position, most)
     if beyond is None or not beyond.y.shape[1]:
         return without_choice("rigid", "so few markers show no deformation"), solve(rigid)
     if beyond.frames < FEW:

@@ -27,8 +27,10 @@ from forceid.estimation.verdict import (
     judge,
     judge_leakage,
     judge_loads,
+    judge_momentum,
     judge_overlap,
     judge_recording,
+    judge_reference,
     judge_shape,
     judge_tuning,
 )
@@ -74,7 +76,8 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
         solve = estimate_unmarked if unmarked else solve
         solution, choice = solved_at_level(recording, settings, solve, unmarked)
-        result = assemble(recording, settings, solution, findings)
+        compared = choice.level is not None
+        result = assemble(recording, settings, solution, findings, compared)
         result = replace(result, model_choice=choice.sentence, ladder=choice.numbers())
     return replace(
         result,
@@ -119,9 +122,9 @@ def check_stiffness(body: Body) -> None:
 
 
 def assemble(
-    recording: Recording, settings: Settings, solution: Solution, findings: list[Finding]
+    recording: Recording, settings: Settings, solution: Solution, findings: list[Finding], compared: bool
 ) -> Estimate:
-    """The estimate that a solved flight amounts to."""
+    """The estimate that a solved flight amounts to; compared: whether its level was, with all others."""
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
     shape = shape_at(kin, solution.deformation.amplitude)
@@ -130,15 +133,17 @@ def assemble(
     loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
-    costs = sensitivity(kin, solution.deformation, state, recording.body.node, arm)
+    costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
     findings = [
         *findings,
         *judge_leakage(leaks),
         *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
-        *judge_shape(kin),
+        *judge_reference(recording.body, kin),
+        *([] if compared else judge_shape(kin)),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
+        *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
         *(Finding(text) for text in solution.reasons),
     ]

@@ -46,7 +46,8 @@ class Budget:
 
     mass: per percent; center: per mm; inertia: per percent of one principal moment; marker: per mm of the
     marker named; shape: per 5 % of error, independent from marker to marker, of the shapes of deformation,
-    if the smoother follows loads as fast as they vibrate, or None where none is used.
+    if the smoother follows loads as fast as they vibrate, or None where none is used; clock: per percent by
+    which the clock is slow, of a force that excludes weight.
     """
 
     mass: Cost
@@ -55,6 +56,7 @@ class Budget:
     marker: Cost
     marker_name: str
     shape: Cost | None = None
+    clock: Cost | None = None
 
     def numbers(self) -> dict[str, float]:
         """Numbers by name, force N and moment N m: what a result carries."""
@@ -86,6 +88,7 @@ UNITS = {
     "center": ("per_mm", "per mm of mass center"),
     "inertia": ("per_percent", "per percent of a principal moment of inertia"),
     "marker": ("per_mm", "per mm of the place of marker {}"),
+    "clock": ("per_percent", "per percent of the clock"),
     "shape": ("per_5_percent", "per 5 % of the shapes of deformation, at most"),
 }
 
@@ -123,11 +126,12 @@ def sensitivity(
     deformation: Deformation,
     state: FlightState,
     node: tuple[str, ...],
+    gravity: Array,
     arm: Array | None = None,
 ) -> Budget:
     """The budget of an estimate: what each kind of error of the body costs at worst.
 
-    node: names of the nodes; arm (time, 3) m: from the point that the
+    node: names of the nodes; gravity (3,) m/s2; arm (time, 3) m: from the point that the
     moment is about to the mass center, None where it is the mass center. NaN where no rotation is known.
     """
     motion = turning(kin, deformation, state, arm)
@@ -159,7 +163,16 @@ def sensitivity(
         Cost(np.nan, np.nan) if worst is None else by_marker[worst],
         "" if worst is None else node[worst],
         shape_cost(motion, deformation.amplitude) if shapes else None,
+        clock_cost(motion, state.force + kin.inertia.mass * gravity),
     )
+
+
+def clock_cost(motion: Turning, accelerated: Array) -> Cost:
+    """Cost of a clock that is slow: accelerations and rates of momentum go with the square of its rate.
+
+    accelerated (time, 3) N: mass times acceleration, weight included.
+    """
+    return Cost(2 * PERCENT * length(accelerated), 2 * PERCENT * length(motion.moment))
 
 
 def principal(tensor: Array) -> tuple[Array, Array]:

@@ -16,14 +16,19 @@ from forceid.motion.pose import pose_gain
 from forceid.motion.window import noise_growth
 from forceid.principal.loads import undetermined
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Loads, Motion, Verdict
+from forceid.records import Array, Body, Loads, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
+SHORT = 50  # frames below which they cannot tell how a load varies
+BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
+ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NEARLY_RIGID = 0.1  # sine of its angle with rigid motion below which a shape passes for one
 NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
+SPLIT = 0.06  # size of the errors of what loads do together, over that of each: below, they are alike
+COARSE, KICK = 0.5, 0.05  # rad a frame; part of its angular momentum that a moment may add to a spin in each
 CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
 
@@ -94,8 +99,7 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
             "is that of the undeformed shape; mark them, or give mode shapes"
         )
     lost = lost_frames(kin, motion)
-    if lost.any():
-        span = longest_run(lost)
+    if (span := longest_run(lost)) > BRIDGED or lost.mean() > SCATTERED:
         found.append(
             f"{lost.sum()} of {len(lost)} frames show no pose, the longest run {span} frames: there the "
             "estimate is bridged or missing; expect detail only outside"
@@ -106,6 +110,11 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
 def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Finding]:
     """Noise that nobody stated, and that the record cannot tell from motion: at its floor, or too short."""
     found = []
+    if len(kin.time) < SHORT:
+        found.append(
+            f"{len(kin.time)} frames are too few to tell how force and moment vary: claimed errors may be "
+            "too small by a factor of two; record longer"
+        )
     for name, limit in noise_at_limit.items():
         if kin.stated[name]:
             continue
@@ -127,6 +136,25 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
                 f"claimed errors assume; state noise_std.{name}, or record longer"
             )
     return [Finding(text) for text in found]
+
+
+def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
+    """Markers that are, all the time, far from where the reference shape has them."""
+    if body.position is None or not kin.attitude or not kin.seen.any():
+        return []
+    X = body.position - kin.inertia.center
+    off = np.linalg.norm(kin.shape - X, axis=1) * kin.seen
+    size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
+    k = int(off.argmax())
+    if off[k] < ELSEWHERE * size:
+        return []
+    return [
+        Finding(
+            f"the mean shape leaves the reference shape by {1e3 * off[k]:.2g} mm at {body.node[k]}, on a "
+            f"body of {1e3 * size:.2g} mm: labels or /body/position are wrong, and with them mass center and "
+            "inertia, or the body bends that far; check both"
+        )
+    ]
 
 
 def judge_shape(kin: Kinematics) -> list[Finding]:
@@ -209,6 +237,8 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
             f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one "
             "of least norm; read null_space and estimable, or ask for fewer loads"
         )
+    else:
+        found += alike(loads)
     misfit = float(np.nanmean(loads.chi_square))
     if loads.dof and misfit > chdtri(loads.dof, CHANCE):
         found.append(
@@ -216,3 +246,36 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
             "degree of freedom: other loads act; add them"
         )
     return [Finding(text) for text in found]
+
+
+def alike(loads: Loads) -> list[str]:
+    """Loads whose errors are all but opposite, since they do all but the same to the body."""
+    var = np.diagonal(loads.load_cov, axis1=1, axis2=2)
+    known = np.isfinite(loads.load_cov).all((1, 2)) & (var > 0).all(1)
+    if not known.any():
+        return []
+    size = np.sqrt(var[known])
+    least, axes = np.linalg.eigh((loads.load_cov[known] / (size[:, :, None] * size[:, None])).mean(0))
+    if least[0] > SPLIT**2:
+        return []
+    pair = [loads.name[k] for k in np.argsort(-np.abs(axes[:, 0])) if abs(axes[k, 0]) > SPLIT]
+    return [
+        f"the loads {', '.join(pair)} do nearly the same to the body: their split is known "
+        f"{1 / np.sqrt(least[0]):.0f} times worse than what they do together; ask for fewer loads"
+    ]
+
+
+def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
+    """Turns that a moment as large as no other would have to make: what an aliased spin reads as."""
+    turn, step = largest_turn(kin.time, kin.pose.rotation), float(np.median(np.diff(kin.time)))
+    size, kick = (np.linalg.norm(v, axis=1) for v in (H, moment * step))
+    known = np.isfinite(size) & np.isfinite(kick)
+    if turn < COARSE or not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
+        return []
+    return [
+        Finding(
+            f"the body turns up to {np.degrees(turn):.0f} degrees a frame, and the moment found changes its "
+            f"angular momentum by {np.median(kick[known]) / np.median(size[known]):.0%} in each: as turns "
+            "past half a revolution do that are taken for shorter ones; record faster or add a gyro"
+        )
+    ]

@@ -18,7 +18,8 @@ from forceid.kalman.lines import PATIENCE, Line
 from forceid.kalman.search import maximize
 from forceid.records import Array
 
-ORDERS = (1, 2, 3, 4)
+ORDERS = (1, 2, 3, 4, 6)
+FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
 
@@ -59,11 +60,9 @@ def tune_loads(
     known to hold beside, with directions along the axes of z. engine: the fastest, if none is given.
     """
     stretches, axes, likelihood = stretch(z), z.shape[1], for_tuning(engine).log_likelihood
-    edges = search_box(time, z, gain, 1)
 
     def box(order: int) -> tuple[Array, Array]:
-        # std * rate^(order - 1/2) of every axis: a rougher order moves it by the rate
-        lower, upper = (np.tile([e[0] + (order - 1) * e[1], e[1]], (axes, 1)) for e in edges)
+        lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order))
         return lower, upper
 
     def objective(points: Array, levels: Array, order: int) -> Array:
@@ -96,7 +95,7 @@ def tune_loads(
     found: dict[int, tuple[Array, float, float]] = {}
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         found[order] = search(order, (level, level))
-        if found[order][2] < max(value for _, _, value in found.values()):
+        if order <= FREE and found[order][2] < max(value for _, _, value in found.values()):
             break
     order = smoothest({order: value for order, (_, _, value) in found.items()})
     at, level, value = (
@@ -127,9 +126,12 @@ def natural(points: Array, order: int) -> tuple[Array, Array]:
 
 
 def smoothest(evidence: dict[int, float]) -> int:
-    """The highest order whose evidence is within PATIENCE of the best.
+    """The highest order whose evidence is within PATIENCE of the best; above FREE it must be the best.
+
+    So smooth a load is claimed with so little error that the record has to ask for it.
 
     >>> smoothest({1: -10.0, 2: 0.0, 3: -4.0, 4: -9.0})
     3
     """
-    return max(order for order, value in evidence.items() if value > max(evidence.values()) - PATIENCE)
+    earned = {order: value - (0.0 if order <= FREE else PATIENCE) for order, value in evidence.items()}
+    return max(order for order, value in earned.items() if value >= max(evidence.values()) - PATIENCE)

@@ -163,7 +163,7 @@ def test_wrong_mode_shapes_cost_what_the_budget_says():
 
 def budget(solution, node, arm=None):
     s = solution
-    return sn.sensitivity(s.kinematics, s.deformation, s.state, node, arm)
+    return sn.sensitivity(s.kinematics, s.deformation, s.state, node, np.array([0.0, 0.0, -9.81]), arm)
 
 
 def test_budget_is_the_worst_of_its_kind(boomerang):
@@ -197,8 +197,18 @@ def test_moment_about_another_point_pays_for_the_lever(rigid):
 def test_body_whose_rotation_is_not_seen_has_a_budget_of_its_mass_only():
     recording = cf.toss(body=cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]))
     found = budget(solved(recording), recording.body.node)
-    assert set(found.numbers()) == {"mass_force_per_percent"}
-    assert len(found.summary) == 1
+    assert set(found.numbers()) == {"mass_force_per_percent", "clock_force_per_percent"}
+    assert len(found.summary) == 2
+
+
+def test_clock_that_is_slow_costs_what_the_budget_says():
+    """Samples a percent farther apart than stated: the true accelerations are two percent smaller."""
+    recording = cf.toss()
+    slow = replace(recording, motion=replace(recording.motion, time=recording.motion.time / 1.01))
+    right, wrong_clock = (solved(r) for r in (recording, slow))
+    found = budget(right, recording.body.node).clock
+    off = wrong_clock.state.force - right.state.force
+    assert cf.rms(np.linalg.norm(middle(off), axis=1)) == pytest.approx(found.force, rel=0.05)
 
 
 def test_load_is_followed_up_to_where_noise_is_as_strong_as_the_prior(rigid):

@@ -12,18 +12,23 @@ from forceid.config import load_settings
 from forceid.estimation.innovations import colored, judge_innovations, strongest_line
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
+from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict import (
     Finding,
+    alike,
     judge,
     judge_leakage,
     judge_loads,
     judge_overlap,
     judge_recording,
+    judge_reference,
     judge_shape,
     judge_tuning,
 )
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
+from forceid.records import Loads
+from forceid.study.failures_sensing import fast_spin
 
 TIME = cf.clock(400)
 
@@ -107,9 +112,38 @@ def test_largest_turn_skips_gaps_and_takes_rare_frames_as_they_come():
 def test_lost_frames_are_counted_with_their_longest_run():
     recording = cf.toss()
     x = recording.motion.position.copy()
-    x[[10, 50, 51, 52]] = np.nan
+    x[[10, *range(50, 58)]] = np.nan
     (found,) = judge_recording(seen(cf.seen_as(recording, x)))
-    assert "4 of 120 frames show no pose, the longest run 3 frames" in found.text
+    assert "9 of 120 frames show no pose, the longest run 8 frames" in found.text
+
+
+def test_few_lost_frames_are_bridged_and_the_claim_holds_there():
+    recording = cf.toss()
+    x = recording.motion.position.copy()
+    lost = [10, 30, 50, 51, 52, 53, 80]
+    x[lost] = np.nan
+    assert judge_recording(seen(cf.seen_as(recording, x))) == []
+    estimate = estimate_recording(cf.seen_as(recording, x), load_settings())
+    for name in ("force", "moment"):
+        error = getattr(estimate, name) - recording.truth[name]
+        assert (np.abs(error) < 4 * getattr(estimate, f"{name}_std"))[lost].all()
+
+
+def test_markers_that_stand_elsewhere_than_on_the_body_are_said():
+    recording = cf.toss()
+    assert judge_reference(recording.body, seen(recording)) == []
+    place = recording.body.position.copy()
+    place[2] += [0.0, 0.02, 0.0]
+    body = replace(recording.body, position=place)
+    (found,) = judge_reference(body, seen(replace(recording, body=body)))
+    assert "leaves the reference shape" in found.text
+    assert "/body/position" in found.text
+
+
+def test_records_too_short_to_show_how_a_load_varies_are_said():
+    kin = seen(cf.toss(cf.clock()[:49]))
+    assert any("49 frames are too few" in f.text for f in judge_tuning(kin, {}))
+    assert judge_tuning(seen(cf.toss(cf.clock()[:50])), {}) == []
 
 
 def test_mass_without_marker_on_a_deforming_body_is_said():
@@ -249,3 +283,21 @@ def test_vibration_inside_the_band_of_the_force_is_named_where_it_costs_more_tha
     assert overlapping(claimed=1e-7, std=1e-4) == []  # the force is not followed that fast
     kin = seen(cf.toss())
     assert judge_overlap(kin, np.zeros((120, 0)), {}, np.ones((120, 3))) == []
+
+
+def test_loads_that_do_nearly_the_same_are_said_to_be_split_badly():
+    cov = np.array([[1.0, -0.9999], [-0.9999, 1.0]])[None]
+    one = np.ones((1, 2))
+    loads = Loads(("left", "right"), one, cov, np.zeros((2, 0)), np.eye(2), one[:, 0], 4)
+    (text,) = alike(loads)
+    assert "left, right" in text or "right, left" in text
+    assert "100 times worse" in text
+    assert alike(replace(loads, load_cov=np.eye(2)[None])) == []
+
+
+def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over():
+    """A body that turns 240 degrees a frame about a wobbling axis reads as one of 120 the other way."""
+    for degrees, said in ((60.0, False), (240.0, True)):
+        case = fast_spin(degrees, np.random.default_rng(0))
+        estimate = estimate_recording(case.recording, load_settings(method="savgol"))
+        assert any("angular momentum" in r for r in estimate.verdict.reasons) is said

@@ -114,7 +114,9 @@ def test_eight_stretches_are_one_record(flown, monkeypatch):
     monkeypatch.setattr(flight_lanes, "WARM", (150,))
     cut = smooth_long(coupled(flown), *rough, causal=False)
     assert 0 < max(differences(cut, whole)) < 1e-7
-    monkeypatch.setattr(flight_lanes, "WARM", (10,))  # they do not meet: then it is gone through from end to end
+    monkeypatch.setattr(
+        flight_lanes, "WARM", (10,)
+    )  # they do not meet: then it is gone through from end to end
     assert max(differences(smooth_long(coupled(flown), *rough, causal=False), whole)) == 0
 
 

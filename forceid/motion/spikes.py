@@ -1,0 +1,77 @@
+"""Single readings of a marker that nothing beside them agrees with: spikes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.records import Array, Flags
+
+PARTNERS = 8  # markers whose distance is looked at, of each
+AROUND = (-3, -2, -1, 1, 2, 3)  # frames beside: a burst of up to two leaves their median alone
+SEVERAL = 2  # distances that must agree on it: to a marker that is right, one other may be off
+FAR = 6.0  # standard deviations by which a distance leaves that median
+NORMAL = 1.4826  # standard deviations of a normal in its median absolute deviation
+ROUNDS = 8
+ROUNDOFF = 1e-9  # of the size of the body
+FEWEST = 4  # markers that tell which one is off
+SHARE, MOST = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
+
+
+def spikes(position: Array) -> Flags:
+    """Readings (time, node) of marker tracks (time, node, 3) that are spikes, where four markers tell.
+
+    Distances between markers do not feel how a body flies and turns, however fast. A reading is a spike if
+    two of its distances leave the median of the frames beside by six standard deviations, of what the
+    distance does from frame to frame on the whole and just there. A frame with more than half of its
+    markers off is one in which the body deforms, and a record with more than a fifth of its readings off is
+    none of spikes: there none is named.
+
+    >>> x = np.random.default_rng(0).standard_normal((1, 5, 3)) + np.linspace(0, 1, 50)[:, None, None]
+    >>> x[20, 3] += 0.1
+    >>> np.argwhere(spikes(x)).tolist()
+    [[20, 3]]
+    """
+    seen = np.isfinite(position).all(2)
+    found = np.zeros_like(seen)
+    for _ in range(ROUNDS):  # of a frame the worst first: without it, those beside it are right
+        more = spikes_once(np.where(found[..., None], np.nan, position))
+        found |= more
+        if not more.any():
+            break
+    found &= (found.sum(1) <= SHARE * seen.sum(1))[:, None]
+    return found if found.sum() <= MOST * seen.sum() else np.zeros_like(found)
+
+
+def spikes_once(position: Array) -> Flags:
+    """The worst of each frame's spikes (time, node) that marker tracks (time, node, 3) show."""
+    seen = np.isfinite(position).all(2)
+    found = np.zeros_like(seen)
+    ever = np.flatnonzero(seen.any(0))
+    position, T, n = position[:, ever], len(position), len(ever)
+    partners = np.arange(1, min(n - 1, PARTNERS) + 1)
+    if n < FEWEST or len(AROUND) >= T:
+        return found
+    d = np.linalg.norm(position[:, :, None] - position[:, (np.arange(n)[:, None] + partners) % n], axis=3)
+    jump = np.abs(d[1:-1] - 0.5 * (d[2:] + d[:-2]))
+    scale = np.maximum(NORMAL * median(jump[None])[0], ROUNDOFF * np.nan_to_num(d).max(initial=0.0))
+    at = np.flatnonzero((np.nan_to_num(jump) > 0.5 * FAR * scale).any((1, 2))) + 1
+    at = np.unique(np.concatenate([at - 1, at, at + 1]).clip(0, T - 1))
+    if not len(at):
+        return found
+    beside = at[:, None] + AROUND
+    near = np.where(((beside >= 0) & (beside < T))[:, :, None, None], d[beside.clip(0, T - 1)], np.nan)
+    middle = median(near)
+    local = NORMAL * median(np.abs(near - middle[:, None]))
+    off = np.abs(d[at] - middle) / (FAR * np.fmax(local, scale))
+    count = (np.nan_to_num(off) > 1.0).sum(2)
+    found[np.ix_(at, ever)] = (count >= SEVERAL) & (count == count.max(1, keepdims=True))
+    return found & seen
+
+
+def median(a: Array) -> Array:
+    """Median over the second axis, without NaN; zero where all are."""
+    ordered = np.sort(a, axis=1)  # NaN last
+    count = np.isfinite(a).sum(1)
+    low, high = (np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2)
+    pick = [np.take_along_axis(ordered, k[:, None], 1)[:, 0] for k in (low, np.minimum(high, a.shape[1] - 1))]
+    return np.asarray(np.where(count > 0, 0.5 * (pick[0] + pick[1]), 0.0))

@@ -1,0 +1,77 @@
+"""Spikes of single markers: found whatever the body does, and nothing else is."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from forceid.motion.spikes import spikes
+
+NOISE = 3e-4
+
+
+def tumbling(markers=6, frames=200, turn=0.3, seed=0):
+    """A rigid body that turns by `turn` rad a frame and flies, with noise."""
+    rng = np.random.default_rng(seed)
+    X = rng.uniform(-0.1, 0.1, (markers, 3))
+    R = Rotation.from_rotvec(np.arange(frames)[:, None] * turn * np.array([0.6, 0.0, 0.8])).as_matrix()
+    x = np.einsum("tab,nb->tna", R, X) + np.arange(frames)[:, None, None] * [0.02, 0.0, 0.01]
+    return x + NOISE * rng.standard_normal(x.shape), rng
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(4, 12), st.floats(0.0, 3.0), st.integers(0, 1000))
+def test_a_body_that_flies_and_turns_has_none(markers, turn, seed):
+    assert not spikes(tumbling(markers, turn=turn, seed=seed)[0]).any()
+
+
+@pytest.mark.parametrize("size", [100, 300, 3000])
+def test_spikes_are_named_and_nothing_beside_them(size):
+    x, rng = tumbling()
+    expected = np.zeros(x.shape[:2], bool)
+    for frame in range(8, 195, 17):
+        expected[frame, rng.integers(6)] = True
+    step = rng.standard_normal((expected.sum(), 3))
+    x[expected] += size * NOISE * step / np.linalg.norm(step, axis=1, keepdims=True)
+    np.testing.assert_array_equal(spikes(x), expected)
+
+
+def test_two_frames_in_a_row_and_two_markers_at_once_are_spikes_too():
+    x, _ = tumbling(markers=8)
+    x[50:52, 3] += 0.05
+    x[90, [1, 6]] += [[0.05, 0.0, 0.0], [0.0, -0.04, 0.03]]
+    assert np.argwhere(spikes(x)).tolist() == [[50, 3], [51, 3], [90, 1], [90, 6]]
+
+
+def test_a_vibration_is_none_but_where_it_sets_in():
+    x, rng = tumbling(turn=0.0)
+    shape = rng.standard_normal(x.shape[1:])
+    ring = np.where(np.arange(200) < 60, 0.0, np.sin(0.6 * np.arange(200)) * np.exp(-0.02 * np.arange(200)))
+    found = spikes(x + 0.01 * ring[:, None, None] * shape)
+    assert found.sum() <= 4
+    assert not found[:58].any()
+    assert not found[66:].any()
+
+
+def test_a_marker_that_slips_and_stays_is_none():
+    x, _ = tumbling()
+    x[100:, 2] += 0.03
+    assert not spikes(x).any()
+
+
+def test_lost_readings_are_no_spikes_and_hide_none():
+    x, rng = tumbling(markers=8)
+    x[rng.random(x.shape[:2]) < 0.1] = np.nan
+    x[70, 4] = x[69, 4] + 0.05
+    found = spikes(x)
+    assert not found[np.isnan(x[..., 0])].any()
+    assert found[70, 4] or np.isnan(x[70, 4]).any()
+
+
+@pytest.mark.parametrize("markers", [0, 1, 3])
+def test_too_few_markers_tell_nothing(markers):
+    x, _ = tumbling(markers=8)
+    x = x[:, :markers]
+    x[40:41] += 0.1
+    assert not spikes(x).any()
