@@ -194,7 +194,7 @@ def picture(cells: dict[Any, list[dict[str, Any]]]) -> Any:
             ax.set_xticks(RATES, [f"{r:g}" for r in RATES])
             ax.minorticks_off()
             ax.set_title(f"{markers} markers, 0.1 mm (solid) and 1 mm (dotted)")
-    axes[0, 0].legend(fontsize=7)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
