@@ -22,6 +22,8 @@ MODULES = {
     "estimate": "estimate",
     "batch": "batch",
     "report": "report",
+    "chart": "chart",
+    "stress": "stress",
     "demo": "demo",
 }
 INTERRUPTED = 130

@@ -1,0 +1,92 @@
+"""forceid chart: accuracy against speed, every method and every peer, measured."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from forceid.cli.estimate import Json
+from forceid.cli.output import finite, to_json
+from forceid.cli.pool import THREADS
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+def run(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the charts.")],
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE...]", help="Shipped scenes by name, recipes, motion files with a truth; or all."
+        ),
+    ] = None,
+    short: Annotated[
+        bool, typer.Option("--short", help="One seed, one round, no slow contestants, no memory.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Measure error, claim, time and memory of every method and of every peer installed, on every SCENE.
+
+    Writes DIR/chart.md, chart.json and a picture a scene. What is finished is kept in DIR/chart.jsonl: after
+    an interruption, or with more scenes, the command goes on from there.
+
+    Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
+    """
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy: CPU time is that of one thread
+    from forceid.study.cases import sources
+    from forceid.study.chart import FULL, SHORT
+    from forceid.study.chart import run as chart
+
+    words = scenes or []
+    found = sources(words)
+    command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
+    output.mkdir(parents=True, exist_ok=True)
+    with progress() as bar:
+        task = bar.add_task("", total=1.0)
+        result = chart(
+            found, output, SHORT if short else FULL, command,
+            lambda what, part: bar.update(task, description=what, completed=part),
+        )  # fmt: skip
+    written = write(output, result)
+    if json:
+        print(to_json(result))
+        return
+    from forceid.study.chart_page import overview
+
+    print(overview(result["cases"]))
+    print(f"\n{written} and {len(result['cases']) + 1} pictures beside it")
+
+
+def write(folder: Path, result: dict[str, Any]) -> Path:
+    """The page, the numbers and the pictures; returns the page."""
+    import json
+
+    from forceid.files.atomic import atomic
+    from forceid.study.chart_figures import draw_case, draw_costs
+    from forceid.study.chart_page import page
+
+    pictures = {f"chart_{case['name']}.png": draw_case(case) for case in result["cases"]}
+    pictures["chart_cost.png"] = draw_costs(result["cost"])
+    for name, figure in pictures.items():
+        with atomic(folder / name) as partial:
+            figure.savefig(partial, format="png", dpi=160)
+    with atomic(folder / "chart.json") as partial:
+        partial.write_text(json.dumps(finite(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with atomic(folder / "chart.md") as partial:
+        partial.write_text(page(result), encoding="utf-8")
+    return folder / "chart.md"
+
+
+def progress() -> Progress:
+    """A bar on stderr with the time left and what is under way."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    return Progress(
+        BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}"), console=Console(stderr=True), transient=True,
+    )  # fmt: skip

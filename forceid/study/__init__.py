@@ -1,0 +1,1 @@
+"""Studies: accuracy against speed of every method, and where each of them breaks."""

@@ -1,0 +1,36 @@
+"""All failures of the stress map, and those that words name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from forceid.errors import ConfigError
+from forceid.study import failures_body, failures_length, failures_noise, failures_sensing
+from forceid.study.failures import Failure
+
+GROUPS = ("sensing", "clock", "noise", "load", "body", "deformation", "length")
+FAILURES: tuple[Failure, ...] = tuple(
+    failure
+    for group in GROUPS
+    for module in (failures_sensing, failures_noise, failures_body, failures_length)
+    for failure in module.FAILURES
+    if failure.group == group
+)
+
+
+def failures_named(words: Sequence[str]) -> tuple[Failure, ...]:
+    """Failures by name or by group, in the order of the table; all of them for no word.
+
+    >>> [f.name for f in failures_named(["load"])]
+    ['impact', 'spin_load', 'load_directions']
+    >>> failures_named(["colinear"])
+    Traceback (most recent call last):
+    forceid.errors.ConfigError: unknown failure 'colinear'; did you mean 'collinear'?
+    """
+    known = [*(f.name for f in FAILURES), *GROUPS]
+    for word in words:
+        if word not in known:
+            near = get_close_matches(word, known, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"unknown failure '{word}'", next_step=f"did you mean '{near}'?")
+    return tuple(f for f in FAILURES if not words or f.name in words or f.group in words)
