@@ -16,6 +16,7 @@ from forceid.estimation.load_lines import (
     MOST_LINES,
     NO_LINES,
     Lines,
+    hidden_lines,
     mass_hidden,
     more_lines,
     unshown_lines,
@@ -157,6 +158,7 @@ def estimate_flight(
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
         for name, channel in told_by.items():
             tuned |= unshown_lines(name, channel, priors[name], spin)
+        reasons = (*reasons, *hidden_lines(tuned, state, kin.inertia.mass, gravity))
     deformation = as_smoothed(kin, deformation, state)
     return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
 

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtri
 
 from forceid.estimation.verdict import Finding
 from forceid.records import Array
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
-
-
+RARE = 0.01  # records in which the largest innovation is called wild by chance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
-
-
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
-
-
 MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
 
 
-def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) -> list[Finding]:
+def judge_innovations(
+    time: Array, innovation: Array, nis: Array, reach: Array, wild_said: bool = False
+) -> list[Finding]:
     """Whether the innovations (time, channel) are white and as large as they were predicted to be.
 
     reach (channel,): load, over its claimed standard deviation, that moves a channel by one standard
-    deviation of its measurement at 1 rad/s.
+    deviation of its measurement at 1 rad/s; wild_said: whether wild ones have been named already.
     """
     if innovation.shape[1] == 0 or not np.isfinite(nis).any():
         return []
@@ -34,6 +32,13 @@ def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) 
         if level < 1:
             meaning = "the tracks are smoother than the noise they are said to have; check noise_std"
         found.append(f"the innovations are {np.sqrt(level):.2f} times as large as predicted: {meaning}")
+    size, when = wildest(time, innovation)
+    if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
+        found.append(
+            f"an innovation reaches {size:.1f} sigma, at {when:.4g} s, as by chance in one record of a "
+            "hundred: there the load changes faster than the prior, or a marker is off, and claimed errors "
+            "are too small"
+        )
     color, channel = colored(innovation)
     if color:
         found.append(
@@ -51,6 +56,18 @@ def judge_innovations(time: Array, innovation: Array, nis: Array, reach: Array) 
 
 
 CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
+
+
+def wildest(time: Array, innovation: Array) -> tuple[float, float]:
+    """Largest whitened innovation, in standard deviations, and its time."""
+    size = np.abs(np.nan_to_num(innovation)).max(1)
+    k = int(size.argmax())
+    return float(size[k]), float(time[k])
+
+
+def chance_limit(innovation: Array) -> float:
+    """What the largest of so many whitened innovations exceeds in one record of a hundred."""
+    return float(ndtri(1 - 0.5 * RARE / max(np.isfinite(innovation).sum(), 1)))
 
 
 def colored(innovation: Array) -> tuple[float, str]:

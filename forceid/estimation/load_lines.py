@@ -16,6 +16,8 @@ from forceid.kalman.prior import LoadPrior
 from forceid.kalman.process import matern
 from forceid.records import Array
 
+SHOWN = 5.0  # times its claim, that a load is larger than which shows
+MUCH, PART = 10.0, 0.1  # times the claim, and part of the load, that a line is which matters
 MOST_LINES, AT_ONCE = 24, 4  # of both loads together; candidates of one load judged against one prior
 
 
@@ -113,6 +115,38 @@ def unshown_lines(name: str, channel: Channel, prior: LoadPrior, spin: float) ->
             lost = smallest_found(channel, prior, frequency) * noise / (noise + smooth)
             found[f"{name}_unshown_at_{times}_spin"] = float(lost.max())
     return found
+
+
+def hidden_lines(tuned: dict[str, float], state: FlightState, mass: float, gravity: Array) -> list[str]:
+    """Sentences on a line at the spin that would hide, where it would be much of the load, and of the claim.
+
+    Much: of the load, or of weight, and of what turns the spin around in a radian, where no load shows.
+    """
+    std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
+    scales = {
+        "force": (state.force, std[:, :3], mass * float(np.linalg.norm(gravity)), "N"),
+        "moment": (state.moment, std[:, 3:], rms_length(state.H) * rms_length(state.omega), "N m"),
+    }
+    told = []
+    for name, (load, claim, whole, unit) in scales.items():
+        size, claimed = rms_length(load), rms_length(claim)
+        scale = size if size > SHOWN * claimed else max(size, whole)
+        for times in ("once", "twice"):
+            hides = tuned.get(f"{name}_unshown_at_{times}_spin", 0.0)
+            if hides > MUCH * claimed and hides > PART * scale:
+                told.append(
+                    f"a {name} of up to {hides:.2g} {unit} at {times} the spin would hide in the noise, and "
+                    f"the claim of {claimed:.2g} {unit} leaves it out; if one may act, record faster, or use "
+                    "more markers"
+                )
+    return told
+
+
+def rms_length(v: Array) -> float:
+    """Root mean square length of vectors (time, 3), zero where none is known."""
+    square = (v**2).sum(1)
+    known = np.isfinite(square)
+    return float(np.sqrt(square[known].mean())) if known.any() else 0.0
 
 
 def beside(prior: LoadPrior, line: Line) -> LoadPrior:

@@ -135,6 +135,7 @@ def assemble(
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
     costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
+    wild_said = any("innovations reach" in reason for reason in solution.reasons)
     findings = [
         *findings,
         *judge_leakage(leaks),
@@ -142,7 +143,7 @@ def assemble(
         *judge_reference(recording.body, kin),
         *([] if compared else judge_shape(kin)),
         *judge_tuning(kin, solution.noise_at_limit),
-        *judge_innovations(motion.time, state.innovation, state.nis, reach(solution)),
+        *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
         *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
         *(Finding(text) for text in solution.reasons),

@@ -19,6 +19,7 @@ from forceid.kalman.search import maximize
 from forceid.records import Array
 
 ORDERS = (1, 2, 3, 4, 6)
+ASKED = 1.0  # log-likelihood by which a record asks for an order above that
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
@@ -126,12 +127,17 @@ def natural(points: Array, order: int) -> tuple[Array, Array]:
 
 
 def smoothest(evidence: dict[int, float]) -> int:
-    """The highest order whose evidence is within PATIENCE of the best; above FREE it must be the best.
+    """The highest order whose evidence is within PATIENCE of the best; above FREE it must be the best itself.
 
     So smooth a load is claimed with so little error that the record has to ask for it.
 
     >>> smoothest({1: -10.0, 2: 0.0, 3: -4.0, 4: -9.0})
     3
+    >>> smoothest({4: 0.0, 6: 0.9}), smoothest({4: 0.0, 6: 1.1})
+    (4, 6)
     """
-    earned = {order: value - (0.0 if order <= FREE else PATIENCE) for order, value in evidence.items()}
-    return max(order for order, value in earned.items() if value >= max(evidence.values()) - PATIENCE)
+    free = {order: value for order, value in evidence.items() if order <= FREE}
+    top = max(evidence, key=lambda order: evidence[order])
+    if top > FREE and evidence[top] > max(free.values(), default=-np.inf) + ASKED:
+        return top
+    return max(order for order, value in free.items() if value > max(free.values()) - PATIENCE)

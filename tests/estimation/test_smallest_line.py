@@ -57,3 +57,7 @@ def test_a_load_at_twice_the_spin_that_a_record_cannot_show_is_bounded_in_the_re
     found = estimate_recording(simulate(ring), load_settings())
     assert not any("line" in name for name in found.tuned)
     assert 0.2 < found.tuned["force_unshown_at_twice_spin"] < 0.4
+    (said,) = [r for r in found.verdict.reasons if "would hide in the noise" in r]
+    assert "at twice the spin" in said
+    quiet = estimate_recording(simulate(ring.model_copy(update={"noise_std": 1e-4})), load_settings())
+    assert not [r for r in quiet.verdict.reasons if "would hide in the noise" in r]

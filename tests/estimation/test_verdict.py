@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.innovations import colored, judge_innovations, strongest_line
+from forceid.estimation.innovations import chance_limit, colored, judge_innovations, strongest_line, wildest
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
 from forceid.estimation.run import estimate_recording
@@ -301,3 +301,19 @@ def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over(
         case = fast_spin(degrees, np.random.default_rng(0))
         estimate = estimate_recording(case.recording, load_settings(method="savgol"))
         assert any("angular momentum" in r for r in estimate.verdict.reasons) is said
+
+
+def test_an_innovation_that_chance_does_not_make_is_said_once():
+    v = white()
+    assert innovations_judged(v) == []
+    v[200, 1] = 5.2
+    (text,) = innovations_judged(v)
+    assert "5.2 sigma" in text
+    again = judge_innovations(TIME, v, (v**2).mean(1), np.ones(6), wild_said=True)
+    assert again == []
+
+
+def test_as_few_records_are_called_wild_by_chance_as_stated():
+    rng = np.random.default_rng(1)
+    called = [wildest(TIME, v)[0] > chance_limit(v) for v in rng.standard_normal((2000, 400, 6))]
+    assert 8 <= sum(called) <= 33  # of 2000, one in a hundred
