@@ -36,8 +36,8 @@ from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 
 ENOUGH = 1.0  # standard errors: a force that moves by less has not moved
-CLEAR = 0.75  # standard errors: so little, by that look, that a flight that says otherwise is compared
-WIDER = 1.25  # times the error claimed at the explaining level: to pay with a wider claim is not enough
+CLEAR = 0.9  # standard errors: clearly near
+WIDER = 1.25  # times the error claimed at the explaining level: who claims more has to be clearly near
 FEW = 20  # frames below which nothing is told apart
 
 Solve = Callable[[Settings], Solution]
@@ -129,14 +129,14 @@ def descend(
 
     def enough(i: int) -> bool:
         far, claimed = from_view(solved(i), top, motion.time)
-        if far <= NEAR and claimed <= WIDER:
+        if far <= (NEAR if claimed <= WIDER else CLEAR):
             return True
         if steps[i].change > CLEAR:
             return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
         force, moment = changes(solved(i), solved(best))
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)
-        return steps[i].change <= ENOUGH and wider(solved(i), solved(best)) <= WIDER
+        return steps[i].change <= (ENOUGH if wider(solved(i), solved(best)) <= WIDER else CLEAR)
 
     if not near(nested[-1]):
         return chosen(best)
