@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test bench study clean
+.PHONY: charts demo test bench study clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -19,6 +19,11 @@ bench: .venv-bench/ready
 # what the estimators reach, into docs/
 study: .venv/ready
 	$(BIN)/python -m benchmarks.estimation
+
+# every method and peer on every scene, and where each of them breaks, into docs/; resumes where it stopped
+charts: .venv-bench/ready
+	.venv-bench/bin/forceid chart -o docs/chart $(CHART)
+	.venv-bench/bin/forceid stress -o docs/stress $(CHART)
 
 .venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
