@@ -199,7 +199,7 @@ def summary(
         row |= {
             "error": loads(error), "spread": spread([a["error"] for a in found]),
             "error_by_axis": by_axis.tolist(), "over_bound": loads(error / least),
-            "claimed": loads(claimed), "over_claimed": loads(error / claimed),
+            "claimed": loads(claimed), "over_claimed": loads(error / np.where(claimed > 0, claimed, np.nan)),
             "coverage": loads(share([a["inside"] for a in found])),
             "seconds_a_sample": float(np.median(own)) / samples, "rounds": len(own),
             "seconds_range": [min(own) / samples, max(own) / samples],
