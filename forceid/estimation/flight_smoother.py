@@ -154,7 +154,7 @@ def estimate_flight(
         priors, gained = on_body(priors, told_by, flight, state, engine)
         state = smooth_flight(flight, priors["force"], priors["moment"], engine, causal)
         tuned = named(kin, priors) | named_sensors(flight, state) | gained
-    elif state.reference is not None:
+    elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
         for name, channel in told_by.items():
             tuned |= unshown_lines(name, channel, priors[name], spin)
