@@ -80,8 +80,8 @@ def mass_hidden(kin: Kinematics) -> bool:
 def densities(channel: Channel, prior: LoadPrior, frequency: float) -> tuple[Array, Array]:
     """Spectral densities (3,) along the prior's axes of the noise and of the smooth load, both as a load."""
     tuned, axes, w = prior.tuned, prior.axes, 2 * np.pi * frequency
-    span, seen = float(np.ptp(channel.time)), np.isfinite(channel.z).all(1).sum()
-    white = np.nanmean(channel.var(axes), axis=0) * span / seen
+    span, seen = float(np.ptp(channel.time)), np.isfinite(channel.z).all(1)
+    white = channel.var(axes)[seen].mean(0) * span / seen.sum()
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes) / w**2
     smooth = matern(tuned.order, tuned.std, tuned.rate).Qc[:, -1, -1] / (tuned.rate**2 + w**2) ** tuned.order
     return tuned.noise**2 * (white + drift) * w**4 / channel.gain**2, smooth
