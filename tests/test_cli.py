@@ -319,9 +319,9 @@ def test_two_inputs_of_one_name_stop_before_anything_runs(shelf, tmp_path, capsy
 
 
 def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_path):
-    for k in range(12):
+    for k in range(100):
         shutil.copy(shelf / "one.h5", tmp_path / f"m{k}.h5")
-    files = [str(tmp_path / f"m{k}.h5") for k in range(12)]
+    files = [str(tmp_path / f"m{k}.h5") for k in range(100)]
     (tmp_path / "start.py").write_text(f"if __name__ == '__main__':\n    {EXIT}")
     out = tmp_path / "out"
     run = subprocess.Popen(
