@@ -12,6 +12,9 @@ from forceid.principal.loads import solve_loads
 from forceid.principal.wrench import transport, transport_cov
 from forceid.records import Array, Body, Loads
 
+SPLIT = 0.06  # of unit loads, what is left of one beside the others: below, they are alike
+SAME = 1e-6  # below, they are the same
+
 
 def check_points(settings: Settings, body: Body) -> None:
     """A ConfigError where the settings name a node that the body lacks, or a load without a direction."""
@@ -42,14 +45,41 @@ def about_point(
 
 def applied_loads(
     settings: Settings, body: Body, inertia: Inertia, state: FlightState, shape: Array, wrench: Array
-) -> Loads | None:
-    """Least-squares loads of the pattern in the settings, None where they name none."""
+) -> tuple[Loads | None, tuple[str, ...]]:
+    """Least-squares loads of the pattern in the settings, None without one; and sentences on those alike."""
     if not settings.load:
-        return None
+        return None, ()
     columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
     gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
-    return solve_loads(wrench, state.wrench_cov, np.stack(columns, -1), gyration, names)
+    G = np.stack(columns, -1)
+    return solve_loads(wrench, state.wrench_cov, G, gyration, names), alike(G, gyration, names)
+
+
+def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[str, ...]:
+    """A sentence on loads that do all but the same to the body, so that small errors go far in their split.
+
+    G (time, 6, load): wrench of a unit of each; length m: by which moments are divided. Those that do just
+    the same are for the rank test.
+
+    >>> lean = np.radians(1.0)
+    >>> G = np.array([[1.0, np.cos(lean)], [0.0, np.sin(lean)], *np.zeros((4, 2))])[None]
+    >>> alike(G, 0.1, ("bow", "stern"))[0][:53]
+    'the loads bow, stern do nearly the same to the body: '
+    """
+    scaled = G[np.isfinite(G).all((1, 2))] / np.repeat([1.0, length], 3)[:, None]
+    size = np.linalg.norm(scaled, axis=1, keepdims=True)
+    if not len(scaled) or not size.all() or len(name) > scaled.shape[1]:
+        return ()
+    _, s, V = np.linalg.svd(scaled / size, full_matrices=False)
+    k = int(np.argsort(s[:, -1])[len(s) // 2])
+    if not SAME < s[k, -1] < SPLIT:
+        return ()
+    pair = ", ".join(n for n, part in zip(name, np.abs(V[k, -1]), strict=True) if part > SPLIT)
+    return (
+        f"the loads {pair} do nearly the same to the body: an error of the wrench comes out "
+        f"{1 / s[k, -1]:.0f} times as large in their split; ask for fewer loads",
+    )
 
 
 def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, shape: Array) -> Array:

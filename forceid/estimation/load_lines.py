@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
+from forceid.estimation.sensitivity import length
 from forceid.kalman.channels import Channel
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
@@ -125,11 +126,11 @@ def hidden_lines(tuned: dict[str, float], state: FlightState, mass: float, gravi
     std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
     scales = {
         "force": (state.force, std[:, :3], mass * float(np.linalg.norm(gravity)), "N"),
-        "moment": (state.moment, std[:, 3:], rms_length(state.H) * rms_length(state.omega), "N m"),
+        "moment": (state.moment, std[:, 3:], length(state.H) * length(state.omega), "N m"),
     }
     told = []
     for name, (load, claim, whole, unit) in scales.items():
-        size, claimed = rms_length(load), rms_length(claim)
+        size, claimed = length(load), length(claim)
         scale = size if size > SHOWN * claimed else max(size, whole)
         for times in ("once", "twice"):
             hides = tuned.get(f"{name}_unshown_at_{times}_spin", 0.0)
@@ -140,13 +141,6 @@ def hidden_lines(tuned: dict[str, float], state: FlightState, mass: float, gravi
                     "more markers"
                 )
     return told
-
-
-def rms_length(v: Array) -> float:
-    """Root mean square length of vectors (time, 3), zero where none is known."""
-    square = (v**2).sum(1)
-    known = np.isfinite(square)
-    return float(np.sqrt(square[known].mean())) if known.any() else 0.0
 
 
 def beside(prior: LoadPrior, line: Line) -> LoadPrior:

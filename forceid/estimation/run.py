@@ -19,6 +19,7 @@ from forceid.estimation.innovations import judge_innovations
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
+from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
@@ -26,11 +27,9 @@ from forceid.estimation.verdict import (
     Finding,
     judge,
     judge_leakage,
-    judge_loads,
-    judge_momentum,
-    judge_overlap,
     judge_recording,
     judge_reference,
+    judge_rounding,
     judge_shape,
     judge_tuning,
 )
@@ -69,7 +68,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         findings = judge_unmarked(recording.body, recording.motion, settings)
     else:
         kin = kinematics(recording.body, recording.motion, settings)
-        findings = judge_recording(kin, recording.motion)
+        findings = judge_recording(kin, recording.motion) + judge_rounding(recording.motion, kin.noise)
     if any(f.refuses for f in findings):
         result = refused(recording, settings, findings)
     else:
@@ -130,7 +129,7 @@ def assemble(
     shape = shape_at(kin, solution.deformation.amplitude)
     rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
     wrench = np.concatenate([state.force, state.moment], 1)
-    loads = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
+    loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
     costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
@@ -146,6 +145,7 @@ def assemble(
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
         *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
+        *(Finding(text) for text in same),
         *(Finding(text) for text in solution.reasons),
     ]
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)

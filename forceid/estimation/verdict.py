@@ -5,21 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from forceid.estimation.kinematics import Kinematics
-from forceid.estimation.leakage import Leakage, marker_cov
+from forceid.estimation.leakage import Leakage
 from forceid.estimation.lost_frames import longest_run, lost_frames
-from forceid.estimation.sensitivity import follows
 from forceid.motion.free_turn import largest_turn
-from forceid.motion.pose import pose_gain
 from forceid.motion.window import noise_growth
-from forceid.principal.loads import undetermined
-from forceid.principal.operator import summation_operator
-from forceid.records import Array, Body, Loads, Motion, Verdict
+from forceid.records import Body, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
+GRID = 2000  # frames looked at for it
 SHORT = 50  # frames below which they cannot tell how a load varies
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
@@ -27,9 +23,6 @@ FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NEARLY_RIGID = 0.1  # sine of its angle with rigid motion below which a shape passes for one
 NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
-SPLIT = 0.06  # size of the errors of what loads do together, over that of each: below, they are alike
-COARSE, KICK = 0.5, 0.05  # rad a frame; part of its angular momentum that a moment may add to a spin in each
-CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
 
 @dataclass(frozen=True)
@@ -70,6 +63,24 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
         )
         found.append(Finding(text))
     return found
+
+
+def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
+    """Coordinates on a grid so coarse that its steps, and not the noise, are their error."""
+    if motion.position is None or "position" not in noise:
+        return []
+    x = motion.position[:: max(1, len(motion.position) // GRID)]
+    values = np.unique(x[np.isfinite(x)])
+    step = float(np.diff(values).min(initial=np.inf)) if len(values) > 1 else 0.0
+    if step / np.sqrt(12) < noise["position"] or len(values) > 0.5 * x.size:
+        return []
+    return [
+        Finding(
+            f"coordinates are rounded to steps of {1e3 * step:.2g} mm, more than their noise of "
+            f"{1e3 * noise['position']:.2g} mm: errors follow the motion, and force and moment with them; "
+            "export more digits"
+        )
+    ]
 
 
 def reads_turn(motion: Motion) -> bool:
@@ -191,91 +202,3 @@ def judge_leakage(found: Leakage | None) -> list[Finding]:
             "moment trade with it; spread the markers, or add strain gauges"
         )
     return [Finding(text) for text in texts]
-
-
-def judge_overlap(
-    kin: Kinematics, amplitude: Array, tuned: dict[str, float], force_std: Array
-) -> list[Finding]:
-    """Shapes that vibrate inside the band of the force, and leak into it by more than is claimed.
-
-    amplitude (time, shape) m, smoothed; force_std (time, 3) N. What a shape moves the fitted center by, times
-    the mass and the square of its frequency, is a force that does not act.
-    """
-    band = follows(kin, tuned, "force")
-    if not len(kin.shapes) or not kin.attitude or not band > 0:
-        return []
-    gain = pose_gain(summation_operator(kin.shape), kin.seen, marker_cov(kin))
-    if gain is None:
-        return []
-    flat = kin.shapes.reshape(len(kin.shapes), -1)[:, np.repeat(kin.seen, 3)]
-    leak = np.linalg.norm(gain[0][:3] @ flat.T, axis=0)
-    q = amplitude - amplitude.mean(0)
-    power = np.abs(np.fft.rfft(q, axis=0)[1:]) ** 2
-    w = 2 * np.pi * np.fft.rfftfreq(len(q), float(np.median(np.diff(kin.time))))[1:]
-    at = w[(power * w[:, None] ** 2).argmax(0)]  # where it moves fastest
-    false = kin.inertia.mass * at**2 * leak * q.std(0)
-    claimed = float(np.sqrt(np.nanmean(force_std**2)))
-    return [
-        Finding(
-            f"shape {k + 1} of the deformation vibrates at {at[k] / (2 * np.pi):.3g} Hz, inside the band of "
-            f"the force, followed up to {band:.2g} Hz, and leaks into the mean motion: up to "
-            f"{false[k]:.2g} N may be vibration and not load; mark the nodes that carry the mass, or give "
-            "mode shapes"
-        )
-        for k in range(len(kin.shapes))
-        if at[k] < 2 * np.pi * band and false[k] > claimed
-    ]
-
-
-def judge_loads(loads: Loads | None) -> list[Finding]:
-    """Loads that the motion cannot tell apart, and a wrench that the pattern of loads does not explain."""
-    if loads is None or not np.isfinite(loads.load).any():
-        return []
-    found = []
-    if hidden := undetermined(loads):
-        found.append(
-            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one "
-            "of least norm; read null_space and estimable, or ask for fewer loads"
-        )
-    else:
-        found += alike(loads)
-    misfit = float(np.nanmean(loads.chi_square))
-    if loads.dof and misfit > chdtri(loads.dof, CHANCE):
-        found.append(
-            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per "
-            "degree of freedom: other loads act; add them"
-        )
-    return [Finding(text) for text in found]
-
-
-def alike(loads: Loads) -> list[str]:
-    """Loads whose errors are all but opposite, since they do all but the same to the body."""
-    var = np.diagonal(loads.load_cov, axis1=1, axis2=2)
-    known = np.isfinite(loads.load_cov).all((1, 2)) & (var > 0).all(1)
-    if not known.any():
-        return []
-    size = np.sqrt(var[known])
-    least, axes = np.linalg.eigh((loads.load_cov[known] / (size[:, :, None] * size[:, None])).mean(0))
-    if least[0] > SPLIT**2:
-        return []
-    pair = [loads.name[k] for k in np.argsort(-np.abs(axes[:, 0])) if abs(axes[k, 0]) > SPLIT]
-    return [
-        f"the loads {', '.join(pair)} do nearly the same to the body: their split is known "
-        f"{1 / np.sqrt(least[0]):.0f} times worse than what they do together; ask for fewer loads"
-    ]
-
-
-def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
-    """Turns that a moment as large as no other would have to make: what an aliased spin reads as."""
-    turn, step = largest_turn(kin.time, kin.pose.rotation), float(np.median(np.diff(kin.time)))
-    size, kick = (np.linalg.norm(v, axis=1) for v in (H, moment * step))
-    known = np.isfinite(size) & np.isfinite(kick)
-    if turn < COARSE or not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
-        return []
-    return [
-        Finding(
-            f"the body turns up to {np.degrees(turn):.0f} degrees a frame, and the moment found changes its "
-            f"angular momentum by {np.median(kick[known]) / np.median(size[known]):.0%} in each: as turns "
-            "past half a revolution do that are taken for shorter ones; record faster or add a gyro"
-        )
-    ]

@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.kalman.flight_modes import FlyingModes
-from forceid.kalman.flight_sensors import Moved, Sensors, apply
+from forceid.kalman.flight_sensors import Moved, Sensors
+from forceid.kalman.turning import apply
 from forceid.kalman.vibration import STATES
 from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew

@@ -25,10 +25,10 @@ from forceid.kalman.flight_model import (
     turn,
 )
 from forceid.kalman.flight_sensors import Sensors
-from forceid.kalman.long_flight import apply, kinds_of, loads_of, settled_in_lanes, step_kinds
+from forceid.kalman.long_flight import kinds_of, loads_of, settled_in_lanes, step_kinds
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.kalman.prior import LoadPrior, along_world, load_rows
-from forceid.kalman.turning import turned
+from forceid.kalman.turning import apply, turned
 from forceid.motion.free_turn import free_turn, momentum_between
 from forceid.records import Array
 

@@ -11,7 +11,6 @@ form as everywhere (`conditioning`). Source: principal equations 4f.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -21,17 +20,13 @@ from forceid.kalman import linear, passes
 from forceid.kalman.covariance import square_root
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.square_root import eliminate, step_back, white_share
+from forceid.kalman.turning import compiled
 from forceid.records import Array, Indices
 
 WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
 LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in _flight.cpp
 STATES, SMOOTHED, FILTERED = 0, 1, 2
 numpy_passes: Any = passes  # few samples
-
-try:
-    compiled: Any = import_module("forceid.kalman._flight")
-except ImportError:  # no compiler, or built for another processor
-    compiled = None
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ import numpy as np
 
 from forceid.kalman.model import StateSpace
 from forceid.kalman.prior import LoadPrior, chain_along
+from forceid.kalman.turning import apply
 from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array, Flags, Indices
@@ -229,8 +230,3 @@ def with_sensors(
     Q[:, n : n + k, n : n + k] = step[:, None, None] * wander
     u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k + c)))
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k + c)), P0, u)
-
-
-def apply(A: Array, v: Array) -> Array:
-    """Matrices (time, 3, 3) times vectors (time, 3)."""
-    return np.asarray(np.einsum("tij,tj->ti", A, v))

@@ -19,7 +19,7 @@ from forceid.kalman import turning
 from forceid.kalman.flight_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
-from forceid.kalman.turning import Course, between, turned
+from forceid.kalman.turning import Course, apply, between, turned
 from forceid.records import Array, Indices
 
 if TYPE_CHECKING:
@@ -133,11 +133,6 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
     body = apply(flight.inertia, apply(R.swapaxes(1, 2), omega)) + flight.h
     return R, apply(R, body) @ moment.axes
-
-
-def apply(A: Array, x: Array) -> Array:
-    """A x (time, 3) of matrices (time, 3, 3)."""
-    return np.asarray((A @ x[..., None])[..., 0])
 
 
 def settled_in_lanes(

@@ -116,3 +116,8 @@ def between(R: Array, other: Array) -> Array:
 def turned(phi: Array, R: Array) -> Array:
     """Rotations exp(phi) R (time, 3, 3), phi (time, 3)."""
     return exp(phi) @ R if compiled is None else np.asarray(compiled.turned(phi, R))
+
+
+def apply(A: Array, v: Array) -> Array:
+    """Matrices (time, 3, 3) times vectors (time, 3)."""
+    return np.asarray((A @ v[..., None])[..., 0])

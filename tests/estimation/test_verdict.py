@@ -12,22 +12,21 @@ from forceid.config import load_settings
 from forceid.estimation.innovations import chance_limit, colored, judge_innovations, strongest_line, wildest
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
+from forceid.estimation.load_checks import judge_loads, judge_overlap
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict import (
     Finding,
-    alike,
     judge,
     judge_leakage,
-    judge_loads,
-    judge_overlap,
     judge_recording,
     judge_reference,
+    judge_rounding,
     judge_shape,
     judge_tuning,
 )
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
-from forceid.records import Loads
+from forceid.study.failures_body import near_directions
 from forceid.study.failures_sensing import fast_spin
 
 TIME = cf.clock(400)
@@ -285,14 +284,13 @@ def test_vibration_inside_the_band_of_the_force_is_named_where_it_costs_more_tha
     assert judge_overlap(kin, np.zeros((120, 0)), {}, np.ones((120, 3))) == []
 
 
-def test_loads_that_do_nearly_the_same_are_said_to_be_split_badly():
-    cov = np.array([[1.0, -0.9999], [-0.9999, 1.0]])[None]
-    one = np.ones((1, 2))
-    loads = Loads(("left", "right"), one, cov, np.zeros((2, 0)), np.eye(2), one[:, 0], 4)
-    (text,) = alike(loads)
-    assert "left, right" in text or "right, left" in text
-    assert "100 times worse" in text
-    assert alike(replace(loads, load_cov=np.eye(2)[None])) == []
+@pytest.mark.parametrize(("degrees", "said"), [(45.0, False), (8.0, False), (3.0, True), (0.1, True)])
+def test_loads_along_nearly_one_direction_are_said_to_be_split_badly(degrees, said):
+    case = near_directions(degrees, np.random.default_rng(0))
+    estimate = estimate_recording(case.recording, load_settings(**case.settings))
+    told = [r for r in estimate.verdict.reasons if "nearly the same to the body" in r]
+    assert bool(told) is said
+    assert all("first, second" in r and "third" not in r for r in told)
 
 
 def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over():
@@ -317,3 +315,12 @@ def test_as_few_records_are_called_wild_by_chance_as_stated():
     rng = np.random.default_rng(1)
     called = [wildest(TIME, v)[0] > chance_limit(v) for v in rng.standard_normal((2000, 400, 6))]
     assert 8 <= sum(called) <= 33  # of 2000, one in a hundred
+
+
+@pytest.mark.parametrize(("step", "said"), [(1e-6, False), (5e-5, False), (3e-3, True)])
+def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
+    recording = cf.toss()
+    x = np.round(recording.motion.position / step) * step
+    found = judge_rounding(replace(recording.motion, position=x), {"position": cf.NOISE})
+    assert bool(found) is said
+    assert judge_rounding(recording.motion, {"position": cf.NOISE}) == []
