@@ -14,9 +14,10 @@ from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.leakage import Leakage, leakage
 from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.sensitivity import Budget, sensitivity
+from forceid.estimation.shape_checks import judge_shape
 from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
 from forceid.estimation.unmarked_prospects import sensed_bandwidths
-from forceid.estimation.verdict import judge_leakage, judge_recording, judge_shape
+from forceid.estimation.verdict import judge_leakage, judge_recording
 from forceid.kalman.channels import lags, second_difference
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
@@ -159,7 +160,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         moment_bandwidth_hz=bandwidth(*moment_channel(kin)) if kin.attitude else None,
         has_truth="force" in recording.truth, leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None,
-        warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin)]),
+        warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin, motion, body)]),
     )  # fmt: skip
 
 

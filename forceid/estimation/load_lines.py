@@ -19,7 +19,8 @@ from forceid.records import Array
 
 SHOWN = 5.0  # times its claim, that a load is larger than which shows
 MUCH, PART = 10.0, 0.1  # times the claim, and part of the load, that a line is which matters
-MOST_LINES, AT_ONCE = 24, 4  # of both loads together; candidates of one load judged against one prior
+MOST_LINES = 24  # of both loads together
+AT_ONCE, ROUNDS = 4, 4  # candidates of one look at the innovations, and looks under one smooth prior
 
 
 @dataclass(frozen=True)
@@ -53,24 +54,39 @@ def more_lines(
     found = []
     for first, prior in zip((0, 3), priors.values(), strict=False):
         about = state.reference if first else None
-        shown = state.innovation[:, first : first + 3]
-        taken = [line.frequency for line in prior.lines]
-        tried = [Candidate(f, named=True) for f in named if not near(f, taken, time)]
-        if not named:
-            tried = candidates(time, shown, spin, taken)[:AT_ONCE]
-        for candidate in tried:
-            model, z = seen_part(flight, prior, about)
-            for line in find_line(model, engine.filter(model, z), time, prior.axes, candidate):
-
-                def likelihood(
-                    line: Line, prior: LoadPrior = prior, about: Reference | None = about
-                ) -> float:
-                    model, z = seen_part(flight, beside(prior, line), about)
-                    return float(engine.log_likelihood(model, z))
-
-                prior = beside(prior, let_drift(likelihood, line, float(np.ptp(time))))
-        found.append(prior.lines)
+        shown, tried = state.innovation[:, first : first + 3], [Candidate(f, named=True) for f in named]
+        more = prior
+        looked: list[float] = []
+        for _ in range(ROUNDS):
+            taken = [*(line.frequency for line in more.lines), *looked]
+            if not named:
+                tried = candidates(time, shown, spin, taken)[:AT_ONCE]
+            before = more
+            for candidate in tried:
+                if not near(candidate.frequency, taken, time):
+                    more = with_line(flight, more, about, engine, candidate)
+            looked += [candidate.frequency for candidate in tried]
+            if named or len(more.lines) == len(before.lines):
+                break
+            model, z = seen_part(flight, more, about)
+            shown = engine.filter(model, z).innovation
+        found.append(more.lines)
     return Lines(*found)
+
+
+def with_line(
+    flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine, candidate: Candidate
+) -> LoadPrior:
+    """The prior with the lines at or near a candidate that the record has beside it."""
+    model, z = seen_part(flight, prior, about)
+    for line in find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate):
+
+        def likelihood(line: Line, prior: LoadPrior = prior) -> float:
+            model, z = seen_part(flight, beside(prior, line), about)
+            return float(engine.log_likelihood(model, z))
+
+        prior = beside(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
+    return prior
 
 
 def mass_hidden(kin: Kinematics) -> bool:

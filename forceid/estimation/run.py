@@ -22,15 +22,14 @@ from forceid.estimation.leakage import leakage
 from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
+from forceid.estimation.shape_checks import judge_reference, judge_roughness, judge_shape
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
     judge,
     judge_leakage,
     judge_recording,
-    judge_reference,
     judge_rounding,
-    judge_shape,
     judge_tuning,
 )
 from forceid.kalman.engines import engine
@@ -140,7 +139,8 @@ def assemble(
         *judge_leakage(leaks),
         *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
         *judge_reference(recording.body, kin),
-        *([] if compared else judge_shape(kin)),
+        *([] if compared else judge_shape(kin, motion, recording.body)),
+        *judge_roughness(kin, solution.tuned, solution.deformation.amplitude),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
         *judge_momentum(kin, state.H, state.moment),

@@ -11,18 +11,16 @@ from forceid.estimation.leakage import Leakage
 from forceid.estimation.lost_frames import longest_run, lost_frames
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.window import noise_growth
-from forceid.records import Body, Motion, Verdict
+from forceid.records import Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
 GRID = 2000  # frames looked at for it
 SHORT = 50  # frames below which they cannot tell how a load varies
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
-ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
-NEARLY_RIGID = 0.1  # sine of its angle with rigid motion below which a shape passes for one
+NEARLY_RIGID = 0.15  # sine of its angle with rigid motion below which a shape passes for one
 NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
-RIGID_LIMIT = 1.3  # chi-square per degree of freedom of the residual shape
 
 
 @dataclass(frozen=True)
@@ -147,42 +145,6 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
                 f"claimed errors assume; state noise_std.{name}, or record longer"
             )
     return [Finding(text) for text in found]
-
-
-def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
-    """Markers that are, all the time, far from where the reference shape has them."""
-    if body.position is None or not kin.attitude or not kin.seen.any():
-        return []
-    X = body.position - kin.inertia.center
-    off = np.linalg.norm(kin.shape - X, axis=1) * kin.seen
-    size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
-    k = int(off.argmax())
-    if off[k] < ELSEWHERE * size:
-        return []
-    return [
-        Finding(
-            f"the mean shape leaves the reference shape by {1e3 * off[k]:.2g} mm at {body.node[k]}, on a "
-            f"body of {1e3 * size:.2g} mm: labels or /body/position are wrong, and with them mass center and "
-            "inertia, or the body bends that far; check both"
-        )
-    ]
-
-
-def judge_shape(kin: Kinematics) -> list[Finding]:
-    """A residual shape that the model chosen leaves unexplained."""
-    dof = kin.pose.dof > 0
-    if not kin.attitude or not dof.any():
-        return []
-    ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
-    if len(kin.shapes) or ratio < RIGID_LIMIT:
-        return []
-    size = np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)) * 1e3
-    return [
-        Finding(
-            f"the markers leave the rigid shape by {size:.2g} mm rms, chi-square {ratio:.1f} per degree of "
-            "freedom: the moment is limited by the model; use --model auto"
-        )
-    ]
 
 
 def judge_leakage(found: Leakage | None) -> list[Finding]:

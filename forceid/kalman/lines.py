@@ -27,6 +27,7 @@ DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that ring
 FREED = 2.0  # a line keeps its phase until one that drifts is e^2 times as likely: one more number to fit
 REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
 STEPS = 8  # frequencies per cycle a record at which the evidence is computed
+ROOM = 2_000_000  # samples times frequencies that are whitened at a time, 18 numbers each
 SETTLE = 30  # rounds of expectation and maximization for the size of a line
 
 
@@ -199,7 +200,8 @@ def find_line(
         frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
         possible = (frequency * span >= REACH) & (frequency < 0.5 * (len(time) - 1) / span)
         frequency, decay = frequency[possible], decay[possible]
-        gained, std = gains(frequency, decay)
+        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // ROOM)
+        gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
         f = int(gained.max(1).argmax())
         return float(frequency[f]), float(decay[f]), gained[f], std[f]
 

@@ -1,21 +1,27 @@
 """Loads drawn from a known Matern prior, smooth functions of time with all their integrals in closed form.
 
-A sum of many sinusoids whose powers follow the Matern spectrum. No code is shared with the estimators.
+A sum of many sinusoids whose powers follow the Matern spectrum; in a long record, where so many would stand
+apart as lines, a quintic spline through values drawn by their covariance. No code is shared with the
+estimators.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import lgamma
 
 import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import erf
 
 from forceid.records import Array
 
 ORDER = 3  # of the Matern loads: twice differentiable
 CUT = 12.0  # rates at which the spectrum ends: 1e-5 of its power lies beyond
-MOST = 240  # sinusoids
+MOST = 260  # sinusoids
+SLOW = 0.01  # rates below which a long record holds none of it, so that the body stays where it is
+KNOTS = 8.0  # of the spline, in the time that a load remembers
 BLOCK = 4096  # samples evaluated at a time
 
 
@@ -24,7 +30,7 @@ class Drawn:
     """A load: sum of a cos(w t) + b sin(w t), and a pulse beside it.
 
     w (line,) rad/s; a, b (line, 3) N or N m; pulse (3,) N s, N m s: impulse of a Gaussian pulse at `when` s,
-    of standard deviation `width` s.
+    of standard deviation `width` s; curve: the load beside both in time, of three components.
     """
 
     w: Array
@@ -33,19 +39,23 @@ class Drawn:
     pulse: Array
     when: float = 0.0
     width: float = 1.0
+    curve: BSpline | None = None
 
     def at(self, time: Array) -> Array:
         """The load (time, 3)."""
         x = (time - self.when) / self.width
         bell = np.exp(-0.5 * x**2) / (self.width * np.sqrt(2 * np.pi))
-        return np.asarray(self._waves(time, self.a, self.b) + bell[:, None] * self.pulse)
+        return np.asarray(self._waves(time, self.a, self.b) + bell[:, None] * self.pulse + self._curve(time))
 
     def impulse(self, time: Array) -> Array:
         """Its integral from t = 0 (time, 3)."""
         w = self.w[:, None]
         risen = self._risen(time) - self._risen(np.zeros(1))
         return np.asarray(
-            self._waves(time, -self.b / w, self.a / w) + (self.b / w).sum(0) + risen[:, None] * self.pulse
+            self._waves(time, -self.b / w, self.a / w)
+            + (self.b / w).sum(0)
+            + risen[:, None] * self.pulse
+            + self._curve(time, 1)
         )
 
     def second(self, time: Array) -> Array:
@@ -55,7 +65,22 @@ class Drawn:
         start = (self.a / w**2).sum(0) + t * (self.b / w).sum(0)
         zero = np.zeros(1)
         ramp = self._ramp(time) - self._ramp(zero) - self._risen(zero) * time
-        return np.asarray(waves + start + ramp[:, None] * self.pulse)
+        return np.asarray(waves + start + ramp[:, None] * self.pulse + self._curve(time, 2))
+
+    def _curve(self, time: Array, times: int = 0) -> Array:
+        """The curve, integrated once or twice from t = 0."""
+        if self.curve is None:
+            return np.zeros((len(time), 3))
+        one = self._integrals[times]
+        start, rise = one(0.0), self._integrals[1](0.0)
+        return np.asarray(
+            one(time) - (start if times else 0.0) - (rise * time[:, None] if times == 2 else 0.0)
+        )
+
+    @cached_property
+    def _integrals(self) -> tuple[BSpline, ...]:
+        assert self.curve is not None
+        return self.curve, self.curve.antiderivative(1), self.curve.antiderivative(2)
 
     def _waves(self, time: Array, a: Array, b: Array) -> Array:
         parts = []
@@ -83,7 +108,10 @@ def draw(std: float, rate: float, span: float, rng: np.random.Generator) -> Draw
     >>> bool(np.isclose(load.at(np.arange(0, 400, 0.5)).std(), 2.0, rtol=0.1))
     True
     """
-    count = min(MOST, int(np.ceil(CUT * rate * 2 * span / np.pi)) + 20)
+    count = int(np.ceil(CUT * rate * 2 * span / np.pi)) + 20
+    if count > MOST:
+        none = np.zeros((0, 3))
+        return Drawn(np.zeros(0), none, none, np.zeros(3), curve=drawn_curve(std, rate, span, rng))
     grid = CUT * rate * np.linspace(0, 1, count + 1) ** 1.5  # finer where the power is
     w = grid[:-1] + np.diff(grid) * rng.random(count)
     # of unit variance: 2 sqrt(pi) G(n) / G(n - 1/2) rate^(2n-1) / (w^2 + rate^2)^n over 2 pi, both signs
@@ -93,3 +121,23 @@ def draw(std: float, rate: float, span: float, rng: np.random.Generator) -> Draw
     return Drawn(
         w, size * rng.standard_normal((count, 3)), size * rng.standard_normal((count, 3)), np.zeros(3)
     )
+
+
+def drawn_curve(std: float, rate: float, span: float, rng: np.random.Generator) -> BSpline:
+    """A Matern load through values at the knots, drawn by circulant embedding of their covariance.
+
+    Source: C. R. Dietrich, G. N. Newsam, SIAM J. Sci. Comput. 18 (1997) 1088, section 2.
+    """
+    step = 1 / (KNOTS * rate)
+    count = int(np.ceil(span / step)) + 12
+    x = (
+        rate * step * np.arange(count + int(40 * KNOTS))
+    )  # so far round that the ends know nothing of each other
+    covariance = std**2 * (1 + x + x**2 / 3) * np.exp(-x)  # of order three
+    power = np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real.clip(0)
+    round_trip = 2 * len(x) - 2
+    w = 2 * np.pi * np.fft.rfftfreq(round_trip, step)
+    shape = np.sqrt(power) * w**2 / (w**2 + (SLOW * rate) ** 2)
+    white = np.fft.rfft(rng.standard_normal((round_trip, 3)), axis=0)
+    drawn = np.fft.irfft(shape[:, None] * white, round_trip, axis=0)
+    return make_interp_spline(step * (np.arange(count) - 5), drawn[:count], k=5)

@@ -1,4 +1,4 @@
-"""A failure of size: records of tens of thousands of frames."""
+"""A failure of size: records of up to a hundred thousand frames."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from forceid.study.failures_sensing import record_length
 
 FAILURES = (
     Failure(
-        "long_record", "length", "Long record", "frames", (300, 600, 1000, 2000, 4000, 8000, 16000, 30000),
+        "long_record", "length", "Long record", "frames", (300, 600, 1000, 3000, 6000, 10000, 30000, 100000),
         "rounding adds up, and the prior is tuned on a part of the record", record_length,
     ),
 )  # fmt: skip

@@ -80,7 +80,7 @@ def coarse_sampling(level: float, rng: np.random.Generator) -> Case:
 
 def record_length(level: float, rng: np.random.Generator) -> Case:
     """Number of frames."""
-    return measured(Setup(frames=int(level), gravity=0.0, speed=0.0), rng)
+    return measured(Setup(frames=int(level), gravity=0.0, hovers=True), rng)
 
 
 def clipped(level: float, rng: np.random.Generator) -> Case:

@@ -36,7 +36,8 @@ class Setup:
     """What flies, and under what. frames at rate Hz; spin rev/s about the body's third axis, and rad/s of
     wobble. force_std N, moment_std N m: Matern loads of load_rate 1/s. modes: how many of the body's own
     shapes vibrate, of size m (rms of a marker) at mode_frequency Hz, and each next 1.3 times as fast. impulse
-    N s: Gaussian pulse of pulse_width s in the middle; line N: amplitude of a force at twice the spin.
+    N s: Gaussian pulse of pulse_width s in the middle; line N: amplitude of a force at twice the spin. speed
+    m/s at the start; hovers: it starts so that it goes nowhere instead.
     """
 
     frames: int = 240
@@ -54,6 +55,7 @@ class Setup:
     line: float = 0.0
     gravity: float = 9.81
     speed: float = 4.0
+    hovers: bool = False
 
 
 @dataclass(frozen=True)
@@ -138,14 +140,15 @@ def fly(
     place, J, h = deformed(time)
     t, mass = time[:, None], MASS.sum()
     weight = np.array([0.0, 0.0, -setup.gravity])
-    begin = setup.speed * np.array([0.5, 0.2, 1.0])
+    gained = force.impulse(time) / mass
+    begin = -gained.mean(0) if setup.hovers else setup.speed * np.array([0.5, 0.2, 1.0])
     truth = {
         "time": time,
         "force": force.at(time),
         "moment": moment.at(time),
         "load": parts,
         "center": begin * t + 0.5 * weight * t**2 + force.second(time) / mass,
-        "velocity": begin + weight * t + force.impulse(time) / mass,
+        "velocity": begin + weight * t + gained,
         "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
         "angular_momentum": H0 + moment.impulse(time),
     }

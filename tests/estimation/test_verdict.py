@@ -14,19 +14,18 @@ from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
 from forceid.estimation.load_checks import judge_loads, judge_overlap
 from forceid.estimation.run import estimate_recording
+from forceid.estimation.shape_checks import judge_reference, judge_roughness, judge_shape
 from forceid.estimation.verdict import (
     Finding,
     judge,
     judge_leakage,
     judge_recording,
-    judge_reference,
     judge_rounding,
-    judge_shape,
     judge_tuning,
 )
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
-from forceid.study.failures_body import near_directions
+from forceid.study.failures_body import near_directions, rigid_looking, vibration
 from forceid.study.failures_sensing import fast_spin
 
 TIME = cf.clock(400)
@@ -55,7 +54,7 @@ def test_worst_finding_sets_the_level():
 def test_good_record_gives_no_finding():
     kin = seen(cf.toss())
     assert judge_recording(kin) == []
-    assert judge_shape(kin) == []
+    assert judge_shape(kin, cf.toss().motion, cf.toss().body) == []
     assert judge_tuning(kin, {"position": True}) == []  # stated: a floor by right
 
 
@@ -154,11 +153,34 @@ def test_mass_without_marker_on_a_deforming_body_is_said():
 
 
 def test_rigid_model_of_a_deforming_body_is_limited_by_the_model():
-    (found,) = judge_shape(seen(cf.toss(breath=0.05), model="rigid"))
+    recording = cf.toss(breath=0.05)
+    (found,) = judge_shape(seen(recording, model="rigid"), recording.motion, recording.body)
     assert "limited by the model" in found.text
     size = 0.05 * np.sqrt(0.5 * np.mean(cf.star().position ** 2)) * 1e3
     assert float(found.text.split(" mm rms")[0].split()[-1]) == pytest.approx(size, rel=0.1)
-    assert judge_shape(seen(cf.toss(breath=0.05))) == []
+    assert judge_shape(seen(recording), recording.motion, recording.body) == []
+
+
+def test_an_affine_model_of_a_body_that_bends_is_limited_by_the_model():
+    recording = vibration(5e-3, np.random.default_rng(1)).recording
+    (found,) = judge_shape(seen(recording, model="affine"), recording.motion, recording.body)
+    assert "leave the affine shape" in found.text
+    assert judge_shape(seen(recording), recording.motion, recording.body) == []
+
+
+def test_an_affine_model_of_unmarked_mass_is_limited_where_the_file_knows_modes():
+    recording = rigid_looking(0.5, np.random.default_rng(1)).recording
+    (found,) = judge_shape(seen(recording, model="affine"), recording.motion, recording.body)
+    assert "3 nodes carry mass but no marker" in found.text
+
+
+def test_a_load_that_changes_from_frame_to_frame_on_a_deforming_body_is_said():
+    recording = cf.toss(breath=0.05)
+    tuned = {f"moment_rate_{k}": 0.5 * 200.0 for k in (1, 2, 3)} | {"moment_order": 1}
+    for settings, said in (({}, 1), ({"model": "rigid"}, 0)):
+        kin = seen(recording, **settings)
+        assert len(judge_roughness(kin, tuned, kin.amplitude)) == said
+    assert judge_roughness(seen(recording), tuned | {"moment_order": 2}, kin.amplitude) == []
 
 
 def test_noise_at_its_floor_is_said_unless_it_was_stated():

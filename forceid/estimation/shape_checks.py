@@ -1,0 +1,101 @@
+"""What the markers say of the shape: a reference they leave, and what no shape of the model explains."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import null_space
+from scipy.special import chdtri
+
+from forceid.estimation.beyond_rigid import beyond_rigid
+from forceid.estimation.kinematics import Kinematics
+from forceid.estimation.verdict import Finding
+from forceid.records import Array, Body, Motion
+
+ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
+LIMIT = 1.3  # chi-square per degree of freedom of what a model leaves
+FASTEST = 0.45  # over the step: the rate of a load that changes from frame to frame
+
+
+def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
+    """Markers that are, all the time, far from where the reference shape has them."""
+    if body.position is None or not kin.attitude or not kin.seen.any():
+        return []
+    X = body.position - kin.inertia.center
+    off = np.linalg.norm(kin.shape - X, axis=1) * kin.seen
+    size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
+    k = int(off.argmax())
+    if off[k] < ELSEWHERE * size:
+        return []
+    return [
+        Finding(
+            f"the mean shape leaves the reference shape by {1e3 * off[k]:.2g} mm at {body.node[k]}, on a "
+            f"body of {1e3 * size:.2g} mm: labels or /body/position are wrong, and with them mass center and "
+            "inertia, or the body bends that far; check both"
+        )
+    ]
+
+
+def judge_shape(kin: Kinematics, motion: Motion, body: Body) -> list[Finding]:
+    """What the model asked for leaves of the shape, of markers and of mass that carries none."""
+    dof = kin.pose.dof > 0
+    if not kin.attitude or not dof.any():
+        return []
+    hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
+    if kin.model == "affine" and hidden and (body.mode_shape is not None or body.stiffness is not None):
+        return [
+            Finding(
+                f"{hidden} nodes carry mass but no marker, and an affine strain moves them otherwise than "
+                "the modes of the file do: force and moment are limited by the model; use --model modal"
+            )
+        ]
+    if len(kin.shapes):
+        ratio, size = beyond_shapes(kin, motion)
+    else:
+        ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
+        size = float(np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)))
+    if ratio < LIMIT:
+        return []
+    return [
+        Finding(
+            f"the markers leave the {kin.model} shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
+            "degree of freedom: force and moment are limited by the model; use --model auto"
+        )
+    ]
+
+
+def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:
+    """Chi-square per degree of freedom of what rigid motion and shapes leave of the markers, and its rms m.
+
+    Of the median frame, which a few wild ones do not move.
+    """
+    assert motion.position is not None
+    seen = beyond_rigid(motion.time, motion.position, kin)
+    left = null_space(seen.of(kin.shapes), rcond=1e-6)  # (freedom, direction) that no shape moves
+    z = (seen.y @ left)[np.isfinite(seen.y).all(1)]
+    if not z.size:
+        return 0.0, 0.0
+    rows = np.repeat(seen.kept, 3)
+    beside = np.zeros((rows.size, rows.size)) if kin.beside is None else kin.beside
+    along = seen.basis @ left
+    cov = seen.var * np.eye(left.shape[1]) + along.T @ beside[np.ix_(rows, rows)] @ along
+    chi_square = np.einsum("ti,ti->t", z, np.linalg.solve(cov, z.T).T)
+    ratio = float(np.median(chi_square) / chdtri(left.shape[1], 0.5))
+    return ratio, float(np.sqrt((z**2).sum(1).mean() / seen.kept.sum() / 3))
+
+
+def judge_roughness(kin: Kinematics, tuned: dict[str, float], amplitude: Array) -> list[Finding]:
+    """Loads of a deforming body that change from frame to frame, as deformation not followed does."""
+    if not len(kin.shapes):
+        return []
+    step = float(np.median(np.diff(kin.time)))
+    size = 1e3 * float(np.sqrt((amplitude**2).sum(1).mean() / max(1, kin.seen.sum())))
+    return [
+        Finding(
+            f"the {load} found changes from frame to frame as fast as a record can show, on a body that "
+            f"deforms by {size:.2g} mm: deformation that the model does not follow passes for load, and its "
+            "claim is as wide; record faster, or give mode shapes"
+        )
+        for load in ("force", "moment")
+        if tuned.get(f"{load}_order") == 1
+        and min(tuned[f"{load}_rate_{k}"] for k in (1, 2, 3)) > FASTEST / step
+    ]
