@@ -1,0 +1,112 @@
+"""Boxes cut into boxes: bodies of many equal parts, for examples, tests and studies.
+
+Source: principal equations 5.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from forceid.partition.elements import assemble, bar, box_element
+from forceid.partition.system import PartitionedSystem
+from forceid.partition.topology import boolean_from_positions, compatible, held
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Flags, Indices
+
+NEAR = 1e-6  # m, within which nodes are one
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A body in parts that no support holds yet: matrices, Boolean L, positions (node, axis) m, one a part.
+
+    place (node, axis) m: of the assembled nodes.
+    """
+
+    stiffness: tuple[Any, ...]
+    mass: tuple[Any, ...]
+    boolean: tuple[Any, ...]
+    position: tuple[Array, ...]
+    place: Array
+
+    def system(self, fixed: Flags | None = None, **options: Any) -> PartitionedSystem:
+        """The partitioned system, its assembled nodes `fixed` (node,) held."""
+        axes = self.place.shape[1]
+        at_rest = np.flatnonzero(np.repeat(np.zeros(len(self.place), bool) if fixed is None else fixed, axes))
+        boolean, kept = held(self.boolean, at_rest)
+        K = [k[rows][:, rows] for k, rows in zip(self.stiffness, kept, strict=True)]
+        M = [m[rows][:, rows] for m, rows in zip(self.mass, kept, strict=True)]
+        about = self.place.mean(axis=0)
+        R = [
+            compatible(summation_operator(x, about), rows)
+            for x, rows in zip(self.position, kept, strict=True)
+        ]
+        return PartitionedSystem(K, M, boolean, R, **options)
+
+
+def box_grid(parts: Sequence[int], r: int) -> tuple[list[Array], Indices]:
+    """Nodes (node, axis) m of unit boxes in a grid, r elements an edge, and the elements (element, node)."""
+    axes = len(parts)
+    ticks = np.array(list(product(range(r + 1), repeat=axes)))
+    stride = (r + 1) ** np.arange(axes)[::-1]
+    first = np.array(list(product(range(r), repeat=axes))) @ stride
+    corner = np.array(list(product((0, 1), repeat=axes))) @ stride
+    nodes = [np.array(at) + ticks / r for at in product(*map(range, parts))]
+    return nodes, first[:, None] + corner
+
+
+def solid_parts(
+    parts: Sequence[int],
+    r: int,
+    young: float | Sequence[float] = 1000.0,
+    poisson: float = 0.3,
+    density: float = 2.0,
+    thickness: float = 0.1,
+) -> Parts:
+    """Unit squares in plane stress, or unit cubes, of r elements an edge; young Pa for all, or one a part."""
+    nodes, elements = box_grid(parts, r)
+    axes = len(parts)
+    K, M = (
+        assemble(elements, m, axes, len(nodes[0]))
+        for m in box_element(np.full(axes, 1 / r), 1.0, poisson, density, thickness)
+    )
+    size = np.broadcast_to(young, len(nodes)).tolist()
+    stiff = {e: e * K for e in set(size)}  # equal parts are one matrix, and will be factored once
+    return gathered([stiff[e] for e in size], [M] * len(nodes), nodes)
+
+
+def truss_parts(
+    parts: Sequence[int], r: int, axial_stiffness: float = 5e4, line_density: float = 1.0
+) -> Parts:
+    """Planar trusses of r x r unit cells with four edges and both diagonals, all of one axial stiffness N."""
+    nodes, elements = box_grid(parts, r)
+    nodes = [x * r for x in nodes]  # cells of one meter
+    pairs = sorted(
+        {
+            tuple(sorted((e[a], e[b])))
+            for e in elements.tolist()
+            for a, b in ((0, 1), (0, 2), (1, 3), (2, 3), (0, 3), (1, 2))
+        }
+    )
+    bars = np.array(pairs)
+    each = [
+        bar(nodes[0][p], axial_stiffness, line_density * float(np.linalg.norm(np.diff(nodes[0][p], axis=0))))
+        for p in bars
+    ]
+    K, M = (assemble(bars, np.array(m), 2, len(nodes[0])) for m in zip(*each, strict=True))
+    return gathered([K] * len(nodes), [M] * len(nodes), nodes)
+
+
+def gathered(stiffness: list[Any], mass: list[Any], nodes: list[Array]) -> Parts:
+    """Parts whose nodes at one place are one."""
+    boolean = boolean_from_positions(nodes, NEAR)
+    axes = nodes[0].shape[1]
+    place = np.zeros((boolean[0].shape[1] // axes, axes))
+    for L, x in zip(boolean, nodes, strict=True):
+        place[L.indices[::axes] // axes] = x
+    return Parts(tuple(stiffness), tuple(mass), tuple(boolean), tuple(nodes), place)

@@ -1,0 +1,142 @@
+"""Generalized inverses of the stiffness of a part: sparse factors with fixing degrees of freedom.
+
+A floating part has rigid modes R, K R = 0. Held at as many well chosen degrees of freedom as it has modes, K
+is definite, and its inverse, with zeros at those, is a symmetric reflexive K^-: it serves wherever K^+ does,
+with another meaning of alpha only. Source: principal equations 2.9.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh, qr
+from scipy.sparse.linalg import eigsh, splu
+
+from forceid.errors import DataError
+from forceid.records import Array, Indices
+
+DENSE = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
+MOST = 24  # zero modes looked for in a larger part
+ZERO = 1e-9  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
+STRAINED = 1e-8  # of the largest entry of K, that K R may be off for R of unit size
+ASYMMETRIC = 1e-9  # of the largest entry of K
+
+
+@dataclass(frozen=True)
+class Factor:
+    """K^- of one stiffness: free (dof,) which are not fixed; the factors of K there; size of K."""
+
+    free: Indices
+    lu: Any
+    size: int
+
+    def solve(self, load: Array) -> Array:
+        """K^- f for loads (size,) or (size, load)."""
+        x = np.zeros(load.shape)
+        if len(self.free):
+            x[self.free] = self.lu.solve(np.ascontiguousarray(load[self.free]))
+        return x
+
+
+def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
+    """The matrix as sparse rows; a DataError where it is not square, finite and symmetric."""
+    K, where = sp.csr_array(K), f"{name} of partition {part}"
+    K.sum_duplicates()
+    if K.shape[0] != K.shape[1]:
+        raise DataError(f"has shape {K.shape}, expected a square matrix", where)
+    if not np.isfinite(K.data).all():
+        raise DataError("holds numbers that are not finite", where)
+    off, largest = abs(K - K.T), abs(K).max() if K.nnz else 0.0
+    if off.nnz and off.max() > ASYMMETRIC * largest:
+        raise DataError(
+            f"is not symmetric: entries differ by {off.max() / largest:.1e} of the largest", where,
+            "average it with its transpose if that is rounding, else look at the element that makes it",
+        )  # fmt: skip
+    return K
+
+
+def zero_modes(K: Any) -> Array:
+    """Orthonormal motions (dof, mode) that a symmetric semidefinite K leaves free, mechanisms among them.
+
+    The rank is counted with every degree of freedom scaled by its own stiffness.
+    """
+    diagonal = K.diagonal()
+    if (diagonal <= 0).all():
+        return np.eye(K.shape[0])
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max()))
+    scaled = sp.csr_array(K * scale[:, None] * scale)
+    if K.shape[0] <= DENSE:
+        value, vector = eigh(scaled.toarray())
+    else:
+        value, vector = eigsh(scaled, k=MOST, sigma=-1e-4, which="LM")
+    return np.asarray(np.linalg.qr(scale[:, None] * vector[:, value < ZERO])[0])
+
+
+def rigid_modes(K: Any, R: Any, part: int) -> Array:
+    """The modes given, if they are unstrained and independent; those that K has, where none are given."""
+    if R is None:
+        return zero_modes(K)
+    modes: Array = np.asarray(sp.csr_array(R).toarray(), dtype=float).reshape(K.shape[0], -1)
+    where = f"rigid modes of partition {part}"
+    if not modes.shape[1]:
+        return modes
+    unit = modes / np.linalg.norm(modes, axis=0)
+    strain = np.abs(K @ unit).max() / abs(K).max()
+    if strain > STRAINED:
+        raise DataError(
+            f"strain it: K R is {strain:.1e} of K, expected zero", where,
+            "give them about the shape that K belongs to, or leave them out to have them found",
+        )  # fmt: skip
+    if np.linalg.matrix_rank(unit, tol=1e-10) < modes.shape[1]:
+        raise DataError("depend on each other", where, "drop those that repeat")
+    return modes
+
+
+def factor(K: Any, R: Array, part: int) -> Factor:
+    """K^- with the fixing degrees of freedom at which R is best conditioned.
+
+    Raises DataError where what is then held is still free: K has more zero modes than R names.
+    """
+    n, modes = K.shape[0], R.shape[1]
+    fixed = qr(R.T, mode="r", pivoting=True)[1][:modes] if modes else np.zeros(0, int)
+    free = np.setdiff1d(np.arange(n), fixed)
+    held = sp.csc_array(K[free][:, free])
+    mechanism = DataError(
+        f"has more zero modes than the {modes} given: a mechanism", f"stiffness of partition {part}",
+        "stiffen it, or leave the rigid modes out to have all of them found and carried",
+    )  # fmt: skip
+    if not len(free):
+        return Factor(free, None, n)
+    try:
+        lu = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # exactly singular
+        raise mechanism from None
+    pivot = lu.U.diagonal() if n <= DENSE else None
+    if pivot is not None and (pivot <= 0).any():
+        raise mechanism
+    probe = np.random.default_rng(0).standard_normal(len(free))
+    found = lu.solve(held @ probe)
+    # a pivot of rounding size leaves a mode in the solution
+    if not np.abs(found - probe).max() < 1e-3 * np.abs(probe).max():
+        raise mechanism
+    return Factor(free, lu, n)
+
+
+def factors(stiffness: Sequence[Any], modes: Sequence[Array]) -> tuple[tuple[Factor, ...], Indices]:
+    """Factors of all parts, equal ones once, and which of them each part (part,) has."""
+    found: dict[str, int] = {}
+    each: list[Factor] = []
+    which = []
+    for s, (K, R) in enumerate(zip(stiffness, modes, strict=True)):
+        digest = hashlib.sha256(K.indptr.tobytes() + K.indices.tobytes() + K.data.tobytes())
+        key = f"{R.shape[1]} {digest.hexdigest()}"
+        if key not in found:
+            found[key] = len(each)
+            each.append(factor(K, R, s))
+        which.append(found[key])
+    return tuple(each), np.array(which)

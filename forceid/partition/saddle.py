@@ -1,0 +1,95 @@
+"""The four-field and the reduced saddle-point systems of a partitioned body at rest, and their deficiency.
+
+Both are regular if and only if no motion of the whole is free. Source: principal equations 2.7, 2.9.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import block_diag, null_space, solve
+from scipy.sparse.linalg import splu
+
+from forceid.records import Array
+
+if TYPE_CHECKING:
+    from forceid.partition.system import PartitionedSystem
+
+DENSE = 5000  # unknowns up to which the saddle-point system is solved as a dense one
+SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
+
+
+def interface_flexibility(system: PartitionedSystem) -> list[Array]:
+    """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
+    each, which = system.factored
+    found = []
+    for k, b, d in zip(which, system.topology.boundary, system.topology.dofs, strict=True):
+        unit = np.zeros((d.stop - d.start, len(b)))
+        unit[b, np.arange(len(b))] = 1.0
+        F = each[k].solve(unit)[b]
+        found.append(0.5 * (F + F.T))
+    return found
+
+
+def solve_saddle(system: PartitionedSystem, f: Array) -> tuple[Array, Array]:
+    """Lambda (multiplier,) and alpha of the reduced system, of a whole that floats the least alpha and u_f.
+
+    Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
+    """
+    top, R_b = system.topology, sp.csr_array(system.R_b)
+    F = interface_flexibility(system)
+    scale = float(np.mean(np.concatenate([np.diag(block) for block in F])))
+    L_f, free = top.L_f, system.projection.whole
+    frame = sp.csr_array(L_f.T @ (R_b @ free) / top.count[top.interface][:, None])
+    n, a, m = len(top.frame), R_b.shape[1], len(top.interface)
+    border = sp.vstack([sp.csr_array((n, free.shape[1])), sp.csr_array(free), frame])
+    A = sp.block_array(
+        [
+            [sp.block_diag([block / scale for block in F]), -R_b, L_f],
+            [-R_b.T, sp.csr_array((a, a)), None],
+            [L_f.T, None, sp.csr_array((m, m))],
+        ]
+    )
+    A = sp.block_array([[A, border], [border.T, sp.csr_array((free.shape[1], free.shape[1]))]])
+    # the frame enters with the sign that keeps the matrix symmetric: its unknown is -u_f, and is not needed
+    right = np.concatenate(
+        [top.B.T @ system.inverse(f) / scale, -system.resultant(f), np.zeros(m + free.shape[1])]
+    )
+    if A.shape[0] <= DENSE:
+        x = solve(A.toarray(), right, assume_a="sym")
+    else:
+        x = splu(sp.csc_array(A)).solve(right)
+    return x[:n], scale * x[n : n + a]
+
+
+def reduced(system: PartitionedSystem) -> Array:
+    """[F -R_b L_f; -R_b^T 0 0; L_f^T 0 0], dense; unknowns lambda, alpha, u_f."""
+    R_b, L_f = system.R_b, system.topology.L_f.toarray()
+    a, m = R_b.shape[1], L_f.shape[1]
+    F = block_diag(*interface_flexibility(system))
+    return np.block([[F, -R_b, L_f], [-R_b.T, np.zeros((a, a + m))], [L_f.T, np.zeros((m, a + m))]])
+
+
+def four_field(system: PartitionedSystem) -> Array:
+    """The static four-field matrix, dense; unknowns q, alpha, lambda, u_f, in the Euclidean gauge."""
+    Phi = block_diag(*[null_space(r.T) if r.shape[1] else np.eye(len(r)) for r in system.rigid_modes])  # type: ignore[union-attr]
+    K = block_diag(*[k.toarray() for k in system.stiffness])
+    B, R_b, L_f = system.topology.B.toarray(), system.R_b, system.topology.L_f.toarray()
+    q, a, n, m = Phi.shape[1], R_b.shape[1], len(R_b), L_f.shape[1]
+    return np.block(
+        [
+            [Phi.T @ K @ Phi, np.zeros((q, a)), Phi.T @ B, np.zeros((q, m))],
+            [np.zeros((a, q + a)), R_b.T, np.zeros((a, m))],
+            [B.T @ Phi, R_b, np.zeros((n, n)), -L_f],
+            [np.zeros((m, q + a)), -L_f.T, np.zeros((m, m))],
+        ]
+    )
+
+
+def deficiency(matrix: Array) -> int:
+    """How many motions or forces a symmetric matrix leaves open, each row and column scaled to one."""
+    scale = 1 / np.sqrt(np.maximum(np.abs(matrix).max(axis=0), 1e-300))
+    value = np.abs(np.linalg.eigvalsh(matrix * scale * scale[:, None]))
+    return int((value < SINGULAR * value.max()).sum())
