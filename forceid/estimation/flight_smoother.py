@@ -39,7 +39,7 @@ from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
-from forceid.records import Body, Motion
+from forceid.records import Array, Body, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
@@ -47,11 +47,22 @@ ENOUGH = 1.02  # a noise factor this near to one changes nothing
 
 
 @dataclass(frozen=True)
+class Smoothing:
+    """What a smoothed wrench rests on: the flight, the priors of its loads, and allowance (time, 6, 6), what
+    its covariance claims beyond what follows from these.
+    """
+
+    flight: Flight
+    priors: dict[str, LoadPrior]
+    allowance: Array
+
+
+@dataclass(frozen=True)
 class Solution:
     """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
-    less noise than it was allowed; reasons: sentences for the verdict.
+    less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench.
     """
 
     kinematics: Kinematics
@@ -61,6 +72,7 @@ class Solution:
     tuned: dict[str, float]
     noise_at_limit: dict[str, bool]
     reasons: tuple[str, ...] = ()
+    smoothing: Smoothing | None = None
 
 
 def estimate_flight(
@@ -142,6 +154,7 @@ def estimate_flight(
     told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))
     told = (*told, *gauge_reasons(flight, state, body, motion))
     reasons = (*reasons, *notes, *told, *([sentence] if sentence else []))
+    plain = state.wrench_cov
     state, rings = allow_for_ringing(state, flight, priors, engine)
     reasons = (*reasons, *([rings] if rings else []))
     if shared or hidden:
@@ -153,6 +166,7 @@ def estimate_flight(
     if settings.load_axes == "body" and kin.attitude:
         priors, gained = on_body(priors, told_by, flight, state, engine)
         state = smooth_flight(flight, priors["force"], priors["moment"], engine, causal)
+        plain = state.wrench_cov
         tuned = named(kin, priors) | named_sensors(flight, state) | gained
     elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
@@ -160,7 +174,8 @@ def estimate_flight(
             tuned |= unshown_lines(name, channel, priors[name], spin)
         reasons = (*reasons, *hidden_lines(tuned, state, kin.inertia.mass, gravity))
     deformation = as_smoothed(kin, deformation, state)
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons)
+    smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing)
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:

@@ -11,18 +11,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
-from forceid.errors import DataError
+from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.classic import estimate_classic
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.innovations import judge_innovations
+from forceid.estimation.joints import joint_forces
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
-from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap
+from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap, judge_roughness
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
-from forceid.estimation.shape_checks import judge_reference, judge_roughness, judge_shape
+from forceid.estimation.shape_checks import judge_reference, judge_shape
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
@@ -57,9 +58,30 @@ def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarr
 
 
 def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
-    """Applied wrench (weight excluded), mean motion and deformation of a recording."""
+    """Applied wrench (weight excluded), mean motion and deformation of a recording; joint forces of its parts.
+
+    A body in parts that is refused as a whole, since it deforms too much, still has its parts.
+    """
     began = perf_counter()
     recording = with_gravity(recording, settings)
+    try:
+        result, _ = estimate_whole(recording, settings)
+    except EstimationError as e:
+        if not settings.part:
+            raise
+        result = refused(recording, settings, [Finding(f"the whole body {e}", refuses=True)])
+    if settings.part:
+        result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
+    return replace(
+        result,
+        settings=to_toml(settings),
+        input_sha256=recording.sha256,
+        runtime_s=perf_counter() - began,
+    )
+
+
+def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:
+    """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
     unmarked = is_unmarked(recording.motion)
@@ -69,20 +91,13 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         kin = kinematics(recording.body, recording.motion, settings)
         findings = judge_recording(kin, recording.motion) + judge_rounding(recording.motion, kin.noise)
     if any(f.refuses for f in findings):
-        result = refused(recording, settings, findings)
-    else:
-        solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
-        solve = estimate_unmarked if unmarked else solve
-        solution, choice = solved_at_level(recording, settings, solve, unmarked)
-        compared = choice.level is not None
-        result = assemble(recording, settings, solution, findings, compared)
-        result = replace(result, model_choice=choice.sentence, ladder=choice.numbers())
-    return replace(
-        result,
-        settings=to_toml(settings),
-        input_sha256=recording.sha256,
-        runtime_s=perf_counter() - began,
-    )
+        return refused(recording, settings, findings), None
+    solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
+    solve = estimate_unmarked if unmarked else solve
+    solution, choice = solved_at_level(recording, settings, solve, unmarked)
+    compared = choice.level is not None
+    result = assemble(recording, settings, solution, findings, compared)
+    return replace(result, model_choice=choice.sentence, ladder=choice.numbers()), solution
 
 
 def solved_at_level(
@@ -140,7 +155,7 @@ def assemble(
         *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
         *judge_reference(recording.body, kin),
         *([] if compared else judge_shape(kin, motion, recording.body)),
-        *judge_roughness(kin, solution.tuned, solution.deformation.amplitude),
+        *judge_roughness(solution.tuned),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
         *judge_momentum(kin, state.H, state.moment),

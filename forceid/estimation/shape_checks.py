@@ -9,11 +9,10 @@ from scipy.special import chdtri
 from forceid.estimation.beyond_rigid import beyond_rigid
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.verdict import Finding
-from forceid.records import Array, Body, Motion
+from forceid.records import Body, Motion
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
 LIMIT = 1.3  # chi-square per degree of freedom of what a model leaves
-FASTEST = 0.45  # over the step: the rate of a load that changes from frame to frame
 
 
 def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
@@ -81,21 +80,3 @@ def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:
     chi_square = np.einsum("ti,ti->t", z, np.linalg.solve(cov, z.T).T)
     ratio = float(np.median(chi_square) / chdtri(left.shape[1], 0.5))
     return ratio, float(np.sqrt((z**2).sum(1).mean() / seen.kept.sum() / 3))
-
-
-def judge_roughness(kin: Kinematics, tuned: dict[str, float], amplitude: Array) -> list[Finding]:
-    """Loads of a deforming body that change from frame to frame, as deformation not followed does."""
-    if not len(kin.shapes):
-        return []
-    step = float(np.median(np.diff(kin.time)))
-    size = 1e3 * float(np.sqrt((amplitude**2).sum(1).mean() / max(1, kin.seen.sum())))
-    return [
-        Finding(
-            f"the {load} found changes from frame to frame as fast as a record can show, on a body that "
-            f"deforms by {size:.2g} mm: deformation that the model does not follow passes for load, and its "
-            "claim is as wide; record faster, or give mode shapes"
-        )
-        for load in ("force", "moment")
-        if tuned.get(f"{load}_order") == 1
-        and min(tuned[f"{load}_rate_{k}"] for k in (1, 2, 3)) > FASTEST / step
-    ]

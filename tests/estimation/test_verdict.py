@@ -12,9 +12,9 @@ from forceid.config import load_settings
 from forceid.estimation.innovations import chance_limit, colored, judge_innovations, strongest_line, wildest
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
-from forceid.estimation.load_checks import judge_loads, judge_overlap
+from forceid.estimation.load_checks import judge_loads, judge_overlap, judge_roughness
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.shape_checks import judge_reference, judge_roughness, judge_shape
+from forceid.estimation.shape_checks import judge_reference, judge_shape
 from forceid.estimation.verdict import (
     Finding,
     judge,
@@ -26,6 +26,7 @@ from forceid.estimation.verdict import (
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.study.failures_body import near_directions, rigid_looking, vibration
+from forceid.study.failures_noise import shared_slow
 from forceid.study.failures_sensing import fast_spin
 
 TIME = cf.clock(400)
@@ -174,13 +175,15 @@ def test_an_affine_model_of_unmarked_mass_is_limited_where_the_file_knows_modes(
     assert "3 nodes carry mass but no marker" in found.text
 
 
-def test_a_load_that_changes_from_frame_to_frame_on_a_deforming_body_is_said():
-    recording = cf.toss(breath=0.05)
-    tuned = {f"moment_rate_{k}": 0.5 * 200.0 for k in (1, 2, 3)} | {"moment_order": 1}
-    for settings, said in (({}, 1), ({"model": "rigid"}, 0)):
-        kin = seen(recording, **settings)
-        assert len(judge_roughness(kin, tuned, kin.amplitude)) == said
-    assert judge_roughness(seen(recording), tuned | {"moment_order": 2}, kin.amplitude) == []
+def test_a_load_that_kinks_is_said():
+    (found,) = judge_roughness({"force_order": 1.0, "moment_order": 2.0})
+    assert found.text.startswith("the force found kinks")
+    assert judge_roughness({"force_order": 2.0}) == []
+
+
+def test_slow_errors_that_all_markers_share_are_not_ok():
+    case = shared_slow(1.0, np.random.default_rng([1, 2026]))
+    assert estimate_recording(case.recording, load_settings()).verdict.level == "degraded"
 
 
 def test_noise_at_its_floor_is_said_unless_it_was_stated():

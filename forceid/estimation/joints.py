@@ -1,0 +1,295 @@
+"""Joint forces of a body in parts: what must pass through the joints for every part to move as it did.
+
+Each part is estimated as a body of its own, which gives the wrench on it, weight excluded. The joints and the
+loads from outside that are allowed for have to make up all of these wrenches: least squares on the graph of
+the parts. Where the parts were smoothed they are smoothed again, together. Source: principal equations 2.8,
+2.11 A, 4h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtri
+
+from forceid.config import Settings
+from forceid.estimation.flight_smoother import Solution
+from forceid.estimation.linked_flight import LinkedPart, smooth_linked
+from forceid.estimation.parts import Joint, Part, parts_of
+from forceid.estimation.verdict import Finding, judge
+from forceid.kalman.engines import engine
+from forceid.partition.resultants import GROUND, incidence, link_resultants, transmitted
+from forceid.principal.operator import cross_matrix
+from forceid.principal.wrench import transport, transport_cov, transport_matrix
+from forceid.records import Array, Estimate, Interface, Recording
+
+RANK = 1e-6  # of the largest singular value, with moments over the length of the joints' arms
+HELD = 0.01  # standard deviations to which balances are held that repeat each other
+SURE = 0.001  # chance that noise alone leaves as much of these balances
+APART = 5.0  # times its noise, by which two parts may be apart at their joint
+
+Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Parts and joints as they move: world point and gap (time, joint, 3) m, point_cov (time, joint, 3, 3) m2
+    and gap_cov alike; center of all parts (time, 3) m and arms (time, part, 3) m from there to their own;
+    links (first, second) with passes (time, 6, k) about that center; outside loads come last, from the ground.
+    """
+
+    point: Array
+    point_cov: Array
+    gap: Array
+    gap_cov: Array
+    center: Array
+    arms: Array
+    links: tuple[tuple[int, int], ...]
+    passes: tuple[Array, ...]
+
+
+def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Interface:
+    """Wrench of every joint in the settings, from each part estimated by `solve` as a body of its own.
+
+    Raises ConfigError for parts and joints that do not fit the recording; where a part is refused all is NaN.
+    """
+    parts, joints = parts_of(recording, settings)
+    alone = settings.model_copy(update={"part": (), "joint": (), "load": (), "moment_about": "mass_center"})
+    solved = [solve(part.recording, alone) for part in parts]
+    findings = [
+        Finding(f"part {part.name}: {reason}", refuses=estimate.verdict.level == "refused")
+        for part, (estimate, _) in zip(parts, solved, strict=True)
+        for reason in estimate.verdict.reasons
+    ]
+    if any(f.refuses for f in findings):
+        return refused(recording, joints, parts, findings)
+    estimates = [estimate for estimate, _ in solved]
+    if blind := [p.name for p, e in zip(parts, estimates, strict=True) if not np.isfinite(e.moment).any()]:
+        text = f"part {blind[0]}: its markers show no moment, and without it no joint force follows"
+        return refused(recording, joints, parts, [*findings, Finding(text, refuses=True)])
+    linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
+    wrench, cov = about_center(linkage, estimates)
+    found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
+    g, C = found.wrench, found.joint_cov
+    assert C is not None
+    smoothed = together(linkage, estimates, [solution for _, solution in solved], settings)
+    if smoothed is not None:
+        to_joints = -split(linkage)
+        w, joint = smoothed
+        g = np.einsum("tij,tj->ti", to_joints, w.reshape(len(w), -1)).reshape(g.shape)
+        C = to_joints @ joint @ to_joints.swapaxes(1, 2)
+    count = len(joints)
+    null = found.null_space.reshape(len(linkage.links), 6, -1)
+    determined = found.determined[:count]
+    force, moment, covs = at_joints(linkage, g[:, :count], C)
+    for a in (force, moment, covs):
+        a[:, ~determined] = np.nan
+    result = Interface(
+        name=tuple(j.name for j in joints),
+        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        force=force, moment=moment, wrench_cov=covs, point=linkage.point, determined=determined,
+        null_space=null[:count], gap=linkage.gap, chi_square=found.chi_square, dof=found.dof,
+        verdict=judge([]),
+    )  # fmt: skip
+    findings += judge_joints(result, linkage, -wrench)
+    return replace(result, verdict=judge(findings))
+
+
+def linkage_of(
+    parts: tuple[Part, ...],
+    joints: tuple[Joint, ...],
+    estimates: list[Estimate],
+    solutions: list[Solution | None],
+) -> Linkage:
+    """Where joints and parts are at every sample, and what the joints can pass."""
+    mass = np.array([part.mass for part in parts])
+    centers = np.stack([e.center for e in estimates], 1)
+    center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
+    R = [rotations(e.orientation) for e in estimates]
+    at, spread, links, passes = [], [], [], []
+    for joint in joints:
+        ends = []
+        for k in (joint.before, joint.behind):
+            arm = np.einsum("tab,b->ta", R[k], joint.at - parts[k].center)
+            moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
+            ends.append((centers[:, k] + arm, moved @ pose_cov(solutions[k], len(arm)) @ moved.swapaxes(1, 2)))
+        at.append([x for x, _ in ends])
+        spread.append([cov for _, cov in ends])
+        links.append((joint.before, joint.behind))
+        # the point, halfway between what the two parts say of it
+        about = 0.5 * (ends[0][0] + ends[1][0])
+        passes.append(transport_matrix(about - center) @ passed(joint, R[joint.before]))
+    for k, part in enumerate(parts):
+        if part.external:
+            links.append((GROUND, k))
+            passes.append(np.broadcast_to(np.eye(6), (len(center), 6, 6)))
+    ends_at, covs = np.array(at).transpose(2, 0, 1, 3), np.array(spread).transpose(2, 0, 1, 3, 4)
+    return Linkage(
+        point=ends_at.mean(2), point_cov=covs.sum(2) / 4, gap=ends_at[:, :, 1] - ends_at[:, :, 0],
+        gap_cov=covs.sum(2), center=center, arms=centers - center[:, None],
+        links=tuple(links), passes=tuple(passes),
+    )  # fmt: skip
+
+
+def passed(joint: Joint, R: Array) -> Array:
+    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with the part before it."""
+    force = np.broadcast_to(np.eye(6, 3), (len(R), 6, 3))
+    if joint.free == "all":
+        return force
+    if joint.free == "none" or joint.axis is None:
+        return np.broadcast_to(np.eye(6), (len(R), 6, 6))
+    across = np.linalg.svd(joint.axis[None])[2][1:].T
+    moment = np.concatenate([np.zeros((len(R), 3, 2)), R @ across], 1)
+    return np.concatenate([force, moment], 2)
+
+
+def about_center(linkage: Linkage, estimates: list[Estimate]) -> tuple[Array, Array]:
+    """Wrenches (time, part, 6) about the center of all parts, and their covariances (time, part, 6, 6)."""
+    w = np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
+    C = np.stack([e.wrench_cov for e in estimates], 1)
+    return transport(w, linkage.arms), transport_cov(C, linkage.arms)
+
+
+def balances(linkage: Linkage) -> tuple[Array, Array, float]:
+    """Effects A (time, part * 6, column) of what links can pass on the parts, moments over a length; the same
+    columns E (time, link * 6, column) of the links; and that length (m).
+    """
+    length = float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1)))) or 1.0
+    parts = linkage.arms.shape[1]
+    E = transmitted(list(linkage.passes), len(linkage.links), 6)
+    A = np.kron(incidence(linkage.links, parts), np.eye(6)) @ E
+    return A / np.tile(np.repeat([1.0, length], 3), parts)[:, None], E, length
+
+
+def split(linkage: Linkage) -> Array:
+    """Matrix (time, link * 6, part * 6) from wrenches that balance to those of the links."""
+    A, E, length = balances(linkage)
+    known = np.isfinite(A).all((1, 2))
+    back = np.full((len(A), E.shape[1], A.shape[1]), np.nan)
+    back[known] = E[known] @ np.linalg.pinv(A[known], rcond=RANK)
+    return np.asarray(back / np.tile(np.repeat([1.0, length], 3), linkage.arms.shape[1]))
+
+
+def together(
+    linkage: Linkage, estimates: list[Estimate], solutions: list[Solution | None], settings: Settings
+) -> tuple[Array, Array] | None:
+    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all parts, of all
+    parts smoothed under the balances that links cannot upset; None where there is no smoother or no such one.
+    """
+    linked = []
+    for solution in solutions:
+        smoothing = None if solution is None else solution.smoothing
+        if solution is None or smoothing is None or solution.state.reference is None:
+            return None
+        linked.append(LinkedPart(smoothing, solution.state.reference))
+    A, _, length = balances(linkage)
+    T, size = len(A), A.shape[1]
+    known = np.isfinite(A).all((1, 2))
+    U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
+    rank = int((s > RANK * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
+    if rank == size or not known.any():
+        return None
+    scale = np.tile(np.repeat([1.0, 1 / length], 3), len(linked))
+    null = U[:, :, rank:].swapaxes(1, 2) * scale
+    carry = np.zeros((T, size, size))
+    for k in range(len(linked)):
+        own = slice(6 * k, 6 * k + 6)
+        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
+    rows = np.where(known[:, None, None], null @ carry, np.nan)
+    # how far off a balance may be: a little of what it is claimed to, and what arms known this well make of it
+    slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
+    for k, e in enumerate(estimates):
+        own = rows[:, :, 6 * k : 6 * k + 6]
+        slack += HELD**2 * np.einsum("tri,tij,trj->tr", own, e.wrench_cov, own)
+        slack += (own[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
+    w, C = smooth_linked(linked, rows, slack, size / rank, engine(settings.engine))
+    for k, part in enumerate(linked):
+        own = slice(6 * k, 6 * k + 6)
+        C[:, own, own] += part.smoothing.allowance
+    return transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2)
+
+
+def at_joints(linkage: Linkage, g: Array, C: Array) -> tuple[Array, Array, Array]:
+    """Force, moment (time, joint, 3) about the joints, and covariance (time, joint, 6, 6), with that of where
+    the joints are.
+    """
+    count = g.shape[1]
+    each = np.stack([C[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(count)], 1)
+    arm = linkage.center[:, None] - linkage.point
+    w, cov = transport(g, arm), transport_cov(each, arm)
+    X = cross_matrix(w[..., :3])
+    cov[..., 3:, 3:] += X @ linkage.point_cov @ X.swapaxes(-1, -2)
+    return w[..., :3].copy(), w[..., 3:].copy(), cov
+
+
+def judge_joints(found: Interface, linkage: Linkage, given: Array) -> list[Finding]:
+    """Joints that the motion does not tell, balances that do not close, and parts apart at their joint."""
+    findings = []
+    if not found.determined.all():
+        names = ", ".join(n for n, told in zip(found.name, found.determined, strict=True) if not told)
+        findings.append(
+            Finding(
+                f"the motion does not tell what passes through {names}: the joints close a loop, or loads "
+                "from outside act on too many parts; see null_space, or state what a joint cannot pass",
+                refuses=not found.determined.any(),
+            )
+        )
+    seen = np.isfinite(found.chi_square)
+    if found.dof and seen.any():
+        turns = given[seen].reshape(seen.sum(), -1) - given[seen].reshape(seen.sum(), -1).mean(0)
+        independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
+        limit = chdtri(found.dof * independent, SURE) / (found.dof * independent)
+        if found.consistency > limit:
+            findings.append(
+                Finding(
+                    f"the balances of the parts do not close: what is left is {found.consistency:.3g} times what "
+                    f"the claims allow, at most {limit:.2g} by chance; check masses and joints, or mark the part "
+                    "that a load from outside acts on with external = true"
+                )
+            )
+    apart = np.sqrt((found.gap**2).sum(2).mean(0))
+    noise = np.sqrt(np.einsum("tjaa->tj", linkage.gap_cov).mean(0))
+    for name, off, size in zip(found.name, apart, noise, strict=True):
+        if off > APART * size:
+            findings.append(
+                Finding(
+                    f"the parts are {1e3 * off:.2g} mm apart at joint {name}, where noise explains "
+                    f"{1e3 * size:.2g} mm: the place of the joint is off, and its moment with it; correct `at`"
+                )
+            )
+    return findings
+
+
+def pose_cov(solution: Solution | None, time: int) -> Array:
+    """Covariance (time, 6, 6) of the poses of a part: smoothed, or of every frame by itself."""
+    if solution is None:
+        return np.zeros((time, 6, 6))
+    cov = solution.state.pose_cov
+    return cov if np.isfinite(cov).any() else solution.kinematics.pose.cov
+
+
+def rotations(quaternion: Array) -> Array:
+    """Rotation matrices (time, 3, 3), NaN where the quaternion is."""
+    R = np.full((len(quaternion), 3, 3), np.nan)
+    seen = np.isfinite(quaternion).all(1)
+    if seen.any():
+        R[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return R
+
+
+def refused(
+    recording: Recording, joints: tuple[Joint, ...], parts: tuple[Part, ...], findings: list[Finding]
+) -> Interface:
+    """An answer that says nothing but why."""
+    T, n = len(recording.motion.time), len(joints)
+    none = np.full((T, n, 3), np.nan)
+    return Interface(
+        name=tuple(j.name for j in joints),
+        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        force=none, moment=none, wrench_cov=np.full((T, n, 6, 6), np.nan), point=none,
+        determined=np.zeros(n, bool), null_space=np.zeros((n, 6, 0)), gap=none,
+        chi_square=np.full(T, np.nan), dof=0, verdict=judge(findings),
+    )  # fmt: skip

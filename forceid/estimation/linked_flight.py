@@ -1,0 +1,128 @@
+"""The flights of the parts of a body smoothed together, under what the joints cannot pass.
+
+Each part by itself claims an error that is half noise and half load smoothed away. The noise of two parts is
+independent, the load between them is one and the same: averaged as if independent, their wrenches claim too
+little. So the linear models of all parts stand side by side, with rows that hold the balances which no joint
+wrench can upset (whole body free, hinge without moment about its axis) at every sample. Source: principal
+equations 2.8, 4f, 4h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from forceid.estimation.flight_smoother import Smoothing
+from forceid.kalman.engines import Engine
+from forceid.kalman.flight_model import Reference, linear_flight
+from forceid.kalman.model import StateSpace
+from forceid.kalman.prior import LoadPrior, load_rows
+from forceid.records import Array
+
+ROOM = 8_000_000  # samples times states squared that are smoothed at a time
+SHORTEST = 256  # samples of such a stretch, of which a quarter at either end only leads to it
+
+
+@dataclass(frozen=True)
+class LinkedPart:
+    """A part as it was smoothed by itself: what that rests on, and the reference it was linearized about."""
+
+    smoothing: Smoothing
+    reference: Reference
+
+
+def smooth_linked(
+    parts: list[LinkedPart], balance: Array, slack: Array, widening: float, engine: Engine
+) -> tuple[Array, Array]:
+    """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6).
+
+    balance (time, row, part * 6): combinations of the wrenches that are zero, slack (time, row): to within
+    which variance; NaN rows are not used. widening: factor on the variance of the priors, each of which was
+    found as if its part flew alone: a load that several parts show is counted as often, and is to keep its
+    size.
+    """
+    models, seen, rows = [], [], []
+    for part in parts:
+        priors = {name: widened(prior, widening) for name, prior in part.smoothing.priors.items()}
+        force, moment = priors["force"], priors["moment"]
+        model, z = linear_flight(part.smoothing.flight, force, moment, part.reference)
+        n, end = (len(load_rows_of(p)[0]) for p in (force, moment))
+        read = np.zeros((6, len(model.x0)))
+        read[:3, :n], read[3:, n : n + end] = load_rows_of(force), load_rows_of(moment)
+        models.append(model)
+        seen.append(z)
+        rows.append(read)
+    read = block_diag(*rows)
+    time, states = len(balance), read.shape[1]
+    held = np.where(np.isfinite(balance), balance, 0.0)
+    used = np.isfinite(balance).all(2) & np.isfinite(slack)
+    z = np.concatenate([*seen, np.where(used, 0.0, np.nan)], 1)
+    wrench, cov = np.empty((time, len(read))), np.empty((time, len(read), len(read)))
+    for run, kept in stretches(time, max(SHORTEST, ROOM // states**2)):
+        model = side_by_side(models, held[run] @ read, np.where(used, slack, 1.0)[run], run)
+        path = engine.smooth(model, z[run])
+        inner = slice(kept.start - run.start, kept.stop - run.start)
+        wrench[kept] = path.x[inner] @ read.T
+        cov[kept] = read @ path.P[inner] @ read.T
+    return wrench.reshape(time, len(parts), 6), cov
+
+
+def widened(prior: LoadPrior, factor: float) -> LoadPrior:
+    """The prior of a load with `factor` times its variance."""
+    root = float(np.sqrt(factor))
+    lines = tuple(replace(line, std=root * line.std) for line in prior.lines)
+    return replace(prior, tuned=replace(prior.tuned, std=root * prior.tuned.std), lines=lines)
+
+
+def load_rows_of(prior: LoadPrior) -> Array:
+    """Rows (3, state) that read a load out of its own chain."""
+    axes = prior.axes
+    return load_rows(3 * (prior.tuned.order + 3) + 2 * len(prior.lines), axes, prior.lines)
+
+
+def stretches(time: int, longest: int) -> Iterator[tuple[slice, slice]]:
+    """Stretches of a record to smooth by themselves, and the part of each that is kept.
+
+    >>> [(run.start, run.stop, kept.start, kept.stop) for run, kept in stretches(500, 300)]
+    [(0, 300, 0, 225), (150, 450, 225, 375), (300, 500, 375, 500)]
+    """
+    if time <= longest:
+        yield slice(0, time), slice(0, time)
+        return
+    start, kept, margin = 0, 0, longest // 4
+    while kept < time:
+        stop = min(start + longest, time)
+        until = stop if stop == time else stop - margin
+        yield slice(start, stop), slice(kept, until)
+        start, kept = until - margin, until
+
+
+def side_by_side(models: list[StateSpace], rows: Array, slack: Array, run: slice) -> StateSpace:
+    """The models of the parts as one over the samples of `run`, with rows (time, row, state) of balances."""
+    steps, count = run.stop - run.start - 1, run.stop - run.start
+    sizes = [len(m.x0) for m in models]
+    told = [m.H.shape[-2] for m in models]
+    N, C = sum(sizes), sum(told)
+    F, Q, u = np.zeros((steps, N, N)), np.zeros((steps, N, N)), np.zeros((steps, N))
+    H, R = np.zeros((count, C + rows.shape[1], N)), np.zeros((count, C + rows.shape[1], C + rows.shape[1]))
+    at = low = 0
+    for model, n, c in zip(models, sizes, told, strict=True):
+        own, channels = slice(at, at + n), slice(low, low + c)
+        step = slice(run.start, run.stop - 1)
+        F[:, own, own], Q[:, own, own] = during(model.F, step, 3), during(model.Q, step, 3)
+        if model.u is not None:
+            u[:, own] = during(model.u, step, 2)
+        H[:, channels, own], R[:, channels, channels] = during(model.H, run, 3), during(model.R, run, 3)
+        at, low = at + n, low + c
+    H[:, C:] = rows
+    R[:, C:, C:] = slack[:, :, None] * np.eye(rows.shape[1])
+    x0, P0 = np.concatenate([m.x0 for m in models]), block_diag(*[m.P0 for m in models])
+    return StateSpace(F, Q, H, R, x0, P0, u)
+
+
+def during(a: Array, run: slice, axes: int) -> Array:
+    """What holds over `run` of an array that may have an axis of time before its last axes."""
+    return a[run] if a.ndim == axes and len(a) > 1 else a
