@@ -33,9 +33,16 @@ class Iterations:
 
 
 def projected_cg(
-    F: Apply, b: Array, forces: Apply, gaps: Apply, precondition: Apply, tolerance: float, most: int
+    F: Apply,
+    b: Array,
+    forces: Apply,
+    gaps: Apply,
+    precondition: Apply,
+    tolerance: float,
+    most: int,
+    least: float = 0.0,
 ) -> Iterations:
-    """X in the range of P with P^T F x = P^T b, to |P^T r| < tolerance |P^T b|.
+    """X in the range of P with P^T F x = P^T b, to |P^T r| <= tolerance |P^T b|, or to `least`.
 
     F: symmetric and definite there; forces: P, gaps: P^T, precondition: symmetric. Raises EstimationError
     where `most` steps do not do, or F is not definite.
@@ -43,7 +50,7 @@ def projected_cg(
     r = gaps(b)
     x, residual = np.zeros_like(b), [float(np.linalg.norm(r))]
     p, last, steps, turns = np.zeros_like(b), 0.0, [], []
-    while residual[-1] > tolerance * residual[0]:
+    while residual[-1] > max(tolerance * residual[0], least):
         if len(residual) > most:
             raise EstimationError(
                 f"leave {residual[-1] / residual[0]:.1e} of the residual after {most} steps, expected "

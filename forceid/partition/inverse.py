@@ -22,7 +22,7 @@ from forceid.records import Array, Indices
 
 DENSE = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
 MOST = 24  # zero modes looked for in a larger part
-ZERO = 1e-9  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
+ZERO = 1e-12  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
 STRAINED = 1e-8  # of the largest entry of K, that K R may be off for R of unit size
 ASYMMETRIC = 1e-9  # of the largest entry of K
 
@@ -80,13 +80,22 @@ def zero_modes(K: Any) -> Array:
 def rigid_modes(K: Any, R: Any, part: int) -> Array:
     """The modes given, if they are unstrained and independent; those that K has, where none are given."""
     if R is None:
-        return zero_modes(K)
-    modes: Array = np.asarray(sp.csr_array(R).toarray(), dtype=float).reshape(K.shape[0], -1)
+        found = zero_modes(K)
+        if found.size and np.abs(K @ found).max() > STRAINED * abs(K).max():
+            raise DataError("is not positive semidefinite", f"stiffness of partition {part}")
+        return found
+    modes: Array = np.asarray(R.toarray() if hasattr(R, "toarray") else R, dtype=float)
     where = f"rigid modes of partition {part}"
-    if not modes.shape[1]:
-        return modes
-    unit = modes / np.linalg.norm(modes, axis=0)
-    strain = np.abs(K @ unit).max() / abs(K).max()
+    if not modes.size:
+        return np.zeros((K.shape[0], 0))
+    modes = modes[:, None] if modes.ndim == 1 else modes
+    if modes.ndim != 2 or len(modes) != K.shape[0]:
+        raise DataError(f"have shape {modes.shape}, expected ({K.shape[0]}, mode)", where)
+    length = np.linalg.norm(modes, axis=0)
+    if not np.isfinite(length).all() or not length.all():
+        raise DataError("hold a mode that is zero or not finite", where)
+    unit = modes / length
+    strain = np.abs(K @ unit).max() / (abs(K).max() or 1.0)
     if strain > STRAINED:
         raise DataError(
             f"strain it: K R is {strain:.1e} of K, expected zero", where,

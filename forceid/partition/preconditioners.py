@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from forceid.errors import ConfigError
-from forceid.partition.inverse import Factor, factors
+from forceid.errors import ConfigError, DataError
+from forceid.partition.inverse import Factor, factors, zero_modes
 from forceid.partition.topology import Topology
 from forceid.records import Array, Indices
 
@@ -32,13 +32,17 @@ def preconditioner(name: str, topology: Topology, stiffness: Sequence[Any]) -> C
     if name == "lumped":
         return lambda x: np.concatenate([k @ x[row] for k, row in zip(K_bb, topology.rows, strict=True)])
     K_ib = [K[i][:, b] for K, b, i in pairs]
-    each, which = factors([K[i][:, i] for K, _, i in pairs], [np.zeros((len(i), 0)) for i in inner])
+    inside = [K[i][:, i] for K, _, i in pairs]
+    try:
+        each, which = factors(inside, [np.zeros((len(i), 0)) for i in inner])
+    except DataError:  # a mechanism inside a partition, which its interface does not feel
+        each, which = factors(inside, [zero_modes(k) for k in inside])
 
     def dirichlet(x: Array) -> Array:
         moved = [x[row] for row in topology.rows]
-        inside = solved(each, which, [k @ u for k, u in zip(K_ib, moved, strict=True)])
+        within = solved(each, which, [k @ u for k, u in zip(K_ib, moved, strict=True)])
         return np.concatenate(
-            [kb @ u - ki.T @ v for kb, u, ki, v in zip(K_bb, moved, K_ib, inside, strict=True)]
+            [kb @ u - ki.T @ v for kb, u, ki, v in zip(K_bb, moved, K_ib, within, strict=True)]
         )
 
     return dirichlet

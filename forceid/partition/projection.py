@@ -16,6 +16,7 @@ import numpy as np
 from forceid.partition.topology import Topology
 from forceid.records import Array
 
+HIDDEN = 1e-20  # of the largest diagonal entry of the coarse matrix, of modes that rest at the interface
 FREE = 1e-10  # of the largest eigenvalue of the coarse matrix, below which the assembly floats
 
 
@@ -60,21 +61,29 @@ class Projection:
         if not self.R_b.shape[1]:
             return np.zeros(0), np.zeros((0, 0))
         matrix = self.R_b.T @ self.coarse
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        size = np.diag(matrix)
+        # a mode that rests at the interface has a diagonal of rounding size, not to be scaled up to one
+        scale = 1 / np.sqrt(np.where(size > HIDDEN * size.max(), size, 1.0))
         value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T) * scale * scale[:, None])
         return value, scale[:, None] * vector
 
     @cached_property
+    def free(self) -> int:
+        """How many motions of the whole are free, counted with weights of one: stiffness decides nothing."""
+        if (self.weight != 1).any():
+            return Projection(self.topology, self.R_b, np.ones_like(self.weight)).free
+        value = self.spectrum[0]
+        return int((value < FREE * max(value.max(initial=0.0), 1e-300)).sum())
+
+    @cached_property
     def whole(self) -> Array:
         """Motions of the parts (alpha, mode) that are one motion of the assembly: its rigid modes."""
-        value, vector = self.spectrum
-        return vector[:, value < FREE * max(value.max(initial=0.0), 1e-300)]
+        return self.spectrum[1][:, : self.free]
 
     def solve_coarse(self, b: Array) -> Array:
         """(R_b^T P_L W R_b)^+ b, in the metric of the matrix's own diagonal."""
-        value, vector = self.spectrum
-        kept = value >= FREE * max(value.max(initial=0.0), 1e-300)
-        return np.asarray(vector[:, kept] @ ((vector[:, kept].T @ b) / value[kept]))
+        value, vector = self.spectrum[0][self.free :], self.spectrum[1][:, self.free :]
+        return np.asarray(vector @ ((vector.T @ b) / value))
 
     def start(self, resultant: Array) -> Array:
         """lambda_alpha: the multipliers least in W^-1 that balance the resultants R^T f (alpha,)."""
@@ -87,5 +96,7 @@ class Projection:
 
     def gaps(self, x: Array) -> Array:
         """P^T x: displacements less rigid motions of the parts and what all parts at a node share."""
-        x = self.averaged(x)
-        return np.asarray(x - self.averaged(self.R_b @ self.solve_coarse(self.coarse.T @ x)))
+        for _ in range(2):  # the second time takes off what rounding left, where the stiffness jumps
+            x = self.averaged(x)
+            x = x - self.averaged(self.R_b @ self.solve_coarse(self.coarse.T @ x))
+        return np.asarray(x)

@@ -39,6 +39,8 @@ def solve_saddle(system: PartitionedSystem, f: Array) -> tuple[Array, Array]:
     Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
     """
     top, R_b = system.topology, sp.csr_array(system.R_b)
+    if not len(top.frame):  # one partition
+        return np.zeros(0), np.zeros(R_b.shape[1])
     F = interface_flexibility(system)
     scale = float(np.mean(np.concatenate([np.diag(block) for block in F])))
     L_f, free = top.L_f, system.projection.whole

@@ -17,8 +17,9 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 from scipy.sparse.linalg import LinearOperator
 
-from forceid.errors import DataError, EstimationError
+from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.partition.conjugate_gradient import Iterations, projected_cg
+from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
 from forceid.partition.inverse import Factor, factors, rigid_modes, symmetric
 from forceid.partition.preconditioners import preconditioner, solved
 from forceid.partition.projection import Projection
@@ -26,6 +27,8 @@ from forceid.partition.saddle import solve_saddle
 from forceid.partition.topology import Topology, slices, topology
 from forceid.records import Array, Indices
 
+WEIGHTS = ("multiplicity", "stiffness")
+ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
 BALANCED = 1e-9  # of the loads' own size, that the resultant on a floating body may be
 
 
@@ -83,6 +86,10 @@ class PartitionedSystem:
             if k.shape[0] != len(g):
                 raise DataError(
                     f"has {len(g)} rows, expected {k.shape[0]}, as its stiffness", f"Boolean matrix {s}"
+                )
+            if M is not None and M[s].shape != k.shape:
+                raise DataError(
+                    f"has shape {M[s].shape}, expected {k.shape}, as its stiffness", f"mass of partition {s}"
                 )
         R = tuple(rigid_modes(k, r, s) for s, (k, r) in enumerate(zip(K, modes, strict=True)))
         for name, value in (("stiffness", K), ("mass", M), ("rigid_modes", R), ("topology", found)):
@@ -170,7 +177,7 @@ class PartitionedSystem:
         """
         S = self.whole()
         out = S.T @ f
-        if not S.shape[1] or (np.abs(out) <= BALANCED * (np.abs(S).T @ np.abs(f))).all():
+        if not S.shape[1] or (np.abs(out) <= BALANCED * np.linalg.norm(S, axis=0) * np.linalg.norm(f)).all():
             return f, np.zeros(S.shape[1])
         if not relief:
             told = ", ".join(f"{v:.4g}" for v in out)
@@ -185,7 +192,7 @@ class PartitionedSystem:
         carried = np.concatenate([m @ S[d] for m, d in zip(self.mass, self.topology.dofs, strict=True)])
         acceleration = np.linalg.solve(S.T @ carried, out)
         top = self.topology
-        return top.shared(top.assembled(f - carried @ acceleration)), acceleration
+        return f - top.shared(top.assembled(carried @ acceleration)), acceleration
 
     def solve(self, load: Any, relief: bool = False) -> Statics:
         """Multipliers, motions and energy under a load, directly: the reduced saddle-point system.
@@ -212,14 +219,18 @@ class PartitionedSystem:
         partitions; tolerance: of the projected residual. Source: principal equations 2.10, 4i.
         """
         f, acceleration = self.relieved(self.loads(load), relief)
+        if weights not in WEIGHTS:
+            raise ConfigError(f"unknown weights '{weights}'", next_step=f"one of {', '.join(WEIGHTS)}")
         P = self.by_stiffness if weights == "stiffness" else self.projection
         b = np.asarray(self.topology.B.T @ self.inverse(f))
         start = P.start(self.resultant(f))
+        moved = self.flexibility(start)
         apply = self.precondition(preconditioner)
-        done = projected_cg(
-            self.flexibility, b - self.flexibility(start), P.forces, P.gaps, apply, tolerance, most
-        )
-        lam = start + done.x
+        # where statics alone gives the multipliers, the residual is rounding from the start
+        least = ROUNDING * float(np.linalg.norm(b) + np.linalg.norm(moved))
+        done = projected_cg(self.flexibility, b - moved, P.forces, P.gaps, apply, tolerance, most, least)
+        lam = self.projection.balanced(start + done.x)
+        lam = lam + self.projection.start(self.resultant(f) - self.R_b.T @ lam)  # what rounding left over
         gap = self.flexibility(lam) - b
         alpha = self.projection.solve_coarse(self.R_b.T @ self.projection.averaged(gap))
         return self.recovered(f, lam, alpha, acceleration, done)
@@ -241,6 +252,18 @@ class PartitionedSystem:
         Source: principal equations 2.10.
         """
         return self.projection.start(self.resultant(self.loads(load)))
+
+    def interface_forces(
+        self, load: Any, acceleration: Any = None, displacement: Any = None, **options: Any
+    ) -> InterfaceForces:
+        """What passes between the partitions that accelerate so, without stiffness; with displacements by it.
+
+        Options are those of `interface_forces.interface_forces`, or of `stiffness_forces` there where
+        displacements are given. Source: principal equations 2.11 A, 4h.
+        """
+        if displacement is None:
+            return interface_forces(self, load, acceleration, **options)
+        return stiffness_forces(self, load, displacement, acceleration, **options)
 
     def recovered(
         self, f: Array, lam: Array, alpha: Array, acceleration: Array, iterations: Iterations | None

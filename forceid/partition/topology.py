@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from forceid.errors import DataError
 from forceid.records import Array, Indices
@@ -115,6 +116,8 @@ def topology(boolean: Sequence[Any]) -> Topology:
         raise DataError(f"have {sorted(size)} columns, expected one number for all", "Boolean matrices")
     for s, L in enumerate(boolean):
         L, where = sp.csr_array(L), f"Boolean matrix of partition {s}"
+        if not L.shape[0]:
+            raise DataError("has no row: nothing of the partition is free", where, "leave the partition out")
         if L.nnz and not np.isin(L.data, (0, 1)).all():
             raise DataError("holds numbers other than 0 and 1", where, "expected one 1 a row")
         ones = np.asarray(L.sum(axis=1)).ravel()
@@ -173,12 +176,17 @@ def boolean_from_names(names: Sequence[Sequence[Hashable]], axes: int) -> list[A
 
 
 def boolean_from_positions(positions: Sequence[ArrayLike], tolerance: float) -> list[Any]:
-    """Boolean matrices of partitions (node, axis) m; nodes that round to one place of a grid are one."""
+    """Boolean matrices of partitions (node, axis) m; nodes no farther apart than the tolerance are one."""
     places = [np.asarray(x, dtype=float) for x in positions]
-    if tolerance <= 0:
+    if not tolerance > 0:
         raise DataError(f"is {tolerance}, expected a distance above zero", "tolerance")
-    names = [[tuple(row) for row in np.round(x / tolerance).astype(int).tolist()] for x in places]
-    return boolean_from_names(names, places[0].shape[1])
+    every = np.concatenate(places)
+    if not np.isfinite(every).all():
+        raise DataError("hold numbers that are not finite", "positions")
+    near = cKDTree(every).query_pairs(tolerance, output_type="ndarray")
+    tie = sp.coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), (len(every), len(every)))
+    name = connected_components(tie, directed=False)[1]
+    return boolean_from_names([name[d].tolist() for d in slices([len(x) for x in places])], every.shape[1])
 
 
 def held(boolean: Sequence[Any], fixed: Indices) -> tuple[list[Any], list[Indices]]:

@@ -51,7 +51,10 @@ def distribute(
     f = w[:, None] * ((force / w.sum())[..., None, :] + rho @ spin.mT)
     left = np.linalg.norm(sum_nodal(f, rho)[..., axis:] - moment, axis=-1)
     size = np.linalg.norm(moment, axis=-1)
-    if (left > 1e-6 * size).any():
+    # a force makes moments of rounding about the center, which ask for nothing
+    arm = reach if about is None else max(reach, float(np.fmax.reduce(np.abs(about), axis=None)))
+    rounding = 1e-13 * arm * np.abs(f).sum(axis=(-2, -1))
+    if (left > 1e-6 * size + rounding).any():
         raise EstimationError(
             f"asks for {np.fmax.reduce(left, axis=None):.3g} N m that forces at these nodes cannot make, "
             "for they lie on a line or in a point",
