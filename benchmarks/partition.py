@@ -235,7 +235,8 @@ def main() -> None:
         f"`python -m benchmarks.partition -o docs{' --big' if asked.big else ''}`: the plate of the theory "
         f"note, section 5.3, to {TOLERANCE:.0e} of the projected residual. *violated*: what conjugate "
         "gradients without the principal part, on P_L F P_L, leave of the balance of the parts, over its "
-        f"size. Against the assembled scipy solution the displacements of the largest plate are {right:.0e} off.",
+        f"size. Against the assembled scipy solution the displacements of the largest plate are {right:.0e} "
+        "off.",
         "![iterations](partition.png)",
         "## Against the size of a part, 2 x 2 parts", table(by_size, ["r", *heads]),
         "## Against the number of parts, r = 4", table(by_parts, ["parts", *heads]),

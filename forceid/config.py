@@ -40,6 +40,37 @@ class LoadSetting(Section):
     axes: Literal["body", "world"] = "body"
 
 
+class PartSetting(Section):
+    """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
+
+    Three markers off a line at least. Its mass is that of its nodes, or mass kg, center m and inertia kg m2
+    about that center, in the axes of the reference shape. external: whether anything but weight and joints
+    may push this part; its load is then solved for.
+    """
+
+    name: str
+    nodes: tuple[str | int, ...]
+    mass: float | None = Field(default=None, gt=0.0)
+    center: Vector | None = None
+    inertia: tuple[Vector, Vector, Vector] | None = None
+    external: bool = False
+
+
+class JointSetting(Section):
+    """What holds two parts together at one point, a node or a place (m) in the reference shape.
+
+    kind: what it passes: a "weld" force and moment, a "ball" force, a "hinge" force and the moment across its
+    `axis` (reference shape). driven: a spring, damper or motor in it passes moments about its free axes too.
+    """
+
+    name: str
+    parts: tuple[str, str]
+    at: str | Vector
+    kind: Literal["weld", "hinge", "ball"] = "weld"
+    axis: Vector | None = None
+    driven: bool = False
+
+
 class Settings(Section):
     """How a motion is turned into a wrench. Every field has a default that asks nothing of the user.
 
@@ -49,7 +80,7 @@ class Settings(Section):
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
     smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with. lines:
     oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
-    frequencies only (Hz).
+    frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in these.
     """
 
     method: Method = "smoother"
@@ -63,6 +94,8 @@ class Settings(Section):
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()
+    part: tuple[PartSetting, ...] = ()
+    joint: tuple[JointSetting, ...] = ()
 
 
 def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:

@@ -111,6 +111,48 @@ class Loads:
 
 
 @dataclass(frozen=True)
+class Interface:
+    """What passes through the joints of a body in parts, as the first part named does to the second.
+
+    name (joint,), parts: the pair of each; force (time, joint, 3) N and moment (time, joint, 3) N m about
+    point (time, joint, 3) m, world axes; wrench_cov (time, joint, 6, 6). determined (joint,): whether the
+    motion tells a joint's wrench; where not, it is NaN, and null_space (joint, 6, null) holds the wrenches
+    about the mass center of all parts that leave no trace. gap (time, joint, 3) m: by which the second part
+    is off the first at the joint. chi_square (time,): misfit of the balances that repeat each other, with
+    `dof` degrees of freedom; consistency: its mean per degree of freedom. verdict: of the joints alone.
+    """
+
+    name: tuple[str, ...]
+    parts: tuple[tuple[str, str], ...]
+    force: Array
+    moment: Array
+    wrench_cov: Array
+    point: Array
+    determined: Flags
+    null_space: Array
+    gap: Array
+    chi_square: Array
+    dof: int
+    verdict: Verdict
+
+    @property
+    def consistency(self) -> float:
+        """Mean misfit per degree of freedom: one or less where the balances agree; NaN without any."""
+        seen = np.isfinite(self.chi_square)
+        return float(self.chi_square[seen].mean() / self.dof) if self.dof and seen.any() else float("nan")
+
+    @property
+    def force_std(self) -> Array:
+        """Standard deviation of the forces (time, joint, 3) N."""
+        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., :3])
+
+    @property
+    def moment_std(self) -> Array:
+        """Standard deviation of the moments (time, joint, 3) N m."""
+        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., 3:])
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Accurate (`ok`), degraded or refused, and why: each reason is one sentence with a next step."""
 
@@ -158,6 +200,7 @@ class Estimate:
     mode_amplitude: Array | None = None
     stretch: Array | None = None
     loads: Loads | None = None
+    interface: Interface | None = None
     runtime_s: float = 0.0
     settings: str = ""
     input_sha256: str = ""

@@ -60,7 +60,7 @@ def run(
     settings = load_settings(config, method=method, model=model, engine=engine)
     record = estimate_file(file, output or file.with_suffix(".result.h5"), settings)
     print(to_json(record) if json else summary(record))
-    if record["verdict"] == "refused":
+    if "refused" in (record["verdict"], record.get("interface", {}).get("verdict")):
         raise typer.Exit(1)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate
+    from forceid.records import Array, Estimate, Interface
 
 UNITS = {"force": "N", "moment": "N m"}
 
@@ -62,8 +62,48 @@ def describe(
         "sensitivity": dict(estimate.sensitivity),
         "input_sha256": estimate.input_sha256,
         "forceid_version": __version__,
+        **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
         **summarize(estimate, truth).as_dict(),
     }
+
+
+def joints_of(interface: Interface) -> dict[str, Any]:
+    """What there is to say of joints: their verdict, and of each the rms of what passes through it."""
+    import numpy as np
+
+    def rms(values: Array) -> float:
+        seen = np.isfinite(values)
+        return (
+            float(np.sqrt((values[seen] ** 2).sum() / max(seen.any(-1).sum(), 1))) if seen.any() else math.nan
+        )
+
+    columns = {name: getattr(interface, name) for kind in UNITS for name in (kind, f"{kind}_std")}
+    return {
+        "verdict": interface.verdict.level,
+        "reasons": list(interface.verdict.reasons),
+        "consistency": interface.consistency,
+        "joint": [
+            {"name": name, "parts": list(pair), **{key: rms(a[:, k]) for key, a in columns.items()}}
+            for k, (name, pair) in enumerate(zip(interface.name, interface.parts, strict=True))
+        ],
+    }
+
+
+def joint_lines(interface: Mapping[str, Any]) -> list[str]:
+    """A line for the verdict of the joints, one for each of its reasons and one for each joint."""
+    import numpy as np
+
+    from forceid.report.numbers import plus_minus
+
+    lines = [f"joints   {interface['verdict']}", *(wrap(f"       - {text}") for text in interface["reasons"])]
+    for joint in interface["joint"]:
+        size = [
+            plus_minus(np.array(joint[kind]), np.array(joint[f"{kind}_std"]), unit)
+            for kind, unit in UNITS.items()
+        ]
+        first, second = joint["parts"]
+        lines.append(wrap(f"joint    {joint['name']}, {first} on {second}: {', '.join(size)} rms"))
+    return lines
 
 
 def summary(record: Mapping[str, Any]) -> str:
@@ -84,6 +124,8 @@ def summary(record: Mapping[str, Any]) -> str:
         lines.append(wrap(line))
     if errors := [known_error(record, name) for name in UNITS if np.isfinite(record[f"{name}_error"]).any()]:
         lines.append(wrap(f"error    {'; '.join(errors)}"))
+    if "interface" in record:
+        lines += joint_lines(record["interface"])
     lines.append(f"result   {record['output']}, {record['runtime_s']:.2g} s")
     return "\n".join(lines)
 

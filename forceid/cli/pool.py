@@ -32,10 +32,14 @@ def run_jobs(jobs: Sequence[Job], settings: Settings, workers: int) -> Iterator[
         return
     os.environ.update(dict.fromkeys(THREADS, "1"))  # read by BLAS when the spawned process imports numpy
     lost: list[Job] = []
+    asked: list[int] = []  # an interrupt that falls into a destructor raises nothing: it is remembered
+    before = signal.signal(signal.SIGINT, lambda number, frame: interrupt(asked, number))
     pool = ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), initializer=ignore_interrupt)
     try:
         pending = {pool.submit(run_job, *job, settings): job for job in jobs}
         for done in as_completed(pending):
+            if asked:
+                raise KeyboardInterrupt
             try:
                 yield done.result()
             except BrokenProcessPool:
@@ -45,6 +49,7 @@ def run_jobs(jobs: Sequence[Job], settings: Settings, workers: int) -> Iterator[
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+        signal.signal(signal.SIGINT, before)
     if lost == list(jobs) and len(jobs) == 1:
         yield failure(*jobs[0], "its process died, perhaps for want of memory")
         return
@@ -67,6 +72,12 @@ def run_job(source: Path, output: Path, settings: Settings) -> dict[str, Any]:
 def failure(source: Path, output: Path, error: str) -> dict[str, Any]:
     """The record of a file that has no result."""
     return {"status": "failed", "file": str(source), "output": str(output), "error": " ".join(error.split())}
+
+
+def interrupt(asked: list[int], number: int) -> None:
+    """Remember that the user asked to stop, and stop."""
+    asked.append(number)
+    raise KeyboardInterrupt
 
 
 def ignore_interrupt() -> None:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.estimation.flight_smoother import Solution
-from forceid.estimation.linked_flight import LinkedPart, smooth_linked
+from forceid.estimation.joint_checks import judge_joints, refused
+from forceid.estimation.linked_flight import linked_parts, smooth_linked
 from forceid.estimation.parts import Joint, Part, parts_of
 from forceid.estimation.verdict import Finding, judge
 from forceid.kalman.engines import engine
@@ -27,9 +27,8 @@ from forceid.principal.wrench import transport, transport_cov, transport_matrix
 from forceid.records import Array, Estimate, Interface, Recording
 
 RANK = 1e-6  # of the largest singular value, with moments over the length of the joints' arms
-HELD = 0.01  # standard deviations to which balances are held that repeat each other
-SURE = 0.001  # chance that noise alone leaves as much of these balances
-APART = 5.0  # times its noise, by which two parts may be apart at their joint
+HELD = 0.05  # standard deviations to which balances are held that repeat each other
+ASIDE = 9.0  # times its variance, by which a part smoothed with the others may move and be believed
 
 Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
 
@@ -38,7 +37,7 @@ Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
 class Linkage:
     """Parts and joints as they move: world point and gap (time, joint, 3) m, point_cov (time, joint, 3, 3) m2
     and gap_cov alike; center of all parts (time, 3) m and arms (time, part, 3) m from there to their own;
-    links (first, second) with passes (time, 6, k) about that center; outside loads come last, from the ground.
+    links (first, second) with passes (time, 6, k) about that center; loads from outside, of the ground, last.
     """
 
     point: Array
@@ -94,7 +93,7 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
         null_space=null[:count], gap=linkage.gap, chi_square=found.chi_square, dof=found.dof,
         verdict=judge([]),
     )  # fmt: skip
-    findings += judge_joints(result, linkage, -wrench)
+    findings += judge_joints(result, linkage.gap_cov, wrench)
     return replace(result, verdict=judge(findings))
 
 
@@ -115,7 +114,9 @@ def linkage_of(
         for k in (joint.before, joint.behind):
             arm = np.einsum("tab,b->ta", R[k], joint.at - parts[k].center)
             moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
-            ends.append((centers[:, k] + arm, moved @ pose_cov(solutions[k], len(arm)) @ moved.swapaxes(1, 2)))
+            ends.append(
+                (centers[:, k] + arm, moved @ pose_cov(solutions[k], len(arm)) @ moved.swapaxes(1, 2))
+            )
         at.append([x for x, _ in ends])
         spread.append([cov for _, cov in ends])
         links.append((joint.before, joint.behind))
@@ -167,7 +168,7 @@ def balances(linkage: Linkage) -> tuple[Array, Array, float]:
 def split(linkage: Linkage) -> Array:
     """Matrix (time, link * 6, part * 6) from wrenches that balance to those of the links."""
     A, E, length = balances(linkage)
-    known = np.isfinite(A).all((1, 2))
+    known = np.asarray(np.isfinite(A).all((1, 2)))
     back = np.full((len(A), E.shape[1], A.shape[1]), np.nan)
     back[known] = E[known] @ np.linalg.pinv(A[known], rcond=RANK)
     return np.asarray(back / np.tile(np.repeat([1.0, length], 3), linkage.arms.shape[1]))
@@ -176,21 +177,19 @@ def split(linkage: Linkage) -> Array:
 def together(
     linkage: Linkage, estimates: list[Estimate], solutions: list[Solution | None], settings: Settings
 ) -> tuple[Array, Array] | None:
-    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all parts, of all
-    parts smoothed under the balances that links cannot upset; None where there is no smoother or no such one.
+    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all, of parts
+    smoothed under the balances that links cannot upset; None where they were not smoothed, or contradict.
     """
-    linked = []
-    for solution in solutions:
-        smoothing = None if solution is None else solution.smoothing
-        if solution is None or smoothing is None or solution.state.reference is None:
-            return None
-        linked.append(LinkedPart(smoothing, solution.state.reference))
+    passes = engine(settings.engine)
+    linked = linked_parts(solutions, passes)
+    if not linked:
+        return None
     A, _, length = balances(linkage)
     T, size = len(A), A.shape[1]
-    known = np.isfinite(A).all((1, 2))
+    known = np.asarray(np.isfinite(A).all((1, 2)))
     U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
     rank = int((s > RANK * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
-    if rank == size or not known.any():
+    if not known.any():
         return None
     scale = np.tile(np.repeat([1.0, 1 / length], 3), len(linked))
     null = U[:, :, rank:].swapaxes(1, 2) * scale
@@ -199,16 +198,20 @@ def together(
         own = slice(6 * k, 6 * k + 6)
         carry[:, own, own] = transport_matrix(linkage.arms[:, k])
     rows = np.where(known[:, None, None], null @ carry, np.nan)
-    # how far off a balance may be: a little of what it is claimed to, and what arms known this well make of it
+    # how far off a balance may be: a little of what is claimed, and what arms known this well make of it
     slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
     for k, e in enumerate(estimates):
-        own = rows[:, :, 6 * k : 6 * k + 6]
-        slack += HELD**2 * np.einsum("tri,tij,trj->tr", own, e.wrench_cov, own)
-        slack += (own[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
-    w, C = smooth_linked(linked, rows, slack, size / rank, engine(settings.engine))
+        on = rows[:, :, 6 * k : 6 * k + 6]
+        slack += HELD**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
+        slack += (on[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
+    w, C = smooth_linked(linked, rows, slack, size / rank, passes)
     for k, part in enumerate(linked):
         own = slice(6 * k, 6 * k + 6)
         C[:, own, own] += part.smoothing.allowance
+    moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
+    claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
+    if np.nanmean(moved**2 / claimed) > ASIDE:
+        return None  # parts that contradict each other are for the test of consistency
     return transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2)
 
 
@@ -223,44 +226,6 @@ def at_joints(linkage: Linkage, g: Array, C: Array) -> tuple[Array, Array, Array
     X = cross_matrix(w[..., :3])
     cov[..., 3:, 3:] += X @ linkage.point_cov @ X.swapaxes(-1, -2)
     return w[..., :3].copy(), w[..., 3:].copy(), cov
-
-
-def judge_joints(found: Interface, linkage: Linkage, given: Array) -> list[Finding]:
-    """Joints that the motion does not tell, balances that do not close, and parts apart at their joint."""
-    findings = []
-    if not found.determined.all():
-        names = ", ".join(n for n, told in zip(found.name, found.determined, strict=True) if not told)
-        findings.append(
-            Finding(
-                f"the motion does not tell what passes through {names}: the joints close a loop, or loads "
-                "from outside act on too many parts; see null_space, or state what a joint cannot pass",
-                refuses=not found.determined.any(),
-            )
-        )
-    seen = np.isfinite(found.chi_square)
-    if found.dof and seen.any():
-        turns = given[seen].reshape(seen.sum(), -1) - given[seen].reshape(seen.sum(), -1).mean(0)
-        independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
-        limit = chdtri(found.dof * independent, SURE) / (found.dof * independent)
-        if found.consistency > limit:
-            findings.append(
-                Finding(
-                    f"the balances of the parts do not close: what is left is {found.consistency:.3g} times what "
-                    f"the claims allow, at most {limit:.2g} by chance; check masses and joints, or mark the part "
-                    "that a load from outside acts on with external = true"
-                )
-            )
-    apart = np.sqrt((found.gap**2).sum(2).mean(0))
-    noise = np.sqrt(np.einsum("tjaa->tj", linkage.gap_cov).mean(0))
-    for name, off, size in zip(found.name, apart, noise, strict=True):
-        if off > APART * size:
-            findings.append(
-                Finding(
-                    f"the parts are {1e3 * off:.2g} mm apart at joint {name}, where noise explains "
-                    f"{1e3 * size:.2g} mm: the place of the joint is off, and its moment with it; correct `at`"
-                )
-            )
-    return findings
 
 
 def pose_cov(solution: Solution | None, time: int) -> Array:
@@ -278,18 +243,3 @@ def rotations(quaternion: Array) -> Array:
     if seen.any():
         R[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
     return R
-
-
-def refused(
-    recording: Recording, joints: tuple[Joint, ...], parts: tuple[Part, ...], findings: list[Finding]
-) -> Interface:
-    """An answer that says nothing but why."""
-    T, n = len(recording.motion.time), len(joints)
-    none = np.full((T, n, 3), np.nan)
-    return Interface(
-        name=tuple(j.name for j in joints),
-        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
-        force=none, moment=none, wrench_cov=np.full((T, n, 6, 6), np.nan), point=none,
-        determined=np.zeros(n, bool), null_space=np.zeros((n, 6, 0)), gap=none,
-        chi_square=np.full(T, np.nan), dof=0, verdict=judge(findings),
-    )  # fmt: skip

@@ -15,15 +15,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from forceid.estimation.flight_smoother import Smoothing
+from forceid.estimation.flight_smoother import Smoothing, Solution
+from forceid.estimation.load_channels import force_channel, moment_channel, tune_channel
 from forceid.kalman.engines import Engine
+from forceid.kalman.flight import smooth_flight
 from forceid.kalman.flight_model import Reference, linear_flight
 from forceid.kalman.model import StateSpace
 from forceid.kalman.prior import LoadPrior, load_rows
+from forceid.kalman.tuning import FREE, ORDERS
 from forceid.records import Array
 
 ROOM = 8_000_000  # samples times states squared that are smoothed at a time
-SHORTEST = 256  # samples of such a stretch, of which a quarter at either end only leads to it
+WEAK = 0.1  # of the strongest axis of a load, which the others are taken to hold at least
+FAST = 3.0  # times its rate, where they are compared
+SHORTEST = 400  # samples of such a stretch, of which a quarter at either end only leads to it
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,41 @@ class LinkedPart:
 
     smoothing: Smoothing
     reference: Reference
+
+
+def linked_parts(solutions: list[Solution | None], engine: Engine) -> list[LinkedPart]:
+    """Solved parts, ready to be smoothed together; none where one of them was not smoothed.
+
+    Of several priors of one load the one that claims most prevails: one so smooth that a record has to ask
+    for it is tuned again without that order.
+    """
+    found = [None if solution is None else linked_part(solution, engine) for solution in solutions]
+    kept = [part for part in found if part is not None]
+    return kept if len(kept) == len(solutions) else []
+
+
+def linked_part(solution: Solution, engine: Engine) -> LinkedPart | None:
+    """A part that was smoothed, under priors of modest order; None for one that was not, or has no moment."""
+    smoothing, reference = solution.smoothing, solution.state.reference
+    if smoothing is None or reference is None or "moment" not in smoothing.priors:
+        return None
+    kin, priors = solution.kinematics, dict(smoothing.priors)
+    for name, prior in smoothing.priors.items():
+        if prior.tuned.order > FREE:
+            force = name == "force"
+            channel = (
+                force_channel(kin, smoothing.flight.gravity)
+                if force
+                else moment_channel(kin, solution.deformation)
+            )
+            orders = tuple(order for order in ORDERS if order <= FREE)
+            priors[name] = tune_channel(channel, (1.0, 1.0), prior.lines, orders, engine)
+    if any(priors[name] is not smoothing.priors[name] for name in priors):
+        state = smooth_flight(smoothing.flight, priors["force"], priors["moment"], engine)
+        if state.reference is None:
+            return None
+        smoothing, reference = replace(smoothing, priors=priors), state.reference
+    return LinkedPart(smoothing, reference)
 
 
 def smooth_linked(
@@ -71,10 +111,20 @@ def smooth_linked(
 
 
 def widened(prior: LoadPrior, factor: float) -> LoadPrior:
-    """The prior of a load with `factor` times its variance."""
-    root = float(np.sqrt(factor))
+    """The prior of a load with `factor` times its variance, and no axis all but still beside the strongest.
+
+    That an axis holds next to no load a part by itself tells badly, and of several parts the one that claims
+    it most would prevail.
+    """
+    root, tuned = float(np.sqrt(factor)), prior.tuned
+    strong = int(tuned.std.argmax())
+    fast = FAST * tuned.rate[strong]  # where a record still tells them, and a prior begins to
+    level = tuned.std * tuned.rate ** (tuned.order - 0.5) / (tuned.rate**2 + fast**2) ** (0.5 * tuned.order)
+    weak = (level < WEAK * level[strong]) & (tuned.rate < fast)
+    std = root * np.where(weak, WEAK * tuned.std[strong], tuned.std)
+    rate = np.where(weak, tuned.rate[strong], tuned.rate)
     lines = tuple(replace(line, std=root * line.std) for line in prior.lines)
-    return replace(prior, tuned=replace(prior.tuned, std=root * prior.tuned.std), lines=lines)
+    return replace(prior, tuned=replace(tuned, std=std, rate=rate), lines=lines)
 
 
 def load_rows_of(prior: LoadPrior) -> Array:

@@ -58,9 +58,9 @@ def judge_roughness(tuned: dict[str, float]) -> list[Finding]:
     """Loads that kink: under blows, or where what the model does not follow passes for load."""
     return [
         Finding(
-            f"the {load} found kinks from frame to frame, as under blows, or where markers share slow errors, "
-            "noise_std is too small, or the body deforms in ways that the model does not follow; its claim is "
-            "several times wider for it; look at the tracks, and state noise_std as it is"
+            f"the {load} found kinks from frame to frame, as under blows, or where markers share slow "
+            "errors, noise_std is too small, or the body deforms in ways that the model does not follow; its "
+            "claim is several times wider for it; look at the tracks, and state noise_std as it is"
         )
         for load in ("force", "moment")
         if tuned.get(f"{load}_order") == 1

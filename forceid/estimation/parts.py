@@ -20,8 +20,8 @@ BESIDE = 1e-9  # of the largest entry of a mass matrix: what couples two parts b
 
 @dataclass(frozen=True)
 class Part:
-    """A body of its own: its recording, its mass kg, the mass center (3,) m in the reference shape, and whether
-    loads other than weight and joints act on it.
+    """A body of its own: its recording, mass kg, mass center (3,) m in the reference shape, and whether loads
+    other than weight and joints act on it.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Joint:
-    """A link from one part to another (by number) at a place (3,) m of the reference shape; axis (3,) or None.
+    """A link from one part to another (by number) at a place (3,) m of the reference shape; axis (3,).
 
     free: axes about which it passes no moment, "none", "one" (that axis) or "all".
     """
@@ -47,10 +47,12 @@ class Joint:
 
 
 def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...], tuple[Joint, ...]]:
-    """Parts and joints of the settings on this recording; ConfigError for what is not there or does not fit."""
+    """Parts and joints of the settings on this recording; ConfigError for what does not fit it."""
     body, motion = recording.body, recording.motion
     if motion.position is None or body.position is None:
         raise ConfigError("need markers: the motion file holds no positions", "part", "leave out [[part]]")
+    if not settings.part:
+        raise ConfigError("is given without parts", "joint", "add [[part]] for what it holds together")
     if not settings.joint:
         raise ConfigError("are given without a joint", "part", "add [[joint]] for what holds them together")
     check_names("part", [p.name for p in settings.part])
@@ -64,7 +66,9 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
     joints = tuple(joint_of(joint, names, body) for joint in settings.joint)
     held = {k for joint in joints for k in (joint.before, joint.behind)}
     if loose := [name for k, name in enumerate(names) if k not in held]:
-        raise ConfigError("is held by no joint", f"part {loose[0]}", "name it in a [[joint]], or leave it out")
+        raise ConfigError(
+            "is held by no joint", f"part {loose[0]}", "name it in a [[joint]], or leave it out"
+        )
     return parts, joints
 
 
@@ -128,9 +132,13 @@ def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
         at = np.array(setting.at)
     axis = None if setting.axis is None else np.array(setting.axis)
     if setting.kind == "hinge" and (axis is None or not axis.any()):
-        raise ConfigError("is a hinge without an axis", where, "give axis, a direction in the reference shape")
+        raise ConfigError(
+            "is a hinge without an axis", where, "give axis, a direction in the reference shape"
+        )
     free = "none" if setting.driven else {"weld": "none", "hinge": "one", "ball": "all"}[setting.kind]
-    return Joint(setting.name, before, behind, at, None if axis is None else axis / np.linalg.norm(axis), free)
+    return Joint(
+        setting.name, before, behind, at, None if axis is None else axis / np.linalg.norm(axis), free
+    )
 
 
 def nodes_of(part: PartSetting, body: Body) -> Indices:
@@ -177,4 +185,6 @@ def index_of(name: str, known: Iterable[str], where: str, what: str) -> int:
     if name in names:
         return names.index(name)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-    raise ConfigError(f"names the unknown {what} '{name}'", where, f"did you mean '{near[0]}'?" if near else "")
+    raise ConfigError(
+        f"names the unknown {what} '{name}'", where, f"did you mean '{near[0]}'?" if near else ""
+    )

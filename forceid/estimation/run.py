@@ -23,11 +23,12 @@ from forceid.estimation.leakage import leakage
 from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap, judge_roughness
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
-from forceid.estimation.shape_checks import judge_reference, judge_shape
+from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
     judge,
+    judge_clipping,
     judge_leakage,
     judge_recording,
     judge_rounding,
@@ -58,7 +59,7 @@ def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarr
 
 
 def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
-    """Applied wrench (weight excluded), mean motion and deformation of a recording; joint forces of its parts.
+    """Applied wrench (weight excluded), mean motion and deformation; the joint forces of a body in parts.
 
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
@@ -70,7 +71,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         if not settings.part:
             raise
         result = refused(recording, settings, [Finding(f"the whole body {e}", refuses=True)])
-    if settings.part:
+    if settings.part or settings.joint:
         result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
         result,
@@ -89,7 +90,8 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         findings = judge_unmarked(recording.body, recording.motion, settings)
     else:
         kin = kinematics(recording.body, recording.motion, settings)
-        findings = judge_recording(kin, recording.motion) + judge_rounding(recording.motion, kin.noise)
+        rounded = judge_rounding(recording.motion, kin.noise)
+        findings = [*judge_recording(kin, recording.motion), *(rounded or judge_clipping(recording.motion))]
     if any(f.refuses for f in findings):
         return refused(recording, settings, findings), None
     solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
@@ -155,6 +157,7 @@ def assemble(
         *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
         *judge_reference(recording.body, kin),
         *([] if compared else judge_shape(kin, motion, recording.body)),
+        *judge_common(kin),
         *judge_roughness(solution.tuned),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),

@@ -12,6 +12,7 @@ from forceid.estimation.verdict import Finding
 from forceid.records import Body, Motion
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
+AGREE, SURE = 0.85, 5.0  # chi-square of a shape quieter than stated, and standard deviations below one
 LIMIT = 1.3  # chi-square per degree of freedom of what a model leaves
 
 
@@ -58,6 +59,31 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body) -> list[Finding]:
         Finding(
             f"the markers leave the {kin.model} shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
             "degree of freedom: force and moment are limited by the model; use --model auto"
+        )
+    ]
+
+
+def judge_common(kin: Kinematics) -> list[Finding]:
+    """Markers that agree with each other better than their mass center is found to be known.
+
+    Errors that all markers share move the center and leave the shape alone; only of a rigid body does the
+    shape show what is left beside them.
+    """
+    if len(kin.shapes) or not kin.attitude or not kin.stated.get("position", False):
+        return []
+    dof = kin.pose.dof > 0
+    count = float(kin.pose.dof[dof].sum())
+    if not count:
+        return []
+    ratio = float(np.nansum(kin.pose.chi_square[dof])) / count
+    if ratio > min(AGREE, 1 - SURE * np.sqrt(2 / count)):
+        return []
+    noise = 1e3 * kin.noise["position"]
+    return [
+        Finding(
+            f"the markers agree with each other to {noise * np.sqrt(ratio):.2g} mm, better than the "
+            f"{noise:.2g} mm by which their mass center errs: noise_std is too large, or they share slow "
+            "errors, which pass for force; look at the calibration of the cameras"
         )
     ]
 

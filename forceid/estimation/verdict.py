@@ -15,6 +15,7 @@ from forceid.records import Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
+STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
 GRID = 2000  # frames looked at for it
 SHORT = 50  # frames below which they cannot tell how a load varies
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
@@ -79,6 +80,28 @@ def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
             "export more digits"
         )
     ]
+
+
+def judge_clipping(motion: Motion) -> list[Finding]:
+    """Markers that stick to the edge of what the cameras see: one value, again and again, never passed."""
+    if motion.position is None:
+        return []
+    x = motion.position
+    for axis, name in enumerate("xyz"):
+        values = x[..., axis]
+        for edge in (np.nanmin(values), np.nanmax(values)):
+            stuck = values == edge
+            stuck = stuck & ~(stuck | np.isnan(values)).all(0)  # a marker that never moves is at rest
+            if stuck.sum() > max(STUCK, STUCK_PART * np.isfinite(values).sum()):
+                frames = int(stuck.any(1).sum())
+                return [
+                    Finding(
+                        f"markers stick at {name} = {edge:.4g} m in {frames} of {len(x)} frames, the edge of "
+                        "the volume or of a limit: they were not there, and pull the pose with them; write "
+                        "NaN in these frames"
+                    )
+                ]
+    return []
 
 
 def reads_turn(motion: Motion) -> bool:

@@ -10,8 +10,16 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.files.hdf5 import open_hdf5, source_group, write_groups
 from forceid.files.parse import Source, read_gravity, read_variables, real_attr, text
-from forceid.files.schema import ESTIMATE, ESTIMATE_ATTRS, LOAD, NUMBERS, TRUTH, estimate_groups
-from forceid.records import Array, Estimate, Loads, Recording, Verdict
+from forceid.files.schema import (
+    ESTIMATE,
+    ESTIMATE_ATTRS,
+    INTERFACE,
+    LOAD,
+    NUMBERS,
+    TRUTH,
+    estimate_groups,
+)
+from forceid.records import Array, Estimate, Interface, Loads, Recording, Verdict
 
 _DERIVED = ("force_std", "moment_std")
 _OPTIONAL = (*_DERIVED, "mode_amplitude", "stretch", "deformation", "mean_shape", "innovation")
@@ -63,6 +71,7 @@ def read_result(path: str | Path) -> Estimate:
             node=node,
             verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
+            interface=read_interface(f, n, path) if "interface" in f else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
@@ -93,6 +102,25 @@ def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
     empty = {"null_space": np.zeros((n, 0)), "estimable": np.zeros((0, n))}
     dof = int(real_attr(group.attrs["dof"], f"{path}:/load", "dof"))
     return Loads(name=names, dof=dof, **(empty | values))
+
+
+def read_interface(file: Any, samples: int, path: str | Path) -> Interface:
+    """The group /interface of a result file."""
+    where = f"{path}:/interface"
+    group = source_group(file, "interface", (*INTERFACE, "joint"), f"{path}:")
+    names = read_names(group, "joint")
+    sizes = {"time": samples, "joint": len(names), "axis": 3, "wrench": 6}
+    values, _ = read_variables(group, INTERFACE, sizes, where)
+    reasons = text(group.attrs["reasons"])
+    kept = {k: v for k, v in values.items() if k not in (*_DERIVED, "determined")}
+    return Interface(
+        name=names,
+        parts=tuple((a, b) for a, b in (p.split("\t") for p in text(group.attrs["joint_parts"]).split("\n"))),
+        determined=values["determined"] > 0.5,
+        dof=int(real_attr(group.attrs["dof"], where, "dof")),
+        verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
+        **({"null_space": np.zeros((len(names), 6, 0))} | kept),
+    )
 
 
 def read_names(group: Source, dim: str) -> tuple[str, ...]:

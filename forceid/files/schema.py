@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import Array, Estimate, Loads, Recording
+from forceid.records import Array, Estimate, Interface, Loads, Recording
 
 SCHEMA = "1"
 CONVENTIONS = "CF-1.11"
@@ -100,7 +100,30 @@ LOAD = {
     "estimable": Variable(("functional", "load_name"), "1", "combinations of loads that are determined"),
     "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
 }
-TRUTH = ESTIMATE | {"load": LOAD["load"]}
+INTERFACE = {
+    "force": Variable(("time", "joint", "axis"), "N", "joint force on the second part, world axes"),
+    "moment": Variable(("time", "joint", "axis"), "N m", "joint moment on the second part, about the joint"),
+    "force_std": Variable(("time", "joint", "axis"), "N", "standard deviation of the joint force"),
+    "moment_std": Variable(("time", "joint", "axis"), "N m", "standard deviation of the joint moment"),
+    "wrench_cov": Variable(
+        ("time", "joint", "wrench", "wrench_2"),
+        "N2",
+        "covariance of the joint wrench, force then moment: blocks in N2, N2 m and N2 m2",
+    ),
+    "point": Variable(("time", "joint", "axis"), "m", "place of the joint, world axes"),
+    "gap": Variable(("time", "joint", "axis"), "m", "second part less the first at the joint, world axes"),
+    "determined": Variable(("joint",), "1", "1 where the motion tells the wrench of the joint"),
+    "null_space": Variable(
+        ("joint", "wrench", "null"), "1", "joint wrenches that leave no trace in the motion"
+    ),
+    "chi_square": Variable(("time",), "1", "misfit of the balances that repeat each other"),
+}
+TRUTH = ESTIMATE | {
+    "load": LOAD["load"],
+    "joint_force": INTERFACE["force"],
+    "joint_moment": INTERFACE["moment"],
+    "joint_point": INTERFACE["point"],
+}
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
 ESTIMATE_ATTRS = (
     "method",
@@ -210,6 +233,8 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     }
     if estimate.loads is not None:
         groups["load"] = load_group(estimate.time, estimate.loads)
+    if estimate.interface is not None:
+        groups["interface"] = interface_group(estimate.time, estimate.interface)
     return groups | (truth_group(recording) if recording else {})
 
 
@@ -218,6 +243,24 @@ def load_group(time: Array, loads: Loads) -> Group:
     values = {"time": time} | {name: getattr(loads, name) for name in LOAD}
     table = {"time": ESTIMATE["time"]} | LOAD
     return Group(fields(table, values, {"load_name": loads.name}), {"dof": loads.dof})
+
+
+def interface_group(time: Array, interface: Interface) -> Group:
+    """The group /interface of a result file."""
+    values = {"time": time} | {name: getattr(interface, name) for name in INTERFACE}
+    table = {"time": ESTIMATE["time"]} | INTERFACE
+    attrs = {
+        "frame": "world axes, right-handed",
+        "acts_on": "the second part of a joint, from the first",
+        "moment_about": "the point of the joint",
+        "null_space_about": "the mass center of all parts",
+        "joint_parts": "\n".join("\t".join(pair) for pair in interface.parts),
+        "dof": interface.dof,
+        "consistency": interface.consistency,
+        "verdict": interface.verdict.level,
+        "reasons": "\n".join(interface.verdict.reasons),
+    }
+    return Group(fields(table, values, {"joint": interface.name}), attrs)
 
 
 def hash_arrays(groups: Mapping[str, Group]) -> str:

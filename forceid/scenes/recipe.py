@@ -15,7 +15,16 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, read_toml, to_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import Array, Motion, Recording
-from forceid.scenes import flexible_boomerang, frisbee, instrumented, particle, planar_boomerang, spinner, top
+from forceid.scenes import (
+    flexible_boomerang,
+    frisbee,
+    hinged,
+    instrumented,
+    particle,
+    planar_boomerang,
+    spinner,
+    top,
+)
 from forceid.scenes.mechanics import Flight
 
 
@@ -35,6 +44,7 @@ class Scene:
 SCENES = {
     "flexible_boomerang": Scene(flexible_boomerang.Parameters, flexible_boomerang.fly),
     "frisbee": Scene(frisbee.Parameters, frisbee.fly),
+    "hinged": Scene(hinged.Parameters, hinged.fly),
     "instrumented": Scene(instrumented.Parameters, instrumented.fly, instrumented.measure),
     "particle": Scene(particle.Parameters, particle.fly),
     "planar_boomerang": Scene(planar_boomerang.Parameters, planar_boomerang.fly),

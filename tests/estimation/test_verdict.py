@@ -18,6 +18,7 @@ from forceid.estimation.shape_checks import judge_reference, judge_shape
 from forceid.estimation.verdict import (
     Finding,
     judge,
+    judge_clipping,
     judge_leakage,
     judge_recording,
     judge_rounding,
@@ -27,7 +28,7 @@ from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.study.failures_body import near_directions, rigid_looking, vibration
 from forceid.study.failures_noise import shared_slow
-from forceid.study.failures_sensing import fast_spin
+from forceid.study.failures_sensing import clipped, fast_spin
 
 TIME = cf.clock(400)
 
@@ -181,9 +182,11 @@ def test_a_load_that_kinks_is_said():
     assert judge_roughness({"force_order": 2.0}) == []
 
 
-def test_slow_errors_that_all_markers_share_are_not_ok():
-    case = shared_slow(1.0, np.random.default_rng([1, 2026]))
-    assert estimate_recording(case.recording, load_settings()).verdict.level == "degraded"
+@pytest.mark.parametrize(("size", "said"), [(0.1, False), (0.7, True), (1.0, True)])
+def test_slow_errors_that_all_markers_share_are_said(size, said):
+    case = shared_slow(size, np.random.default_rng([2, 2026]))
+    verdict = estimate_recording(case.recording, load_settings()).verdict
+    assert any("agree with each other" in reason for reason in verdict.reasons) == said
 
 
 def test_noise_at_its_floor_is_said_unless_it_was_stated():
@@ -349,3 +352,12 @@ def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
     found = judge_rounding(replace(recording.motion, position=x), {"position": cf.NOISE})
     assert bool(found) is said
     assert judge_rounding(recording.motion, {"position": cf.NOISE}) == []
+
+
+def test_markers_that_stick_to_the_edge_of_the_volume_are_said():
+    recording = clipped(0.4, np.random.default_rng(1)).recording
+    (found,) = judge_clipping(recording.motion)
+    assert "markers stick at x" in found.text
+    assert judge_clipping(cf.toss().motion) == []
+    at_rest = replace(recording.motion, position=np.repeat(recording.motion.position[:1], 50, 0))
+    assert judge_clipping(at_rest) == []

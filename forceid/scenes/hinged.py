@@ -1,0 +1,259 @@
+"""Hinged: a chain of rigid blocks in free flight, held together by joints whose loads are known.
+
+Every block keeps its six coordinates. The accelerations and the joint forces, which are the Lagrange
+multipliers of the joints, solve the equations of motion of all blocks together with the constraints
+differentiated twice:
+
+    m_i a_i = m_i g + f_i + sum of joint forces          c_k + R_k b = c_i + R_i a      (ball, 3 rows)
+    H_i'    = sum of joint moments about c_i             u_1' . e = u_2' . e = 0        (hinge, 2 more)
+
+with e the hinge axis in the block before the joint and u' two axes across it in the block behind. Along the
+hinge axis, or about all axes of a ball, act a spring (straight chain: no moment) and a damper, and about the
+axis of a joint, if asked for, a motor.
+A joint load acts on the block behind the joint, with its moment about the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Section, Vector
+from forceid.records import Array, Body
+from forceid.scenes.drawn_loads import drawn_loads
+from forceid.scenes.mechanics import Flight, deforming_truth, inertia_tensor, integrate
+
+Positive = Annotated[float, Field(gt=0.0)]
+Size = tuple[Positive, Positive, Positive]
+CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+TOLERANCE = 1e-13
+
+
+class Parameters(Section):
+    """mass kg and size m along x, y, z: of each block, its mass in equal shares on the eight corners, where
+    the markers are; in the reference shape the blocks touch in a row along x. One for each joint: joint,
+    its axis (of the hinge, and of the swing), stiffness N m/rad, damping N m s/rad, swing rad/s by which
+    the next block turns faster at t = 0. push N: standard deviation of each component of a force at the
+    center of block push_block; drive N m: that of the moment of a motor about the axis of every joint; both
+    drawn from drawn_seed with the spectrum of a Matern process of order 2, flat below drawn_frequency Hz.
+    gravity m/s2; at t = 0: center m and velocity m/s of all, turn rad (rotation vector), spin rad/s in the
+    axes of the first block.
+    """
+
+    mass: tuple[Positive, ...] = (0.4, 0.25)
+    size: tuple[Size, ...] = ((0.24, 0.12, 0.08), (0.18, 0.1, 0.06))
+    joint: tuple[Literal["hinge", "ball"], ...] = ("hinge",)
+    axis: tuple[Vector, ...] = ((0.0, 0.0, 1.0),)
+    stiffness: tuple[float, ...] = (0.6,)
+    damping: tuple[float, ...] = (0.004,)
+    swing: tuple[float, ...] = (6.0,)
+    push: float = Field(default=0.0, ge=0.0)
+    push_block: int = Field(default=0, ge=0)
+    drive: float = Field(default=0.0, ge=0.0)
+    drawn_frequency: float = Field(default=3.0, gt=0.0)
+    drawn_seed: int = Field(default=0, ge=0)
+    gravity: Vector = (0.0, 0.0, -9.81)
+    center: Vector = (0.0, 0.0, 1.5)
+    velocity: Vector = (2.0, 0.5, 4.0)
+    turn: Vector = (0.3, -0.4, 0.2)
+    spin: Vector = (4.0, 3.0, 7.0)
+
+    @model_validator(mode="after")
+    def fits(self) -> Parameters:
+        """One mass and size a block, one of everything else a joint."""
+        blocks = len(self.mass)
+        if blocks < 2 or len(self.size) != blocks or self.push_block >= blocks:
+            raise ValueError(f"{blocks} masses, {len(self.size)} sizes and a push on block {self.push_block}")
+        for name in ("joint", "axis", "stiffness", "damping", "swing"):
+            if len(getattr(self, name)) != blocks - 1:
+                raise ValueError(
+                    f"{blocks} blocks have {blocks - 1} joints, found {len(getattr(self, name))} {name}"
+                )
+        if not all(any(axis) for axis in self.axis):
+            raise ValueError("an axis has no direction")
+        return self
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Constants of a chain: mass (block,), inertia (block, 3, 3) in block axes, arms (joint, 2, 3) m from the
+    centers of the blocks before and behind to the joint, axis (joint, 3) and two across (joint, 2, 3) it.
+    """
+
+    mass: Array
+    inertia: Array
+    arms: Array
+    axis: Array
+    across: Array
+
+
+@dataclass(frozen=True)
+class ChainState:
+    """One instant, world axes: center, velocity, omega (block, 3), R (block, 3, 3)."""
+
+    center: Array
+    velocity: Array
+    R: Array
+    omega: Array
+
+
+def chain_of(parameters: Parameters) -> Chain:
+    """The constants that the parameters describe."""
+    p = parameters
+    mass, size = np.array(p.mass), np.array(p.size)
+    inertia = np.stack(
+        [inertia_tensor(np.full(8, m / 8), CORNERS * s) for m, s in zip(mass, size, strict=True)]
+    )
+    arms = np.zeros((len(mass) - 1, 2, 3))
+    arms[:, 0, 0], arms[:, 1, 0] = 0.5 * size[:-1, 0], -0.5 * size[1:, 0]
+    axis = np.array(p.axis) / np.linalg.norm(p.axis, axis=1, keepdims=True)
+    across = np.stack([np.linalg.svd(e[None])[2][1:] for e in axis])
+    return Chain(mass, inertia, arms, axis, across)
+
+
+def drawn(parameters: Parameters) -> Callable[[float], tuple[Array, Array]]:
+    """The drawn loads as a function of time: force (3,) N on block push_block, motor moments (joint,) N m."""
+    p = parameters
+    loads = drawn_loads([p.push] * 3 + [p.drive] * len(p.joint), p.drawn_frequency, p.drawn_seed)
+
+    def split(t: float) -> tuple[Array, Array]:
+        now = loads(t)
+        return now[:3], now[3:]
+
+    return split
+
+
+def skew(a: Array) -> Array:
+    """[a]x of vectors (..., 3)."""
+    x, y, z = np.moveaxis(a, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
+
+
+def passive_moment(p: Parameters, chain: Chain, now: ChainState, motor: Array) -> Array:
+    """Moment (joint, 3) N m of spring, damper and motor (joint,) on the block behind each joint."""
+    bend = Rotation.from_matrix(now.R[1:] @ now.R[:-1].mT).as_rotvec()
+    rate = now.omega[1:] - now.omega[:-1]
+    moment = -np.array(p.stiffness)[:, None] * bend - np.array(p.damping)[:, None] * rate
+    e = (now.R[:-1] @ chain.axis[..., None])[..., 0]
+    hinge = np.array([kind == "hinge" for kind in p.joint])[:, None]
+    return np.asarray(np.where(hinge, (moment * e).sum(1, keepdims=True) * e, moment) + motor[:, None] * e)
+
+
+def solve_joints(
+    p: Parameters, chain: Chain, now: ChainState, loads: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Accelerations (block, 6), joint forces and moments (joint, 3) on the blocks behind, of one instant."""
+    n, R, w = len(chain.mass), now.R, now.omega
+    J = R @ chain.inertia @ R.mT
+    M, load = np.zeros((6 * n, 6 * n)), np.zeros((n, 6))
+    for i in range(n):
+        M[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = chain.mass[i] * np.eye(3)
+        M[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = J[i]
+    load[:, :3] = chain.mass[:, None] * np.array(p.gravity)
+    load[p.push_block, :3] += loads[0]
+    load[:, 3:] = -np.cross(w, (J @ w[..., None])[..., 0])
+    passive = passive_moment(p, chain, now, loads[1])
+    load[1:, 3:] += passive
+    load[:-1, 3:] -= passive
+    rows, right = [], []
+    for j, kind in enumerate(p.joint):
+        before, behind = R[j] @ chain.arms[j, 0], R[j + 1] @ chain.arms[j, 1]
+        G = np.zeros((5 if kind == "hinge" else 3, n, 6))
+        G[:3, j, :3], G[:3, j, 3:] = -np.eye(3), skew(before)
+        G[:3, j + 1, :3], G[:3, j + 1, 3:] = np.eye(3), -skew(behind)
+        late = np.cross(w[j], np.cross(w[j], before)) - np.cross(w[j + 1], np.cross(w[j + 1], behind))
+        if kind == "hinge":
+            e, u = R[j] @ chain.axis[j], chain.across[j] @ R[j + 1].T
+            normal = np.cross(u, e)
+            G[3:, j, 3:], G[3:, j + 1, 3:] = -normal, normal
+            turning = np.cross(np.cross(w[j + 1], u), e) + np.cross(u, np.cross(w[j], e))
+            late = np.append(late, -turning @ (w[j + 1] - w[j]))
+        rows.append(G.reshape(len(G), 6 * n))
+        right.append(late)
+    G, k = np.concatenate(rows), sum(map(len, rows))
+    system = np.block([[M, -G.T], [G, np.zeros((k, k))]])
+    solution = np.linalg.solve(system, np.concatenate([load.ravel(), *right]))
+    force, moment, at = np.zeros((n - 1, 3)), passive.copy(), 6 * n
+    for j, G_j in enumerate(rows):
+        force[j] = solution[at : at + 3]
+        moment[j] += G_j[3:, 6 * j + 9 : 6 * j + 12].T @ solution[at + 3 : at + len(G_j)]
+        at += len(G_j)
+    return solution[: 6 * n].reshape(n, 6), force, moment
+
+
+def launch(p: Parameters, chain: Chain) -> ChainState:
+    """The straight chain at t = 0, moving as its joints allow."""
+    turn = Rotation.from_rotvec(p.turn).as_matrix()
+    n = len(chain.mass)
+    R, arms = np.tile(turn, (n, 1, 1)), chain.arms @ turn.T
+    swing = np.array(p.swing)[:, None] * chain.axis @ turn.T
+    omega = turn @ np.array(p.spin) + np.concatenate([np.zeros((1, 3)), np.cumsum(swing, axis=0)])
+    place, drift = np.zeros((n, 3)), np.zeros((n, 3))
+    for j in range(n - 1):
+        place[j + 1] = place[j] + arms[j, 0] - arms[j, 1]
+        drift[j + 1] = drift[j] + np.cross(omega[j], arms[j, 0]) - np.cross(omega[j + 1], arms[j, 1])
+    share = chain.mass / chain.mass.sum()
+    return ChainState(place - share @ place + p.center, drift - share @ drift + p.velocity, R, omega)
+
+
+def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
+    """The chain at each of `time` (time,) s."""
+    p, chain, loads = parameters, chain_of(parameters), drawn(parameters)
+    n = len(chain.mass)
+
+    def unpack(y: Array) -> ChainState:
+        c, v, R, w = np.split(y, [3 * n, 6 * n, 15 * n])
+        return ChainState(c.reshape(n, 3), v.reshape(n, 3), R.reshape(n, 3, 3), w.reshape(n, 3))
+
+    def rate(t: float, y: Array) -> Array:
+        now = unpack(y)
+        a, _, _ = solve_joints(p, chain, now, loads(t))
+        turning = skew(now.omega) @ now.R
+        return np.concatenate([now.velocity.ravel(), a[:, :3].ravel(), turning.ravel(), a[:, 3:].ravel()])
+
+    start = launch(p, chain)
+    y0 = np.concatenate([start.center.ravel(), start.velocity.ravel(), start.R.ravel(), start.omega.ravel()])
+    return [unpack(y) for y in integrate(rate, y0, time, TOLERANCE)]
+
+
+def energy(parameters: Parameters, now: ChainState) -> float:
+    """Kinetic energy, that of the springs and that of the weight (J) at one instant."""
+    p, chain = parameters, chain_of(parameters)
+    J = now.R @ chain.inertia @ now.R.mT
+    bend = Rotation.from_matrix(now.R[1:] @ now.R[:-1].mT).as_rotvec()
+    kinetic = chain.mass @ (now.velocity**2).sum(1) + np.einsum("ia,iab,ib->", now.omega, J, now.omega)
+    weight = -chain.mass @ now.center @ np.array(p.gravity)
+    return float(0.5 * kinetic + 0.5 * np.array(p.stiffness) @ (bend**2).sum(1) + weight)
+
+
+def fly(parameters: Parameters, time: Array) -> Flight:
+    """The flying chain at `time` (time,) s; node a1 is the first corner of the first block."""
+    p, chain, loads = parameters, chain_of(parameters), [drawn(parameters)(t) for t in time]
+    states = trajectory(p, time)
+    size = np.array(p.size)
+    ends = np.cumsum(size[:, 0])
+    middle = np.zeros((len(size), 3))
+    middle[:, 0] = ends - 0.5 * size[:, 0]
+    own = CORNERS * size[:, None]
+    rest, mass = (own + middle[:, None]).reshape(-1, 3), np.repeat(chain.mass / 8, 8)
+    c, v, R, w = (np.array([getattr(s, k) for s in states]) for k in ("center", "velocity", "R", "omega"))
+    arm = np.einsum("tiab,inb->tina", R, own)
+    x = (c[:, :, None] + arm).reshape(len(time), -1, 3)
+    v_nodes = (v[:, :, None] + np.cross(w[:, :, None], arm)).reshape(len(time), -1, 3)
+    pushes = np.array([push for push, _ in loads])
+    load = np.zeros((len(time), len(size), 8, 3))
+    load[:, p.push_block] = pushes[:, None] / 8
+    joints = [solve_joints(p, chain, s, f)[1:] for s, f in zip(states, loads, strict=True)]
+    truth = deforming_truth(mass, rest, x, v_nodes, load.reshape(x.shape)) | {
+        "joint_force": np.array([force for force, _ in joints]),
+        "joint_moment": np.array([moment for _, moment in joints]),
+        "joint_point": c[:, :-1] + np.einsum("tjab,jb->tja", R[:, :-1], chain.arms[:, 0]),
+    }
+    names = tuple(f"{chr(97 + i)}{k}" for i in range(len(size)) for k in range(1, 9))
+    return Flight(Body(node=names, position=rest, mass=mass), x, np.array(p.gravity), truth)
