@@ -17,6 +17,11 @@ Indices = NDArray[np.intp]
 Level = Literal["ok", "degraded", "refused"]
 
 
+def deviation(cov: Array) -> Array:
+    """Standard deviations (..., n) of covariances (..., n, n)."""
+    return np.asarray(np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1)))
+
+
 @dataclass(frozen=True)
 class Body:
     """What moves: reference shape and mass, known node by node, as a matrix, or as a rigid whole.
@@ -144,12 +149,12 @@ class Interface:
     @property
     def force_std(self) -> Array:
         """Standard deviation of the forces (time, joint, 3) N."""
-        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., :3])
+        return deviation(self.wrench_cov)[..., :3]
 
     @property
     def moment_std(self) -> Array:
         """Standard deviation of the moments (time, joint, 3) N m."""
-        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., 3:])
+        return deviation(self.wrench_cov)[..., 3:]
 
 
 @dataclass(frozen=True)
@@ -213,9 +218,9 @@ class Estimate:
     @property
     def force_std(self) -> Array:
         """Standard deviation of the force (time, 3) N."""
-        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., :3])
+        return deviation(self.wrench_cov)[..., :3]
 
     @property
     def moment_std(self) -> Array:
         """Standard deviation of the moment (time, 3) N m."""
-        return np.sqrt(np.diagonal(self.wrench_cov, axis1=-2, axis2=-1)[..., 3:])
+        return deviation(self.wrench_cov)[..., 3:]
