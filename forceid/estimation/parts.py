@@ -54,7 +54,7 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
     if not settings.part:
         raise ConfigError("is given without parts", "joint", "add [[part]] for what it holds together")
     if not settings.joint:
-        raise ConfigError("are given without a joint", "part", "add [[joint]] for what holds them together")
+        raise ConfigError("stands without a joint", "part", "add [[joint]] for what holds them together")
     check_names("part", [p.name for p in settings.part])
     check_names("joint", [j.name for j in settings.joint])
     chosen = [nodes_of(part, body) for part in settings.part]

@@ -266,7 +266,7 @@ A, B, J = part("a"), part("b"), joint()
         ([A, part("b", "b1", "b2", "b3")], [J], "leave out node 'b4', which carries 0.03125 kg"),
         ([A, part("b", "a1", *B["nodes"])], [J], "name node 'a1' more than once"),
         ([A, A], [J], "part a is named twice"),
-        ([A, B], [], "are given without a joint"),
+        ([A, B], [], "stands without a joint"),
         ([A, B], [joint(second="c")], "joint hinge names the unknown part 'c'; did you mean"),
         ([A, B], [joint(second="a")], "joint hinge holds part 'a' to itself"),
         ([A, B], [joint(at="c1")], "joint hinge names the unknown node 'c1'"),
