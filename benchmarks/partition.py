@@ -1,19 +1,16 @@
 """Iterations of partitioned solvers against size, number of parts and jumps of stiffness, and against peers.
 
-    python -m benchmarks.partition -o docs [--big] [--quick]
+    python -m benchmarks.partition -o docs [--quick]
 
 Writes partition.md and partition.png. Bodies, loads and tolerance are those of the theory note, section 5.3.
---big: a cube of a million degrees of freedom in 64 parts, against algebraic multigrid; about ten minutes.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
 from collections.abc import Sequence
 from math import log
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -116,56 +113,6 @@ def jumped(parts: tuple[int, int], r: int, jump: float, pattern: str) -> dict[st
     return found
 
 
-def big(parts: int = 4, r: int = 23) -> list[dict[str, Any]]:
-    """A cube of parts^3 parts of r^3 bricks: time, iterations and memory, against multigrid from PyAMG."""
-    body = solid_parts((parts,) * 3, r)
-    x = body.place
-    held = np.isclose(x[:, 0], 0)
-    f = np.zeros_like(x)
-    tip = np.isclose(x[:, 0], parts)
-    f[tip] = np.array([0.0, 0.4, -1.0]) / tip.sum()
-    load = f[~held].ravel()
-    rows = []
-    began = process_time()
-    system = body.system(held)
-    done = system.solve_cg(load, "lumped", tolerance=1e-8)
-    assert done.iterations is not None
-    rows.append(
-        {
-            "method": "projected CG, lumped", "unknowns": len(load), "iterations": done.iterations.count,
-            "seconds": process_time() - began, "memory": peak(), "energy": done.energy,
-        }
-    )  # fmt: skip
-    L, K = system.topology.L, sp.block_diag(system.stiffness)
-    A = sp.csr_array(L.T @ K @ L)
-    u = np.zeros(len(load))
-    u[np.concatenate(system.topology.glob)] = done.u
-    rows[0]["residual"] = float(np.linalg.norm(load - A @ u) / np.linalg.norm(load))
-    rows.append(by_multigrid(A, load, x[~held]))
-    return rows
-
-
-def by_multigrid(A: Any, load: Array, x: Array) -> dict[str, Any]:
-    """CG with smoothed aggregation that knows the rigid modes, to the same residual."""
-    import pyamg
-
-    from forceid import summation_operator
-
-    began, residuals = process_time(), []
-    solver = pyamg.smoothed_aggregation_solver(sp.csr_matrix(A), B=summation_operator(x, x.mean(0)))
-    u = solver.solve(load, tol=1e-8, accel="cg", residuals=residuals, maxiter=500)
-    return {
-        "method": "CG, PyAMG smoothed aggregation", "unknowns": len(load), "iterations": len(residuals) - 1,
-        "seconds": process_time() - began, "memory": peak(), "energy": 0.5 * float(load @ u),
-        "residual": float(np.linalg.norm(load - A @ u) / np.linalg.norm(load)),
-    }  # fmt: skip
-
-
-def peak() -> float:
-    """Peak memory of this process, GB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-
-
 def draw(by_size: Sequence[dict[str, Any]], by_parts: Sequence[dict[str, Any]], jumps: Sequence[Any]) -> Any:
     """Iterations against H/h, number of parts, and jump."""
     import matplotlib as mpl
@@ -221,7 +168,6 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    parser.add_argument("--big", action="store_true")
     parser.add_argument("--quick", action="store_true")
     asked = parser.parse_args()
     sizes, grids = ((2, 4), (2, 3)) if asked.quick else ((2, 4, 8, 16), (2, 3, 4, 6, 8))
@@ -232,7 +178,7 @@ def main() -> None:
     heads = ["size", "multipliers", *NAMES, *(f"{n} condition" for n in NAMES), "minres", "violated"]
     page = [
         "# Bodies in parts: iterations",
-        f"`python -m benchmarks.partition -o docs{' --big' if asked.big else ''}`: the plate of the theory "
+        f"`python -m benchmarks.partition -o docs`: the plate of the theory "
         f"note, section 5.3, to {TOLERANCE:.0e} of the projected residual. *violated*: what conjugate "
         "gradients without the principal part, on P_L F P_L, leave of the balance of the parts, over its "
         f"size. Against the assembled scipy solution the displacements of the largest plate are {right:.0e} "
@@ -242,15 +188,6 @@ def main() -> None:
         "## Against the number of parts, r = 4", table(by_parts, ["parts", *heads]),
         "## Stiffness that jumps, 4 x 4 parts, r = 4", table(jumps, list(jumps[0])),
     ]  # fmt: skip
-    if asked.big:
-        rows = big()
-        page += [
-            "## A million degrees of freedom in 64 parts of 3-D bricks",
-            "To 1e-8; CPU time of one process; memory: its peak so far, GB; residual: of the assembled "
-            "equations. Equal parts are factored once. `scipy.sparse.linalg.spsolve` on the assembled matrix "
-            "does not fit into memory.",
-            table(rows, list(rows[0])),
-        ]  # fmt: skip
     asked.output.mkdir(exist_ok=True)
     (asked.output / "partition.md").write_text("\n\n".join(page) + "\n")
     draw(by_size, by_parts, jumps).savefig(asked.output / "partition.png", dpi=160)

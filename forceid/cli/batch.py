@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from forceid.cli.estimate import Config, Engine, Json, Method, Model
-from forceid.cli.output import to_json, wrap
+from forceid.cli.output import to_json, worst, wrap
 from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def run(
 ) -> None:
     """Estimate every one of FILES into DIR/NAME.result.h5.
 
-    Exit code 1 when any estimate failed or was refused; the others are finished all the same.
+    Exit code 1 when any estimate failed or was refused, forces between parts too; the others are finished all
+    the same.
 
     Example: forceid batch trials/*.h5 -o results -j 4 --resume
     """
@@ -68,13 +69,14 @@ def run(
         show(skipped, json)
     with progress() as bar:
         task = bar.add_task("estimate", total=len(todo))
-        for record in run_jobs(todo, settings, jobs):
+        for done in run_jobs(todo, settings, jobs):
+            record = done if done["status"] == "failed" else {**done, "status": worst(done)}
             records.append(record)
             bar.advance(task)
             if json:
                 print(to_json(record), flush=True)
     print(table(records), file=sys.stderr if json else sys.stdout)
-    if any(record["status"] == "failed" or record.get("verdict") == "refused" for record in records):
+    if any(record["status"] == "failed" or worst(record) == "refused" for record in records):
         raise typer.Exit(1)
 
 
@@ -100,14 +102,20 @@ def current(job: Job, settings: Settings) -> dict[str, Any] | None:
     try:
         with open_hdf5(output) as result, open(source, "rb") as data:
             made = [str(result.attrs[key]) for key in ("input_sha256", "config", "forceid_version")]
-            verdict, reasons = (str(result["estimate"].attrs[key]) for key in ("verdict", "reasons"))
+            known = verdict_of(result["estimate"])
+            if "interface" in result:
+                known["interface"] = verdict_of(result["interface"])
             wanted = [hashlib.file_digest(data, "sha256").hexdigest(), to_toml(settings), __version__]
     except (DataError, KeyError, OSError):
         return None
     if made != wanted:
         return None
-    known = {"verdict": verdict, "reasons": reasons.splitlines()}
     return {"status": "skipped", "file": str(source), "output": str(output), **known}
+
+
+def verdict_of(group: Any) -> dict[str, Any]:
+    """Verdict and reasons of a group of a result file."""
+    return {"verdict": str(group.attrs["verdict"]), "reasons": str(group.attrs["reasons"]).splitlines()}
 
 
 def show(records: Sequence[dict[str, Any]], json: bool) -> None:
@@ -148,6 +156,9 @@ def table(records: Sequence[dict[str, Any]]) -> str:
     lines = []
     for record in sorted(records, key=lambda r: str(r["file"])):
         reasons = [record["error"]] if "error" in record else list(record.get("reasons", ()))
+        joints = record.get("interface", {"verdict": "ok", "reasons": ()})
+        said = "refused: " if joints["verdict"] == "refused" else ""
+        reasons += [f"joints {said}{reason}" for reason in joints["reasons"]]
         if reasons:
             lines.append(f"{record['status']:8} {record['file']}")
             lines += [wrap(f"       - {reason}") for reason in reasons]

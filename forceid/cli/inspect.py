@@ -18,6 +18,8 @@ def run(
 ) -> None:
     """Show what FILE holds and which wrench components can be identified, before anything runs.
 
+    Of a body in parts, [[part]] and [[joint]] in CONFIG, also which forces between these the motion tells.
+
     Example: forceid inspect toss.h5
     """
     from forceid.config import load_settings

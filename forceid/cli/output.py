@@ -67,6 +67,16 @@ def describe(
     }
 
 
+def worst(record: Mapping[str, Any]) -> str:
+    """The verdict of an estimate or of its joints, whichever is worse.
+
+    >>> worst({"verdict": "ok", "interface": {"verdict": "refused"}})
+    'refused'
+    """
+    found: list[str] = [record["verdict"], record.get("interface", {}).get("verdict", "ok")]
+    return max(found, key=("ok", "degraded", "refused").index)
+
+
 def joints_of(interface: Interface) -> dict[str, Any]:
     """What there is to say of joints: their verdict, and of each the rms of what passes through it."""
     import numpy as np

@@ -9,26 +9,26 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.applied import check_points
+from forceid.estimation.bandwidths import RESOLVED, bandwidths
 from forceid.estimation.classic import estimate_classic
-from forceid.estimation.kinematics import Kinematics, kinematics
+from forceid.estimation.joint_prospects import JointProspects
+from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import Leakage, leakage
+from forceid.estimation.linkage_inspection import inspect_linkage
 from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.sensitivity import Budget, sensitivity
 from forceid.estimation.shape_checks import judge_shape
 from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
 from forceid.estimation.unmarked_prospects import sensed_bandwidths
 from forceid.estimation.verdict import judge_leakage, judge_recording
-from forceid.kalman.channels import lags, second_difference
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
-from forceid.motion.first_moment import angular_channel
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Body, Motion, Recording
+from forceid.records import Body, Motion, Recording
 
 UNITS = {"orientation": "rad", "angular_velocity": "rad/s", "specific_force": "m/s2"}
-RESOLVED = 0.1  # of a load: error at which it counts as followed
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Inspection:
     load of the size seen in a rough look is followed to a tenth, None where nothing of it is seen; shapes:
     that stand out of the noise; leakage: between rigid motion and deformation, on the markers and by the
     fit, None where no marker is seen; sensitivity: to errors of the body, from a rough estimate, None where
-    no force is; warnings: sentences that the verdict will hold.
+    no force is; linkage: of a body in parts; warnings: sentences that the verdict will hold.
     """
 
     title: str
@@ -64,6 +64,7 @@ class Inspection:
     has_truth: bool
     leakage: Leakage | None
     sensitivity: Budget | None
+    linkage: JointProspects | None
     warnings: tuple[str, ...]
 
     @property
@@ -87,7 +88,8 @@ class Inspection:
             f"moment   {wording(self.moment, self.moment_bandwidth_hz)}",
         ]
         costs = [] if self.sensitivity is None else [f"costs    {line}" for line in self.sensitivity.summary]
-        return lines + leaking(self.leakage) + costs + [f"note     {w}" for w in self.warnings]
+        joints = [] if self.linkage is None else self.linkage.summary
+        return lines + leaking(self.leakage) + costs + [f"note     {w}" for w in self.warnings] + joints
 
     def as_dict(self) -> dict[str, Any]:
         """The same for machines: plain numbers and lists."""
@@ -137,6 +139,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     body, motion = recording.body, recording.motion
     check_stiffness(body)
     check_points(settings, body)
+    linkage = inspect_linkage(recording, settings) if settings.part or settings.joint else None
     if is_unmarked(motion):
         return inspect_unmarked(recording, settings)
     kin = kinematics(body, motion, settings)
@@ -146,6 +149,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
     force = np.isfinite(kin.pose.center).any() and not any(f.refuses for f in findings)
+    reach = bandwidths(kin, motion.gravity, bool(force))
     rank = pose_rank(summation_operator(kin.shape[kin.seen])) if kin.seen.any() else 6 * kin.attitude
     return Inspection(
         title=recording.title, frames=len(motion.time), duration_s=float(np.ptp(motion.time)),
@@ -155,11 +159,9 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise, noise_stated=kin.stated, rank=int(rank),
         turn_deg_per_frame=float(np.degrees(largest_turn(kin.time, kin.pose.rotation))),
         shapes=len(kin.shapes),
-        force=bool(force), moment=kin.attitude,
-        force_bandwidth_hz=bandwidth(*force_channel(kin, motion.gravity)) if force else None,
-        moment_bandwidth_hz=bandwidth(*moment_channel(kin)) if kin.attitude else None,
+        force=bool(force), moment=kin.attitude, force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
         has_truth="force" in recording.truth, leakage=leaks,
-        sensitivity=rough_sensitivity(body, motion, settings) if force else None,
+        sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
         warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin, motion, body)]),
     )  # fmt: skip
 
@@ -183,7 +185,7 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
         mass_kg=kin.inertia.mass, gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise,
         noise_stated=kin.stated, rank=0, turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force,
         moment=moment, force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
-        has_truth="force" in recording.truth, leakage=None, sensitivity=None,
+        has_truth="force" in recording.truth, leakage=None, sensitivity=None, linkage=None,
         warnings=tuple(f.text for f in findings),
     )  # fmt: skip
 
@@ -193,40 +195,3 @@ def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget:
     quick = settings.model_copy(update={"method": "savgol"})
     found = estimate_classic(body, motion, quick, engine(settings.engine))
     return sensitivity(found.kinematics, found.deformation, found.state, body.node, motion.gravity)
-
-
-def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
-    """Times, mass center with the fall removed (time, 3), and its noise variance."""
-    seen = np.isfinite(kin.pose.center).all(1)
-    time = kin.time[seen]
-    var = np.trace(kin.pose.cov[seen, :3, :3], axis1=1, axis2=2).mean() / 3
-    return time, kin.pose.center[seen] - 0.5 * (time - time[0])[:, None] ** 2 * gravity, float(var)
-
-
-def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
-    """Frequency Hz up to which a tenth of the second derivative of z (time, 3) stands above the noise.
-
-    White noise of density r = sigma^2 dt gives z'' an error of sqrt(2 r (2 pi)^4 f^5 / 5) in the band up
-    to f; the size of z'' is what second differences show at the lag where it stands out most.
-    """
-    step = float(np.median(np.diff(time)))
-    sizes = [0.0]
-    for lag in lags(z):
-        d = second_difference(time, z, lag)
-        noise = 6 * noise_var / (lag * step) ** 4
-        power = float((d**2).mean()) if len(d) else 0.0
-        if power > noise * (1 + 4 / np.sqrt(max(len(d), 1))):
-            sizes.append(power - noise)
-    size = float(np.sqrt(max(sizes)))
-    if size == 0.0:
-        return None
-    f = (5 * (RESOLVED * size) ** 2 / (2 * noise_var * step * (2 * np.pi) ** 4)) ** 0.2
-    return float(min(f, 0.5 / step))
-
-
-def moment_channel(kin: Kinematics) -> tuple[Array, Array, float]:
-    """Times, integrated angular momentum and its noise variance, for the mean shape."""
-    T = len(kin.time)
-    J = np.tile(kin.inertia.tensor, (T, 1, 1))
-    ch = angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], J, np.zeros((T, 3)))
-    return ch.time, ch.Y, float(np.trace(ch.noise_cov, axis1=1, axis2=2).mean() / 3)

@@ -15,20 +15,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from forceid.errors import EstimationError
 from forceid.estimation.flight_smoother import Smoothing, Solution
+from forceid.estimation.joint_tuning import LONGEST, climb, moved
 from forceid.estimation.load_channels import force_channel, moment_channel, tune_channel
+from forceid.estimation.ties import Ties
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import smooth_flight
 from forceid.kalman.flight_model import Reference, linear_flight
 from forceid.kalman.model import StateSpace
 from forceid.kalman.prior import LoadPrior, load_rows
-from forceid.kalman.tuning import FREE, ORDERS
+from forceid.kalman.tuning import ORDERS
 from forceid.records import Array
 
+BEGINNING = 8  # samples that tell where parts begin
 ROOM = 8_000_000  # samples times states squared that are smoothed at a time
 WEAK = 0.1  # of the strongest axis of a load, which the others are taken to hold at least
 FAST = 3.0  # times its rate, where they are compared
 SHORTEST = 400  # samples of such a stretch, of which a quarter at either end only leads to it
+
+
+Priors = list[dict[str, LoadPrior]]  # of force and moment, of every part
 
 
 @dataclass(frozen=True)
@@ -39,32 +46,32 @@ class LinkedPart:
     reference: Reference
 
 
-def linked_parts(solutions: list[Solution | None], engine: Engine) -> list[LinkedPart]:
+def linked_parts(solutions: list[Solution | None], highest: int, engine: Engine) -> list[LinkedPart]:
     """Solved parts, ready to be smoothed together; none where one of them was not smoothed.
 
-    Of several priors of one load the one that claims most prevails: one so smooth that a record has to ask
-    for it is tuned again without that order.
+    Of several priors of one load the one that claims most prevails: one of an order above `highest` is tuned
+    again without it.
     """
-    found = [None if solution is None else linked_part(solution, engine) for solution in solutions]
+    found = [None if solution is None else linked_part(solution, highest, engine) for solution in solutions]
     kept = [part for part in found if part is not None]
     return kept if len(kept) == len(solutions) else []
 
 
-def linked_part(solution: Solution, engine: Engine) -> LinkedPart | None:
+def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart | None:
     """A part that was smoothed, under priors of modest order; None for one that was not, or has no moment."""
     smoothing, reference = solution.smoothing, solution.state.reference
     if smoothing is None or reference is None or "moment" not in smoothing.priors:
         return None
     kin, priors = solution.kinematics, dict(smoothing.priors)
     for name, prior in smoothing.priors.items():
-        if prior.tuned.order > FREE:
+        if prior.tuned.order > highest:
             force = name == "force"
             channel = (
                 force_channel(kin, smoothing.flight.gravity)
                 if force
                 else moment_channel(kin, solution.deformation)
             )
-            orders = tuple(order for order in ORDERS if order <= FREE)
+            orders = tuple(order for order in ORDERS if order <= highest)
             priors[name] = tune_channel(channel, (1.0, 1.0), prior.lines, orders, engine)
     if any(priors[name] is not smoothing.priors[name] for name in priors):
         state = smooth_flight(smoothing.flight, priors["force"], priors["moment"], engine)
@@ -74,40 +81,93 @@ def linked_part(solution: Solution, engine: Engine) -> LinkedPart | None:
     return LinkedPart(smoothing, reference)
 
 
-def smooth_linked(
-    parts: list[LinkedPart], balance: Array, slack: Array, widening: float, engine: Engine
-) -> tuple[Array, Array]:
-    """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6).
+def tuned_linked(
+    parts: list[LinkedPart], ties: Ties, widening: float, engine: Engine
+) -> tuple[Priors, float]:
+    """Priors of every part under which all parts and their ties are likeliest; how likely.
 
-    balance (time, row, part * 6): combinations of the wrenches that are zero, slack (time, row): to within
-    which variance; NaN rows are not used. widening: factor on the variance of the priors, each of which was
-    found as if its part flew alone: a load that several parts show is counted as often, and is to keep its
-    size.
+    widening: factor on the variance of the priors, each of which was found as if its part flew alone: a load
+    that several parts show is counted as often, and is to keep its size. From there the sizes and the rates
+    of all forces move together, and those of all moments. How likely: the markers, given the ties, and where
+    the parts begin; that ties hold is likelier the smaller the loads, and tells nothing of them.
     """
-    models, seen, rows = [], [], []
-    for part in parts:
-        priors = {name: widened(prior, widening) for name, prior in part.smoothing.priors.items()}
-        force, moment = priors["force"], priors["moment"]
-        model, z = linear_flight(part.smoothing.flight, force, moment, part.reference)
-        n, end = (len(load_rows_of(p)[0]) for p in (force, moment))
-        read = np.zeros((6, len(model.x0)))
-        read[:3, :n], read[3:, n : n + end] = load_rows_of(force), load_rows_of(moment)
-        models.append(model)
-        seen.append(z)
-        rows.append(read)
-    read = block_diag(*rows)
-    time, states = len(balance), read.shape[1]
-    held = np.where(np.isfinite(balance), balance, 0.0)
-    used = np.isfinite(balance).all(2) & np.isfinite(slack)
-    z = np.concatenate([*seen, np.where(used, 0.0, np.nan)], 1)
-    wrench, cov = np.empty((time, len(read))), np.empty((time, len(read), len(read)))
+    each = [{name: widened(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
+    time = len(ties.gap)
+    middle = max((time - LONGEST) // 2, 0)
+    run = slice(middle, min(middle + LONGEST, time))
+
+    def likely(by: Array) -> float:
+        model, z, _ = linked_model(parts, both_moved(each, by), ties, run)
+        begun = z.copy()
+        begun[BEGINNING:, : -ties.gap.shape[1]] = np.nan
+        try:
+            return float(engine.log_likelihood(model, z)) - float(engine.log_likelihood(model, begun))
+        except EstimationError:  # numbers so far off that a covariance loses its sign
+            return -np.inf
+
+    best = climb(likely, np.zeros(4))
+    return both_moved(each, best), likely(best)
+
+
+def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: Engine) -> tuple[Array, Array]:
+    """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6)."""
+    time = len(ties.gap)
+    size = 6 * len(parts)
+    wrench, cov = np.empty((time, size)), np.empty((time, size, size))
+    states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
     for run, kept in stretches(time, max(SHORTEST, ROOM // states**2)):
-        model = side_by_side(models, held[run] @ read, np.where(used, slack, 1.0)[run], run)
-        path = engine.smooth(model, z[run])
+        model, z, read = linked_model(parts, priors, ties, run)
+        path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)
         wrench[kept] = path.x[inner] @ read.T
         cov[kept] = read @ path.P[inner] @ read.T
     return wrench.reshape(time, len(parts), 6), cov
+
+
+def both_moved(priors: Priors, by: Array) -> Priors:
+    """The priors of all parts, of forces moved by by[:2] and of moments by by[2:]."""
+    return [{"force": moved(p["force"], by[:2]), "moment": moved(p["moment"], by[2:])} for p in priors]
+
+
+def linked_model(
+    parts: list[LinkedPart], priors: Priors, ties: Ties, run: slice
+) -> tuple[StateSpace, Array, Array]:
+    """All parts under their ties over the samples of `run`: model, what it measures, and rows (part * 6,
+    state) that read the wrenches.
+    """
+    models: list[StateSpace] = []
+    seen, wrenches, motions = list[Array](), list[Array](), list[Array]()
+    for part, prior in zip(parts, priors, strict=True):
+        force, moment = prior["force"], prior["moment"]
+        model, z = linear_flight(part.smoothing.flight, force, moment, part.reference)
+        n, end = (len(load_rows_of(p)[0]) for p in (force, moment))
+        wrench, moving = np.zeros((6, len(model.x0))), np.zeros((9, len(model.x0)))
+        wrench[:3, :n], wrench[3:, n : n + end] = load_rows_of(force), load_rows_of(moment)
+        moving[:3, :3], moving[3:6, n : n + 3], moving[6:, n + 3 : n + 6] = force.axes, np.eye(3), moment.axes
+        models.append(model)
+        seen.append(z[run])
+        wrenches.append(wrench)
+        motions.append(moving)
+    models.append(standing(ties.spread))
+    read, moved_by = block_diag(*wrenches), block_diag(*motions)
+    tied = np.concatenate([ties.on_wrench[run] @ read + ties.on_motion[run] @ moved_by, ties.offset[run]], 2)
+    slack, gap = ties.slack[run], ties.gap[run]
+    used = np.isfinite(tied).all(2) & np.isfinite(slack) & np.isfinite(gap)
+    tied, slack = np.where(used[..., None], tied, 0.0), np.where(used, slack, 1.0)
+    model = side_by_side(models, tied, slack, run)
+    return (
+        model,
+        np.concatenate([*seen, np.where(used, gap, np.nan)], 1),
+        np.pad(read, ((0, 0), (0, len(ties.spread)))),
+    )
+
+
+def standing(spread: Array) -> StateSpace:
+    """Constants of standard deviations spread (constant,), which nothing measures by itself."""
+    n = len(spread)
+    return StateSpace(
+        np.eye(n), np.zeros((n, n)), np.zeros((0, n)), np.zeros((0, 0)), np.zeros(n), np.diag(spread**2)
+    )
 
 
 def widened(prior: LoadPrior, factor: float) -> LoadPrior:

@@ -35,7 +35,7 @@ class Part:
 class Joint:
     """A link from one part to another (by number) at a place (3,) m of the reference shape; axis (3,).
 
-    free: axes about which it passes no moment, "none", "one" (that axis) or "all".
+    kind: weld, hinge or ball; free: axes about which it passes no moment, "none", "one" (that axis) or "all".
     """
 
     name: str
@@ -43,6 +43,7 @@ class Joint:
     behind: int
     at: Array
     axis: Array | None
+    kind: str
     free: str
 
 
@@ -136,9 +137,8 @@ def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
             "is a hinge without an axis", where, "give axis, a direction in the reference shape"
         )
     free = "none" if setting.driven else {"weld": "none", "hinge": "one", "ball": "all"}[setting.kind]
-    return Joint(
-        setting.name, before, behind, at, None if axis is None else axis / np.linalg.norm(axis), free
-    )
+    axis = None if axis is None else axis / np.linalg.norm(axis)
+    return Joint(setting.name, before, behind, at, axis, setting.kind, free)
 
 
 def nodes_of(part: PartSetting, body: Body) -> Indices:

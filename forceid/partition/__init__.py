@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+from forceid.partition.assembled import from_assembled as from_assembled
+from forceid.partition.assembled import from_meshes as from_meshes
+from forceid.partition.assembled import from_names as from_names
 from forceid.partition.commands import mean_control as mean_control
 from forceid.partition.commands import solve_commands as solve_commands
 from forceid.partition.dynamics import integrate as integrate
@@ -11,11 +16,22 @@ from forceid.partition.interpolation import interpolation as interpolation
 from forceid.partition.principal_motion import principal_balance as principal_balance
 from forceid.partition.resultants import LinkResultants as LinkResultants
 from forceid.partition.resultants import link_resultants as link_resultants
+from forceid.partition.statics import Statics as Statics
 from forceid.partition.system import PartitionedSystem as PartitionedSystem
-from forceid.partition.system import Statics as Statics
 from forceid.partition.topology import boolean_from_names as boolean_from_names
 from forceid.partition.topology import boolean_from_positions as boolean_from_positions
 from forceid.partition.topology import topology as topology
 from forceid.partition.transfer import reproduction as reproduction
 from forceid.partition.transfer import transfer_load as transfer_load
 from forceid.partition.transfer import transfer_motion as transfer_motion
+
+if TYPE_CHECKING:
+    from forceid.partition.motion_file import from_motion_file as from_motion_file
+
+
+def __getattr__(name: str) -> Any:
+    if name != "from_motion_file":
+        raise AttributeError(f"module 'forceid.partition' has no attribute '{name}'")
+    from forceid.partition.motion_file import from_motion_file  # reads files, with xarray: on first use
+
+    return from_motion_file

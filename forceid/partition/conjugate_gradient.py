@@ -66,7 +66,9 @@ def projected_cg(
         bend = float(p @ Fp)
         if not bend > 0:
             raise EstimationError(
-                "meet a direction without stiffness", "conjugate gradients", "look for a hidden mechanism"
+                "meet a direction without stiffness",
+                "conjugate gradients",
+                "look for a hidden mechanism, or solve directly where stiffness jumps by many decades",
             )
         step = now / bend
         x, r = x + step * p, r - step * Fp

@@ -18,12 +18,17 @@ from scipy.linalg import eigh, qr
 from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
+from forceid.partition.given import real_matrix
 from forceid.records import Array, Indices
 
 DENSE = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
 MOST = 24  # zero modes looked for in a larger part
 ZERO = 1e-12  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
 STRAINED = 1e-8  # of the largest entry of K, that K R may be off for R of unit size
+SAME, ALIKE = (
+    1e-10,
+    2e-4,
+)  # least singular value of modes of unit length, below which they are one, or too near
 ASYMMETRIC = 1e-9  # of the largest entry of K
 
 
@@ -44,13 +49,18 @@ class Factor:
 
 
 def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
-    """The matrix as sparse rows; a DataError where it is not square, finite and symmetric."""
-    K, where = sp.csr_array(K), f"{name} of partition {part}"
+    """The matrix as sparse rows; a DataError where it is not square, finite, symmetric, or a mass below 0."""
+    where = f"{name} of partition {part}"
+    K = real_matrix(K, where)
     K.sum_duplicates()
     if K.shape[0] != K.shape[1]:
-        raise DataError(f"has shape {K.shape}, expected a square matrix", where)
+        raise DataError(f"has shape {K.shape}, expected a square matrix", where, "give all of its rows")
     if not np.isfinite(K.data).all():
-        raise DataError("holds numbers that are not finite", where)
+        what = f"holds numbers that are not finite, {np.sum(~np.isfinite(K.data))} of them, expected none"
+        raise DataError(what, where, "look at the element that makes them")
+    if name == "mass" and (light := K.diagonal()).min(initial=0.0) < 0:
+        what = f"is {light.min():g} kg at degree of freedom {light.argmin()}, expected zero or more"
+        raise DataError(what, where, "correct it")
     off, largest = abs(K - K.T), abs(K).max() if K.nnz else 0.0
     if off.nnz and off.max() > ASYMMETRIC * largest:
         raise DataError(
@@ -82,7 +92,11 @@ def rigid_modes(K: Any, R: Any, part: int) -> Array:
     if R is None:
         found = zero_modes(K)
         if found.size and np.abs(K @ found).max() > STRAINED * abs(K).max():
-            raise DataError("is not positive semidefinite", f"stiffness of partition {part}")
+            raise DataError(
+                "is not positive semidefinite: some motion gains energy, expected none",
+                f"stiffness of partition {part}",
+                "look for an element with a negative stiffness",
+            )
         return found
     modes: Array = np.asarray(R.toarray() if hasattr(R, "toarray") else R, dtype=float)
     where = f"rigid modes of partition {part}"
@@ -101,8 +115,14 @@ def rigid_modes(K: Any, R: Any, part: int) -> Array:
             f"strain it: K R is {strain:.1e} of K, expected zero", where,
             "give them about the shape that K belongs to, or leave them out to have them found",
         )  # fmt: skip
-    if np.linalg.matrix_rank(unit, tol=1e-10) < modes.shape[1]:
+    apart = np.linalg.svd(unit, compute_uv=False).min()
+    if apart < SAME:
         raise DataError("depend on each other", where, "drop those that repeat")
+    if apart < ALIKE:
+        raise DataError(
+            f"are alike but for {apart:.1e} of their size: a turn about a far point is nearly a translation",
+            where, "give them about a point near the body",
+        )  # fmt: skip
     return modes
 
 

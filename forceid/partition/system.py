@@ -13,43 +13,18 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import block_diag
 from scipy.sparse.linalg import LinearOperator
 
-from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.conjugate_gradient import Iterations, projected_cg
+from forceid.errors import DataError
 from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
 from forceid.partition.inverse import Factor, factors, rigid_modes, symmetric
 from forceid.partition.preconditioners import preconditioner, solved
 from forceid.partition.projection import Projection
-from forceid.partition.saddle import solve_saddle
+from forceid.partition.saddle import Saddle, factored_saddle
+from forceid.partition.statics import Statics, relieved, solve_direct, solve_iteratively
 from forceid.partition.topology import Topology, slices, topology
 from forceid.records import Array, Indices
-
-WEIGHTS = ("multiplicity", "stiffness")
-ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
-BALANCED = 1e-9  # of the loads' own size, that the resultant on a floating body may be
-
-
-@dataclass(frozen=True)
-class Statics:
-    """A body in partitions at rest, or accelerating as one.
-
-    u (dof,) m of all partitions; alpha (alpha,): their rigid motions, the least-squares part of u along R;
-    lam (multiplier,) N: forces of the partitions on the interface; u_f (frame,) m; energy J of deformation;
-    deficiency: rigid motions of the whole that no support holds; acceleration (deficiency,): along these, of
-    inertia relief; iterations: of conjugate gradients, None for a direct solution.
-    """
-
-    u: Array
-    alpha: Array
-    lam: Array
-    u_f: Array
-    energy: float
-    deficiency: int
-    acceleration: Array
-    iterations: Iterations | None = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +56,7 @@ class PartitionedSystem:
                 raise DataError(f"has {len(given)} entries, expected {count}, one a partition", name)
         K = tuple(symmetric(k, s) for s, k in enumerate(self.stiffness))
         M = None if self.mass is None else tuple(symmetric(m, s, "mass") for s, m in enumerate(self.mass))
-        found = topology([sp.csr_array(L) for L in self.boolean])
+        found = topology(self.boolean)
         for s, (k, g) in enumerate(zip(K, found.glob, strict=True)):
             if k.shape[0] != len(g):
                 raise DataError(
@@ -169,40 +144,33 @@ class PartitionedSystem:
         parts = zip(self.rigid_modes, self.columns, strict=True)  # type: ignore[arg-type]
         return np.concatenate([r @ free[c] for r, c in parts])
 
-    def relieved(self, f: Array, relief: bool) -> tuple[Array, Array]:
-        """Loads in equilibrium, and the acceleration (mode,) of the whole that its inertia takes for it.
+    @cached_property
+    def rigid(self) -> tuple[Array, ...]:
+        """Rigid modes of every partition, orthonormal."""
+        return tuple(np.linalg.qr(r)[0] for r in self.rigid_modes)  # type: ignore[union-attr]
 
-        Raises EstimationError where the whole is not held, the loads are not in equilibrium, and no relief is
-        asked for.
-        """
-        S = self.whole()
-        out = S.T @ f
-        if not S.shape[1] or (np.abs(out) <= BALANCED * np.linalg.norm(S, axis=0) * np.linalg.norm(f)).all():
-            return f, np.zeros(S.shape[1])
-        if not relief:
-            told = ", ".join(f"{v:.4g}" for v in out)
-            raise EstimationError(
-                f"is not in equilibrium: nothing holds {S.shape[1]} motions of the body, and along them it "
-                f"adds up to ({told})",
-                "load",
-                "balance it, hold the body, or ask for inertia relief with relief=True",
-            )
-        if self.mass is None:
-            raise DataError("is not given, and inertia relief needs it", "mass")
-        carried = np.concatenate([m @ S[d] for m, d in zip(self.mass, self.topology.dofs, strict=True)])
-        acceleration = np.linalg.solve(S.T @ carried, out)
-        top = self.topology
-        return f - top.shared(top.assembled(carried @ acceleration)), acceleration
+    @cached_property
+    def free_motions(self) -> Array:
+        """Rigid motions of the assembly (dof, mode), orthonormal."""
+        return np.asarray(np.linalg.qr(self.whole())[0])
+
+    @cached_property
+    def saddle(self) -> Saddle:
+        """The reduced saddle-point system, factored."""
+        return factored_saddle(self)
+
+    def relieved(self, f: Array, relief: bool) -> tuple[Array, Array]:
+        """Loads (dof,) in equilibrium, and the acceleration (mode,) of the whole that relief takes for it."""
+        return relieved(self, f, relief)
 
     def solve(self, load: Any, relief: bool = False) -> Statics:
         """Multipliers, motions and energy under a load, directly: the reduced saddle-point system.
 
         load: assembled (size,), shared equally, or of the partitions. relief: let a floating body accelerate.
+        Raises EstimationError: loads out of balance, motions that are off by more than a thousandth.
         Source: principal equations 2.9.
         """
-        f, acceleration = self.relieved(self.loads(load), relief)
-        lam, alpha = solve_saddle(self, f)
-        return self.recovered(f, lam, alpha, acceleration, None)
+        return solve_direct(self, load, relief)
 
     def solve_cg(
         self,
@@ -216,24 +184,11 @@ class PartitionedSystem:
         """The same by projected conjugate gradients, matrix-free: for many partitions.
 
         preconditioner: none, lumped or dirichlet; weights: multiplicity, or stiffness where it jumps between
-        partitions; tolerance: of the projected residual. Source: principal equations 2.10, 4i.
+        partitions; tolerance: of the projected residual; most: steps of one run. What a run leaves is solved
+        for in a short second one: it says what the solution is off, and mends one that is off by more than
+        the tolerance asks for. Source: principal equations 2.10, 4i.
         """
-        f, acceleration = self.relieved(self.loads(load), relief)
-        if weights not in WEIGHTS:
-            raise ConfigError(f"unknown weights '{weights}'", next_step=f"one of {', '.join(WEIGHTS)}")
-        P = self.by_stiffness if weights == "stiffness" else self.projection
-        b = np.asarray(self.topology.B.T @ self.inverse(f))
-        start = P.start(self.resultant(f))
-        moved = self.flexibility(start)
-        apply = self.precondition(preconditioner)
-        # where statics alone gives the multipliers, the residual is rounding from the start
-        least = ROUNDING * float(np.linalg.norm(b) + np.linalg.norm(moved))
-        done = projected_cg(self.flexibility, b - moved, P.forces, P.gaps, apply, tolerance, most, least)
-        lam = self.projection.balanced(start + done.x)
-        lam = lam + self.projection.start(self.resultant(f) - self.R_b.T @ lam)  # what rounding left over
-        gap = self.flexibility(lam) - b
-        alpha = self.projection.solve_coarse(self.R_b.T @ self.projection.averaged(gap))
-        return self.recovered(f, lam, alpha, acceleration, done)
+        return solve_iteratively(self, load, preconditioner, weights, tolerance, most, relief)
 
     def precondition(self, name: str) -> Any:
         """The preconditioner of that name, of displacements (multiplier,) of the interface."""
@@ -264,18 +219,3 @@ class PartitionedSystem:
         if displacement is None:
             return interface_forces(self, load, acceleration, **options)
         return stiffness_forces(self, load, displacement, acceleration, **options)
-
-    def recovered(
-        self, f: Array, lam: Array, alpha: Array, acceleration: Array, iterations: Iterations | None
-    ) -> Statics:
-        """Displacements, motion of the interface and energy that multipliers and rigid motions amount to."""
-        top, B = self.topology, self.topology.B
-        parts = list(zip(self.rigid_modes, top.dofs, self.columns, strict=True))  # type: ignore[arg-type]
-        u = self.inverse(f - B @ lam) + np.concatenate([r @ alpha[c] for r, _, c in parts])
-        S = self.whole()
-        if S.shape[1]:
-            u = u - S @ np.linalg.lstsq(S, u, rcond=None)[0]
-        alpha = np.concatenate([np.linalg.lstsq(r, u[d], rcond=None)[0] for r, d, _ in parts])
-        u_f = np.bincount(top.frame, B.T @ u, len(top.interface)) / top.count[top.interface]
-        energy = sum(0.5 * float(u[d] @ (K @ u[d])) for K, d in zip(self.stiffness, top.dofs, strict=True))
-        return Statics(u, alpha, lam, u_f, energy, S.shape[1], acceleration, iterations)

@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from forceid.errors import DataError
+from forceid.partition.given import real_matrix, real_positions
 from forceid.records import Array, Indices
 
 
@@ -73,7 +74,7 @@ class Topology:
         g = np.concatenate(self.glob)
         return sp.csr_array((np.ones(len(g)), (np.arange(len(g)), g)), (len(g), self.size))
 
-    @property
+    @cached_property
     def B(self) -> Any:
         """Interface extraction, sparse (dof, multiplier)."""
         at = np.concatenate([d.start + b for d, b in zip(self.dofs, self.boundary, strict=True)])
@@ -111,11 +112,14 @@ def topology(boolean: Sequence[Any]) -> Topology:
     >>> two_bars.interface.tolist(), two_bars.L_f.toarray().tolist()
     ([1], [[1.0], [1.0]])
     """
-    found, size = [], {L.shape[1] for L in boolean}
+    given = [real_matrix(L, f"Boolean matrix of partition {s}") for s, L in enumerate(boolean)]
+    found, size = [], {L.shape[1] for L in given}
     if len(size) != 1:
-        raise DataError(f"have {sorted(size)} columns, expected one number for all", "Boolean matrices")
-    for s, L in enumerate(boolean):
-        L, where = sp.csr_array(L), f"Boolean matrix of partition {s}"
+        what = f"have {sorted(size)} columns, expected one number for all"
+        next_step = "give every partition a column for each degree of freedom of the body"
+        raise DataError(what, "Boolean matrices", next_step)
+    for s, L in enumerate(given):
+        where = f"Boolean matrix of partition {s}"
         if not L.shape[0]:
             raise DataError("has no row: nothing of the partition is free", where, "leave the partition out")
         if L.nnz and not np.isin(L.data, (0, 1)).all():
@@ -123,7 +127,8 @@ def topology(boolean: Sequence[Any]) -> Topology:
         ones = np.asarray(L.sum(axis=1)).ravel()
         if (ones != 1).any():
             k = int((ones != 1).argmax())
-            raise DataError(f"has {ones[k]:.0f} ones in row {k}, expected exactly one", where)
+            what = f"has {ones[k]:.0f} ones in row {k}, expected exactly one"
+            raise DataError(what, where, "say of that degree of freedom which one of the body it is")
         L.eliminate_zeros()
         twice = np.flatnonzero(np.bincount(L.indices, minlength=L.shape[1]) > 1)
         if len(twice):
@@ -165,8 +170,12 @@ def boolean_from_names(names: Sequence[Sequence[Hashable]], axes: int) -> list[A
     >>> [L.toarray().tolist() for L in boolean_from_names([["a", "b"], ["b", "c"]], axes=1)]
     [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]
     """
+    if axes < 1 or axes % 1:
+        raise DataError(f"is {axes}, expected a whole number above zero", "axes", "count the rows of a node")
     order: dict[Hashable, int] = {}
     for name in (name for part in names for name in part):
+        if not isinstance(name, Hashable):
+            raise DataError(f"hold {name!r}, expected text, numbers or tuples", "names", "name it by a tuple")
         order.setdefault(name, len(order))
     found = []
     for part in names:
@@ -177,12 +186,10 @@ def boolean_from_names(names: Sequence[Sequence[Hashable]], axes: int) -> list[A
 
 def boolean_from_positions(positions: Sequence[ArrayLike], tolerance: float) -> list[Any]:
     """Boolean matrices of partitions (node, axis) m; nodes no farther apart than the tolerance are one."""
-    places = [np.asarray(x, dtype=float) for x in positions]
+    places = real_positions(positions)
     if not tolerance > 0:
-        raise DataError(f"is {tolerance}, expected a distance above zero", "tolerance")
+        raise DataError(f"is {tolerance}, expected a distance above zero", "tolerance", "give it in meters")
     every = np.concatenate(places)
-    if not np.isfinite(every).all():
-        raise DataError("hold numbers that are not finite", "positions")
     near = cKDTree(every).query_pairs(tolerance, output_type="ndarray")
     tie = sp.coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), (len(every), len(every)))
     name = connected_components(tie, directed=False)[1]

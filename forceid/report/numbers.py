@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -191,6 +192,22 @@ def plain(value: float, count: int) -> str:
     """
     rounded = float(f"{value:.{count}g}")
     return f"{rounded:.0f}" if 10**count <= abs(rounded) < 1e6 else f"{rounded:.{count}g}"
+
+
+def digits(value: float) -> str:
+    """Four significant digits, a dash for what is not known."""
+    return typeset(plain(value, 4)) if np.isfinite(value) else "–"
+
+
+def typeset(number: str) -> str:
+    """A number in plain ASCII with a true minus sign and its exponent raised.
+
+    >>> typeset("-6.5e-08 N")
+    '−6.5×10⁻⁸ N'
+    """
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    text = re.sub(r"e([+-]\d+)", lambda m: "×10" + str(int(m[1])).translate(raised), number)
+    return text.replace("-", "−")
 
 
 def plus_minus(values: Array, std: Array, unit: str) -> str:

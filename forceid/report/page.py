@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
-from matplotlib.figure import Figure
 
 from forceid import __version__
 from forceid.records import Array, Estimate
 from forceid.report.figures import draw_loads, draw_motion, draw_wrench
-from forceid.report.numbers import Numbers, plain, plus_minus, summarize
+from forceid.report.joint_section import joint_section
+from forceid.report.numbers import Numbers, digits, plain, plus_minus, summarize, typeset
 from forceid.report.path import draw_path
+from forceid.report.picture import Picture, embed
 from forceid.report.whiteness import draw_innovations
 
 HEADLINE = {
@@ -25,15 +22,6 @@ HEADLINE = {
     "degraded": "Degraded: usable with the cautions below.",
     "refused": "Refused: no estimate can be defended from these data.",
 }
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One figure of the page: its PNG in base64, what it shows, and a caption."""
-
-    data: str
-    title: str
-    caption: str
 
 
 def render_page(
@@ -53,6 +41,7 @@ def render_page(
         headline=HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
         rows=table(quoted),
+        joints=joint_section(estimate, truth),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
         budget=budget(estimate),
@@ -95,13 +84,6 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
     return [Picture(embed(figure), name, caption) for figure, name, caption in drawn]
 
 
-def embed(figure: Figure) -> str:
-    """The figure as PNG in base64; PNG keeps the page small however long the record is."""
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=160, facecolor="white")
-    return base64.b64encode(png.getvalue()).decode("ascii")
-
-
 def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
     """What a reader wants to know first, as name and value."""
     return [
@@ -128,22 +110,6 @@ def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
         ]
     known = [row for row in rows if np.isfinite(row[2]).any()]
     return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
-
-
-def digits(value: float) -> str:
-    """Four significant digits, a dash for what is not known."""
-    return typeset(plain(value, 4)) if np.isfinite(value) else "–"
-
-
-def typeset(number: str) -> str:
-    """A number in plain ASCII with a true minus sign and its exponent raised.
-
-    >>> typeset("-6.5e-08 N")
-    '−6.5×10⁻⁸ N'
-    """
-    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-    text = re.sub(r"e([+-]\d+)", lambda m: "×10" + str(int(m[1])).translate(raised), number)
-    return text.replace("-", "−")
 
 
 UNITS = {

@@ -1,22 +1,13 @@
 """Hinged: a chain of rigid blocks in free flight, held together by joints whose loads are known.
 
-Every block keeps its six coordinates. The accelerations and the joint forces, which are the Lagrange
-multipliers of the joints, solve the equations of motion of all blocks together with the constraints
-differentiated twice:
-
-    m_i a_i = m_i g + f_i + sum of joint forces          c_k + R_k b = c_i + R_i a      (ball, 3 rows)
-    H_i'    = sum of joint moments about c_i             u_1' . e = u_2' . e = 0        (hinge, 2 more)
-
-with e the hinge axis in the block before the joint and u' two axes across it in the block behind. Along the
-hinge axis, or about all axes of a ball, act a spring (straight chain: no moment) and a damper, and about the
-axis of a joint, if asked for, a motor.
-A joint load acts on the block behind the joint, with its moment about the joint.
+The blocks lie in a row, and touch where the joints are. In each joint act a spring and a damper, and, if
+asked for, a motor about its axis; on one block, if asked for, a push. What the joints pass follows from the
+equations of motion in `jointed_blocks`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -25,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.drawn_loads import drawn_loads
+from forceid.scenes.drawn_loads import draw_periodic
+from forceid.scenes.jointed_blocks import Chain, ChainState, skew, solve_joints
 from forceid.scenes.mechanics import Flight, deforming_truth, inertia_tensor, integrate
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -79,29 +71,6 @@ class Parameters(Section):
         return self
 
 
-@dataclass(frozen=True)
-class Chain:
-    """Constants of a chain: mass (block,), inertia (block, 3, 3) in block axes, arms (joint, 2, 3) m from the
-    centers of the blocks before and behind to the joint, axis (joint, 3) and two across (joint, 2, 3) it.
-    """
-
-    mass: Array
-    inertia: Array
-    arms: Array
-    axis: Array
-    across: Array
-
-
-@dataclass(frozen=True)
-class ChainState:
-    """One instant, world axes: center, velocity, omega (block, 3), R (block, 3, 3)."""
-
-    center: Array
-    velocity: Array
-    R: Array
-    omega: Array
-
-
 def chain_of(parameters: Parameters) -> Chain:
     """The constants that the parameters describe."""
     p = parameters
@@ -113,78 +82,23 @@ def chain_of(parameters: Parameters) -> Chain:
     arms[:, 0, 0], arms[:, 1, 0] = 0.5 * size[:-1, 0], -0.5 * size[1:, 0]
     axis = np.array(p.axis) / np.linalg.norm(p.axis, axis=1, keepdims=True)
     across = np.stack([np.linalg.svd(e[None])[2][1:] for e in axis])
-    return Chain(mass, inertia, arms, axis, across)
+    return Chain(
+        mass, inertia, p.joint, arms, axis, across,
+        np.array(p.stiffness), np.array(p.damping), np.array(p.gravity), p.push_block,
+    )  # fmt: skip
 
 
 def drawn(parameters: Parameters) -> Callable[[float], tuple[Array, Array]]:
     """The drawn loads as a function of time: force (3,) N on block push_block, motor moments (joint,) N m."""
     p = parameters
-    loads = drawn_loads([p.push] * 3 + [p.drive] * len(p.joint), p.drawn_frequency, p.drawn_seed)
+    std, rate = [p.push] * 3 + [p.drive] * len(p.joint), 2 * np.pi * p.drawn_frequency
+    loads = draw_periodic(std, rate, np.random.default_rng(p.drawn_seed))
 
     def split(t: float) -> tuple[Array, Array]:
-        now = loads(t)
+        now = loads.at(np.array([t]))[0]
         return now[:3], now[3:]
 
     return split
-
-
-def skew(a: Array) -> Array:
-    """[a]x of vectors (..., 3)."""
-    x, y, z = np.moveaxis(a, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
-
-
-def passive_moment(p: Parameters, chain: Chain, now: ChainState, motor: Array) -> Array:
-    """Moment (joint, 3) N m of spring, damper and motor (joint,) on the block behind each joint."""
-    bend = Rotation.from_matrix(now.R[1:] @ now.R[:-1].mT).as_rotvec()
-    rate = now.omega[1:] - now.omega[:-1]
-    moment = -np.array(p.stiffness)[:, None] * bend - np.array(p.damping)[:, None] * rate
-    e = (now.R[:-1] @ chain.axis[..., None])[..., 0]
-    hinge = np.array([kind == "hinge" for kind in p.joint])[:, None]
-    return np.asarray(np.where(hinge, (moment * e).sum(1, keepdims=True) * e, moment) + motor[:, None] * e)
-
-
-def solve_joints(
-    p: Parameters, chain: Chain, now: ChainState, loads: tuple[Array, Array]
-) -> tuple[Array, Array, Array]:
-    """Accelerations (block, 6), joint forces and moments (joint, 3) on the blocks behind, of one instant."""
-    n, R, w = len(chain.mass), now.R, now.omega
-    J = R @ chain.inertia @ R.mT
-    M, load = np.zeros((6 * n, 6 * n)), np.zeros((n, 6))
-    for i in range(n):
-        M[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = chain.mass[i] * np.eye(3)
-        M[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = J[i]
-    load[:, :3] = chain.mass[:, None] * np.array(p.gravity)
-    load[p.push_block, :3] += loads[0]
-    load[:, 3:] = -np.cross(w, (J @ w[..., None])[..., 0])
-    passive = passive_moment(p, chain, now, loads[1])
-    load[1:, 3:] += passive
-    load[:-1, 3:] -= passive
-    rows, right = [], []
-    for j, kind in enumerate(p.joint):
-        before, behind = R[j] @ chain.arms[j, 0], R[j + 1] @ chain.arms[j, 1]
-        G = np.zeros((5 if kind == "hinge" else 3, n, 6))
-        G[:3, j, :3], G[:3, j, 3:] = -np.eye(3), skew(before)
-        G[:3, j + 1, :3], G[:3, j + 1, 3:] = np.eye(3), -skew(behind)
-        late = np.cross(w[j], np.cross(w[j], before)) - np.cross(w[j + 1], np.cross(w[j + 1], behind))
-        if kind == "hinge":
-            e, u = R[j] @ chain.axis[j], chain.across[j] @ R[j + 1].T
-            normal = np.cross(u, e)
-            G[3:, j, 3:], G[3:, j + 1, 3:] = -normal, normal
-            turning = np.cross(np.cross(w[j + 1], u), e) + np.cross(u, np.cross(w[j], e))
-            late = np.append(late, -turning @ (w[j + 1] - w[j]))
-        rows.append(G.reshape(len(G), 6 * n))
-        right.append(late)
-    G, k = np.concatenate(rows), sum(map(len, rows))
-    system = np.block([[M, -G.T], [G, np.zeros((k, k))]])
-    solution = np.linalg.solve(system, np.concatenate([load.ravel(), *right]))
-    force, moment, at = np.zeros((n - 1, 3)), passive.copy(), 6 * n
-    for j, G_j in enumerate(rows):
-        force[j] = solution[at : at + 3]
-        moment[j] += G_j[3:, 6 * j + 9 : 6 * j + 12].T @ solution[at + 3 : at + len(G_j)]
-        at += len(G_j)
-    return solution[: 6 * n].reshape(n, 6), force, moment
 
 
 def launch(p: Parameters, chain: Chain) -> ChainState:
@@ -213,23 +127,13 @@ def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
 
     def rate(t: float, y: Array) -> Array:
         now = unpack(y)
-        a, _, _ = solve_joints(p, chain, now, loads(t))
+        a, _, _ = solve_joints(chain, now, loads(t))
         turning = skew(now.omega) @ now.R
         return np.concatenate([now.velocity.ravel(), a[:, :3].ravel(), turning.ravel(), a[:, 3:].ravel()])
 
     start = launch(p, chain)
     y0 = np.concatenate([start.center.ravel(), start.velocity.ravel(), start.R.ravel(), start.omega.ravel()])
     return [unpack(y) for y in integrate(rate, y0, time, TOLERANCE)]
-
-
-def energy(parameters: Parameters, now: ChainState) -> float:
-    """Kinetic energy, that of the springs and that of the weight (J) at one instant."""
-    p, chain = parameters, chain_of(parameters)
-    J = now.R @ chain.inertia @ now.R.mT
-    bend = Rotation.from_matrix(now.R[1:] @ now.R[:-1].mT).as_rotvec()
-    kinetic = chain.mass @ (now.velocity**2).sum(1) + np.einsum("ia,iab,ib->", now.omega, J, now.omega)
-    weight = -chain.mass @ now.center @ np.array(p.gravity)
-    return float(0.5 * kinetic + 0.5 * np.array(p.stiffness) @ (bend**2).sum(1) + weight)
 
 
 def fly(parameters: Parameters, time: Array) -> Flight:
@@ -249,7 +153,7 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     pushes = np.array([push for push, _ in loads])
     load = np.zeros((len(time), len(size), 8, 3))
     load[:, p.push_block] = pushes[:, None] / 8
-    joints = [solve_joints(p, chain, s, f)[1:] for s, f in zip(states, loads, strict=True)]
+    joints = [solve_joints(chain, s, f)[1:] for s, f in zip(states, loads, strict=True)]
     truth = deforming_truth(mass, rest, x, v_nodes, load.reshape(x.shape)) | {
         "joint_force": np.array([force for force, _ in joints]),
         "joint_moment": np.array([moment for _, moment in joints]),

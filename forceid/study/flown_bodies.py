@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body
+from forceid.scenes.drawn_loads import Drawn, draw
 from forceid.scenes.mechanics import inertia_tensor, integrate
-from forceid.study.drawn_loads import Drawn, draw
 
 X = np.array(
     [

@@ -18,7 +18,7 @@ from forceid.kalman.tuning import Tuned
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import fit_pose
 from forceid.records import Array, Flags
-from forceid.study.drawn_loads import ORDER
+from forceid.scenes.drawn_loads import ORDER
 from forceid.study.flown_bodies import PLACE, Flown
 
 LEAST = 1e-6  # of a load's size, along a direction that it does not have

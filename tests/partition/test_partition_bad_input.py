@@ -1,12 +1,15 @@
 """Bad input to a partitioned system: what is wrong, where, and what to do, in one sentence."""
 
+import re
+
 import lecture_cases as lc
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition import PartitionedSystem
+from forceid.partition import PartitionedSystem, boolean_from_names
+from forceid.principal.operator import summation_operator
 
 PAIR = np.array([[1.0, -1.0], [-1.0, 1.0]])
 HELD = PAIR + np.diag([0.0, 1.0])
@@ -51,6 +54,44 @@ def test_what_is_replaced_here_is_right_as_it_stands():
 def test_matrices_that_make_no_system_are_refused_by_partition(replaced, told):
     with pytest.raises(DataError, match=told):
         build(**replaced)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (HELD * 1j, "holds complex numbers, expected real numbers; give an array of float64"),
+        ([["a", "b"], ["c", "d"]], "holds text, expected real numbers"),
+        ([[1, None], [None, 1]], "holds objects, expected real numbers"),
+        (None, "holds objects, expected real numbers"),
+        ([[1, 2], [3]], "has rows of different lengths, expected an array; fill it"),
+        ([1.0, 2.0], r"has shape \(2,\), expected 2 axes; give rows and columns"),
+        (3.0, r"has shape \(\), expected 2 axes"),
+    ],
+)
+@pytest.mark.parametrize("name", ["stiffness", "mass", "boolean"])
+def test_what_is_no_matrix_of_real_numbers_is_told_by_partition(name, given, told):
+    right = {"stiffness": PAIR, "mass": PAIR, "boolean": LINE[0]}[name]
+    where = "Boolean matrix" if name == "boolean" else name
+    with pytest.raises(DataError, match=f"^{where} of partition 1 {told}"):
+        build(**{name: [right, given]})
+
+
+def test_boolean_rows_with_two_ones_or_none_are_told_with_what_they_say():
+    for row, ones in (([0, 1, 1], 2), ([0, 0, 0], 0)):
+        with pytest.raises(DataError, match=f"has {ones} ones in row 0, expected exactly one; say of that"):
+            build(boolean=[np.eye(3)[:2], [row, [0, 0, 1]]])
+
+
+def test_negative_mass_is_refused():
+    with pytest.raises(DataError, match="mass of partition 1 is -1 kg at degree of freedom 1, expected zero"):
+        build(mass=[np.eye(2), np.diag([1.0, -1.0])])
+
+
+def test_names_that_cannot_be_compared_and_axes_that_are_no_number_are_told():
+    with pytest.raises(DataError, match=r"names hold \[0, 1\], expected text, numbers or tuples"):
+        boolean_from_names([[[0, 1]]], 1)
+    with pytest.raises(DataError, match=r"axes is 1.5, expected a whole number above zero"):
+        boolean_from_names([["a"]], 1.5)
 
 
 def test_asymmetry_of_rounding_size_is_none():
@@ -132,3 +173,72 @@ def test_partition_of_no_stiffness_moves_freely_and_is_told():
 def test_partition_of_no_stiffness_may_have_its_modes_given():
     system = build([sp.csr_array((2, 2)), HELD], modes=[np.eye(2), None])
     assert system.solve([0.0, 0.0, 1.0]).u == pytest.approx([0.0, 1.0, 1.0, 1.0], abs=1e-14)
+
+
+def floating():
+    """Two springs in line that nothing holds, pulled at one end."""
+    return build([PAIR, PAIR]).solve([1.0, 0.0, 0.0])
+
+
+def hinged_square():
+    """A square of four hinged bars said to be rigid, braced by another part."""
+    S = summation_operator(lc.SQUARE)
+    parts = [lc.bars(lc.EDGES), lc.bars(lc.EDGES + lc.DIAGONALS)]
+    return PartitionedSystem(parts, None, [np.eye(8)] * 2, [S, S]).solve(np.zeros(8))
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "found", "step"),
+    [
+        (
+            lambda: build([PAIR, HELD + UPPER]),
+            DataError,
+            "entries differ by 5.0e-01 of the largest",
+            "average",
+        ),
+        (hinged_square, DataError, "more zero modes than the 3 given: a mechanism", "stiffen it, or leave"),
+        (lambda: build(boolean=[np.eye(3)[[0, 0]], np.eye(3)[1:]]), DataError, "0 twice", "once at most"),
+        (
+            lambda: build(boolean=[np.eye(4)[:2], np.eye(4)[2:]]),
+            DataError,
+            "2 pieces",
+            "each piece by itself",
+        ),
+        (lambda: build(boolean=[np.eye(4)[:2], np.eye(4)[1:3]]), DataError, "the first 3", "drop their col"),
+        (floating, EstimationError, "nothing holds 1 motions", "relief=True"),
+    ],
+    ids=["asymmetry", "mechanism", "repeated", "apart", "unused", "floating"],
+)
+def test_a_refusal_is_one_line_with_what_was_found_and_the_next_step(ask, error, found, step):
+    with pytest.raises(error) as caught:
+        ask()
+    assert found in caught.value.what
+    assert step in caught.value.next_step
+    assert "\n" not in str(caught.value)
+
+
+def test_loads_are_told_to_be_out_of_balance_by_their_resultant_about_the_point_of_the_modes():
+    system, load = lc.free_plate()
+    place = lc.plane_stress((2, 2), 3).parts.place
+    out = summation_operator(place, place.mean(axis=0)).T @ load
+    with pytest.raises(EstimationError, match=re.escape("(" + ", ".join(f"{v:.4g}" for v in out) + ")")):
+        system.solve(load)
+
+
+def test_every_way_out_that_is_offered_to_a_floating_body_works():
+    case = lc.plane_stress((2, 2), 3)
+    system, load = lc.free_plate()
+    S = summation_operator(case.parts.place)
+    balanced = load - S @ np.linalg.lstsq(S, load, rcond=None)[0]
+    relieved = system.solve(load, relief=True)
+    assert relieved.acceleration == pytest.approx([0.375, -1.10416667, -1.77777778], rel=1e-8)
+    assert not system.solve(balanced).acceleration.any()
+    assert case.system.solve(case.force).deficiency == 0
+
+
+def test_pieces_that_share_nothing_are_named_by_their_partitions_and_solve_by_themselves():
+    names = [["a", "b"], ["b", "c"], ["d", "e"], ["e", "f"], ["g", "h"]]
+    with pytest.raises(DataError, match=r"fall into 3 pieces that share nothing: \[0, 1\], \[2, 3\], \[4\]"):
+        PartitionedSystem([PAIR] * 5, None, boolean_from_names(names, 1))
+    piece = PartitionedSystem([PAIR] * 2, None, boolean_from_names(names[2:4], 1))
+    assert piece.solve([-1.0, 0.0, 1.0]).u == pytest.approx([-1, 0, 0, 1], abs=1e-12)

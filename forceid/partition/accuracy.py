@@ -1,0 +1,181 @@
+"""How far a solution in parts is off: one more, of what it leaves of its equations and of what nobody knows.
+
+A solution leaves r_s = f_s - K_s u_s - B_s lambda_s of every part, and gaps B^T u - L_f u_f between them.
+Solved for by the same means they make a correction, which is what the solution is off. Beside them stand
+loads of random sign: rounding of the given ones, what they are out of balance, and what rigid modes strain
+their part beyond rounding. Up to rounding K_s R_s is zero here: stiff parts that move far would else carry as
+much of it as soft ones carry force.
+Source: principal equations 2.9, 6; N. J. Higham, Accuracy and Stability of Numerical Algorithms, chapter 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from forceid.records import Array
+
+if TYPE_CHECKING:
+    from forceid.partition.projection import Projection
+    from forceid.partition.system import PartitionedSystem
+
+UNIT = float(np.finfo(float).eps) / 2  # of a number, which rounding takes or adds
+SURE = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
+STRAINED = 4  # roundings of its terms, beyond which K R is more than that
+HELD = 64 * UNIT  # of motions and forces, that they are off as they are held and summed
+PASSES = 3  # corrections at most
+WORSE = 2.0  # times the last error, above which a correction is taken back
+HELPS = 0.1  # of the last correction, which one is to be at most for another to be worth it
+EVEN = 100.0  # ratio of stiffnesses up to which it does not matter which of two parts follows the other
+SMALL = 1e-6  # of the loads at the interface, below which multipliers are measured by these
+
+Solve = Callable[[Array, Array, float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What nobody knows: forces (dof,) N, and gaps (multiplier,) m that are no more than rounding of motions.
+
+    rounding: of the loads, of random sign; imbalance N: length of what is random all over; strain: what K and
+    the same without its rigid motions differ by.
+    """
+
+    rounding: Array
+    imbalance: float
+    strain: Array
+    gap: Array
+
+    def drawn(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Loads (dof,) and gaps (multiplier,) that may be there unseen."""
+        n = len(self.rounding)
+        signs, way = rng.choice([-1.0, 1.0], n), rng.standard_normal(n)
+        load = signs * self.rounding + self.imbalance / np.sqrt(max(n, 1)) * way - self.strain
+        return np.asarray(load), np.asarray(rng.choice([-1.0, 1.0], len(self.gap)) * self.gap)
+
+
+@dataclass(frozen=True)
+class Improved:
+    """lam and u, and what one more correction would change of each, relative to its length."""
+
+    lam: Array
+    u: Array
+    lam_error: float
+    error: float
+    doubt: Doubt
+
+    @property
+    def worse(self) -> float:
+        """The larger of the two errors."""
+        return max(self.lam_error, self.error)
+
+
+def improved(
+    system: PartitionedSystem,
+    f: Array,
+    found: tuple[Array, Array],
+    solve: Solve,
+    imbalance: float = 0.0,
+    enough: float = 0.0,
+    draws: int = 1,
+) -> Improved:
+    """Multipliers and motions corrected while that helps and they are off by more than enough.
+
+    found: lam (multiplier,) and u (dof,) of the loads f (dof,); solve: the same of loads (dof,), of gaps
+    (multiplier,) that are to be closed, and of the length of u, by which gaps are small; imbalance: of the
+    loads, relative to their length; draws: of what is unseen, each of which takes a solution. Raises what
+    `solve` raises.
+    """
+    rng, (lam, u) = np.random.default_rng(0), found
+    last: Improved | None = None
+    for _ in range(PASSES):
+        doubt = in_doubt(system, f, u, imbalance, SURE / np.sqrt(draws))
+        r, gap = left(system, f, lam, u)
+        drawn = [doubt.drawn(rng) for _ in range(draws)]
+        each = [solve(in_balance(system, r + unseen), gap + slit, length(u)) for unseen, slit in drawn]
+        off = np.array([errors(system, f, lam, u, *more) for more in each])
+        lam_error, error = np.sqrt((off**2).mean(axis=0)).tolist()
+        now = Improved(lam, u, lam_error, error, doubt)
+        if last is not None and now.worse > WORSE * last.worse:
+            return last
+        if now.worse <= enough or (last is not None and now.worse > HELPS * last.worse):
+            return now
+        more_lam, more_u = solve(in_balance(system, r), gap, length(u))  # without what is only drawn
+        last, lam, u = now, lam + more_lam, u + more_u
+    assert last is not None
+    return last
+
+
+def errors(
+    system: PartitionedSystem, f: Array, lam: Array, u: Array, more_lam: Array, more_u: Array
+) -> tuple[float, float]:
+    """Errors of multipliers and motions by their correction, and by what it leaves, relative to their length.
+
+    It leaves gaps, to be closed where parts are soft, and by rigid motions before forces.
+    """
+    top, new_u = system.topology, u + more_u
+    gap = system.projection.averaged(top.B.T @ new_u)
+    closing = system.precondition("lumped")(yielding(system).gaps(gap))
+    force = max(length(lam + more_lam), SMALL * length(top.B.T @ f))
+    return (
+        HELD + share(length(more_lam) + length(closing), force),
+        HELD + share(length(more_u) + length(gap), length(new_u)),
+    )
+
+
+def yielding(system: PartitionedSystem) -> Projection:
+    """The projection by which the softer of two parts follows the other, where that makes a difference."""
+    stiff = np.concatenate([K.diagonal() for K in system.stiffness])
+    uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()
+    return system.by_stiffness if uneven else system.projection
+
+
+def left(system: PartitionedSystem, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
+    """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
+    top = system.topology
+    r = f - top.B @ system.projection.balanced(lam)
+    for K, Q, d in zip(system.stiffness, system.rigid, top.dofs, strict=True):
+        inner = K @ (u[d] - Q @ (Q.T @ u[d]))
+        r[d] -= inner - Q @ (Q.T @ inner)
+    return r, system.projection.averaged(top.B.T @ u)
+
+
+def in_doubt(system: PartitionedSystem, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
+    """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
+    strain, size, held = np.zeros_like(f), np.abs(f), np.zeros_like(f)
+    parts = zip(system.stiffness, system.rigid_modes or (), system.rigid, system.topology.dofs, strict=True)
+    for K, R, Q, d in parts:
+        rigid, terms = Q @ (Q.T @ u[d]), abs(K)
+        inner = u[d] - rigid
+        forced, summed = K @ rigid, Q.T @ (K @ inner)
+        rounding = terms @ np.abs(rigid), np.abs(Q).T @ (terms @ np.abs(inner))
+        if any(
+            length(x) > STRAINED * UNIT * length(y) for x, y in zip((forced, summed), rounding, strict=True)
+        ):
+            strain[d] = forced + Q @ summed
+        size[d] += terms @ np.abs(inner)
+        held[d] = np.abs(inner) + np.abs(R) @ np.abs(np.linalg.lstsq(R, u[d], rcond=None)[0])
+    gap = sure * UNIT * (system.topology.B.T @ held)
+    return Doubt(sure * UNIT * size, imbalance * length(f) * np.sqrt(sure), strain, gap)
+
+
+def in_balance(system: PartitionedSystem, f: Array) -> Array:
+    """Loads (dof,) less, by least squares, what moves the whole."""
+    S = system.free_motions
+    return np.asarray(f - S @ (S.T @ f))
+
+
+def length(x: Array) -> float:
+    """Euclidean."""
+    return float(np.linalg.norm(x))
+
+
+def share(part: float, whole: float) -> float:
+    """Part over whole; none of nothing.
+
+    >>> share(1.0, 4.0), share(0.0, 0.0)
+    (0.25, 0.0)
+    """
+    return part / whole if part > 0 and whole > 0 else 0.0
