@@ -134,29 +134,25 @@ def yielding(system: PartitionedSystem) -> Projection:
 
 def left(system: PartitionedSystem, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
     """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
-    top = system.topology
-    r = f - top.B @ system.projection.balanced(lam)
-    for K, Q, d in zip(system.stiffness, system.rigid, top.dofs, strict=True):
-        inner = K @ (u[d] - Q @ (Q.T @ u[d]))
-        r[d] -= inner - Q @ (Q.T @ inner)
+    top, K, Q = system.topology, system.K, system.rigid
+    inner = K @ (u - Q @ (Q.T @ u))
+    r = f - top.B @ system.projection.balanced(lam) - (inner - Q @ (Q.T @ inner))
     return r, system.projection.averaged(top.B.T @ u)
 
 
 def in_doubt(system: PartitionedSystem, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
     """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
-    strain, size, held = np.zeros_like(f), np.abs(f), np.zeros_like(f)
-    parts = zip(system.stiffness, system.rigid_modes or (), system.rigid, system.topology.dofs, strict=True)
-    for K, R, Q, d in parts:
-        rigid, terms = Q @ (Q.T @ u[d]), abs(K)
-        inner = u[d] - rigid
-        forced, summed = K @ rigid, Q.T @ (K @ inner)
-        rounding = terms @ np.abs(rigid), np.abs(Q).T @ (terms @ np.abs(inner))
-        if any(
-            length(x) > STRAINED * UNIT * length(y) for x, y in zip((forced, summed), rounding, strict=True)
-        ):
-            strain[d] = forced + Q @ summed
-        size[d] += terms @ np.abs(inner)
-        held[d] = np.abs(inner) + np.abs(R) @ np.abs(np.linalg.lstsq(R, u[d], rcond=None)[0])
+    K, Q, R, strain = system.K, system.rigid, system.modes, np.zeros_like(f)
+    terms, rigid = abs(K), Q @ (Q.T @ u)
+    inner = u - rigid
+    forced, summed = K @ rigid, Q.T @ (K @ inner)
+    rounding = terms @ np.abs(rigid), abs(Q).T @ (terms @ np.abs(inner))
+    for d, c in zip(system.topology.dofs, system.columns, strict=True):
+        pairs = (forced[d], rounding[0][d]), (summed[c], rounding[1][c])
+        if any(length(x) > STRAINED * UNIT * length(y) for x, y in pairs):
+            strain[d] = forced[d] + Q[d, c] @ summed[c]
+    size = np.abs(f) + terms @ np.abs(inner)
+    held = np.abs(inner) + abs(R) @ np.abs(system.pinned @ u)
     gap = sure * UNIT * (system.topology.B.T @ held)
     return Doubt(sure * UNIT * size, imbalance * length(f) * np.sqrt(sure), strain, gap)
 

@@ -45,7 +45,7 @@ def projected_cg(
     """X in the range of P with P^T F x = P^T b, to |P^T r| <= tolerance |P^T b|, or to `least`.
 
     F: symmetric and definite there; forces: P, gaps: P^T, precondition: symmetric. Raises EstimationError
-    where `most` steps do not do, or F is not definite.
+    where `most` steps do not do, or where F or the preconditioner is not definite.
     """
     r = gaps(b)
     x, residual = np.zeros_like(b), [float(np.linalg.norm(r))]
@@ -60,6 +60,12 @@ def projected_cg(
             )
         z = forces(precondition(r))
         now = float(r @ z)
+        if not now > 0:
+            raise EstimationError(
+                "meet gaps that the preconditioner pulls apart: rounding has taken its sign",
+                "conjugate gradients",
+                "solve directly, or take weights by multiplicity where stiffness jumps by many decades",
+            )
         beta = now / last if last else 0.0
         p, last = z + beta * p, now
         Fp = gaps(F(p))

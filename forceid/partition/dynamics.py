@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.conjugate_gradient import projected_cg
-from forceid.partition.inverse import Factor, factors
-from forceid.partition.preconditioners import preconditioner, solved
+from forceid.partition.inverse import Factor, factors, solved
+from forceid.partition.preconditioners import preconditioner
 from forceid.partition.projection import FREE
 from forceid.partition.system import PartitionedSystem
 from forceid.records import Array, Indices
@@ -89,7 +89,7 @@ class TiedParts:
 
     def inverse(self, g: Array) -> Array:
         """D^-1 g of loads (dof,)."""
-        return np.concatenate(solved(*self.factored, [g[d] for d in self.system.topology.dofs]))
+        return solved(*self.factored, self.system.topology.dofs, g)
 
     def flexibility(self, lam: Array) -> Array:
         """F lambda = B^T D^-1 B lambda."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.linalg import eigh, qr
 from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
+from forceid.partition.blocks import LARGEST, Apply, alike, dense
 from forceid.partition.given import real_matrix
 from forceid.records import Array, Indices
 
@@ -47,6 +49,20 @@ class Factor:
             x[self.free] = self.lu.solve(np.ascontiguousarray(load[self.free]))
         return x
 
+    def between(self, rows: Indices) -> Array:
+        """The rows and columns (row, row) of K^- at some degrees of freedom."""
+        return self.moved(rows, np.eye(len(rows)))
+
+    def moved(self, rows: Indices, load: Array) -> Array:
+        """Displacements (row, load) of some degrees of freedom under loads (row, load) on these."""
+        f = np.zeros((self.size, load.shape[1]))
+        f[rows] = load
+        return self.solve(f)[rows]
+
+    def at(self, rows: Indices) -> Apply:
+        """The same as a product, which is kept dense where it is small."""
+        return dense(self.between(rows)) if len(rows) <= LARGEST else partial(self.moved, rows)
+
 
 def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
     """The matrix as sparse rows; a DataError where it is not square, finite, symmetric, or a mass below 0."""
@@ -68,6 +84,19 @@ def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
             "average it with its transpose if that is rounding, else look at the element that makes it",
         )  # fmt: skip
     return K
+
+
+def all_symmetric(matrices: Sequence[Any], name: str = "stiffness") -> tuple[Any, ...]:
+    """The matrices of all partitions as `symmetric` gives them, equal ones looked at once."""
+    found: list[Any] = []
+    known: dict[str, Any] = {}
+    for s, given in enumerate(matrices):
+        K = real_matrix(given, f"{name} of partition {s}")
+        digest = f"{K.shape} {digest_of(K)}"
+        if digest not in known:
+            known[digest] = symmetric(K, s, name)
+        found.append(known[digest])
+    return tuple(found)
 
 
 def zero_modes(K: Any) -> Array:
@@ -162,10 +191,22 @@ def factors(stiffness: Sequence[Any], modes: Sequence[Array]) -> tuple[tuple[Fac
     each: list[Factor] = []
     which = []
     for s, (K, R) in enumerate(zip(stiffness, modes, strict=True)):
-        digest = hashlib.sha256(K.indptr.tobytes() + K.indices.tobytes() + K.data.tobytes())
-        key = f"{R.shape[1]} {digest.hexdigest()}"
+        key = f"{R.shape[1]} {digest_of(K)}"
         if key not in found:
             found[key] = len(each)
             each.append(factor(K, R, s))
         which.append(found[key])
     return tuple(each), np.array(which)
+
+
+def digest_of(K: Any) -> str:
+    """What tells one sparse matrix from another."""
+    return hashlib.sha256(K.indptr.tobytes() + K.indices.tobytes() + K.data.tobytes()).hexdigest()
+
+
+def solved(each: Sequence[Factor], which: Indices, dofs: Sequence[slice], f: Array) -> Array:
+    """K^- f of loads (dof,) on all parts, those of equal parts at once."""
+    x = np.empty(f.shape)
+    for first, rows in alike(which.tolist(), dofs):
+        x[rows] = each[which[first]].solve(f[rows].T).T
+    return x

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from forceid.partition.topology import Topology
 from forceid.records import Array
@@ -32,35 +34,49 @@ class Projection:
     R_b: Array
     weight: Array
 
+    @cached_property
+    def frame_sum(self) -> Any:
+        """L_f^T, sparse (frame, multiplier)."""
+        return sp.csr_array(self.topology.L_f.T)
+
+    @cached_property
+    def carried(self) -> Array:
+        """L_f^T W L_f (frame,): the weight at each interface node."""
+        return np.asarray(self.frame_sum @ self.weight)
+
     def averaged(self, x: Array) -> Array:
         """P_L^T x: displacements (multiplier, ...) less their weighted mean at each interface node."""
-        frame, count = self.topology.frame, len(self.topology.interface)
-        w = self.weight.reshape(-1, *[1] * (x.ndim - 1))
-        total = np.zeros((count, *x.shape[1:]))
-        np.add.at(total, frame, w * x)
-        share = np.bincount(frame, self.weight, count).reshape(-1, *[1] * (x.ndim - 1))
-        return np.asarray(x - (total / share)[frame])
+        total = self.frame_sum @ across(self.weight, x)
+        return np.asarray(x - across(1 / self.carried, total)[self.topology.frame])
 
     def balanced(self, x: Array) -> Array:
         """P_L x: forces (multiplier, ...) less what they add up to at each interface node, in shares by W."""
-        frame, count = self.topology.frame, len(self.topology.interface)
-        w = self.weight.reshape(-1, *[1] * (x.ndim - 1))
-        total = np.zeros((count, *x.shape[1:]))
-        np.add.at(total, frame, x)
-        share = np.bincount(frame, self.weight, count).reshape(-1, *[1] * (x.ndim - 1))
-        return np.asarray(x - w * (total / share)[frame])
+        total = across(1 / self.carried, self.frame_sum @ x)
+        return np.asarray(x - across(self.weight, total[self.topology.frame]))
 
     @cached_property
+    def modes(self) -> Any:
+        """R_b, sparse."""
+        return sp.csr_array(self.R_b)
+
+    @cached_property
+    def pushed(self) -> Any:
+        """P_L W R_b, sparse (multiplier, alpha): what the rigid motions of the parts do to each other."""
+        pushed = self.modes * self.weight[:, None]
+        mean = (self.frame_sum @ pushed) * (1 / self.carried)[:, None]
+        return sp.csr_array(pushed - (self.topology.L_f @ mean) * self.weight[:, None])
+
+    @property
     def coarse(self) -> Array:
-        """P_L W R_b (multiplier, alpha): what the rigid motions of the parts do to each other."""
-        return self.balanced(self.weight[:, None] * self.R_b)
+        """The same, dense."""
+        return np.asarray(self.pushed.toarray())
 
     @cached_property
     def spectrum(self) -> tuple[Array, Array]:
         """Eigenvalues and vectors of the coarse matrix R_b^T P_L W R_b: zero for motions of the whole."""
         if not self.R_b.shape[1]:
             return np.zeros(0), np.zeros((0, 0))
-        matrix = self.R_b.T @ self.coarse
+        matrix = (self.modes.T @ self.pushed).toarray()
         size = np.diag(matrix)
         # a mode that rests at the interface has a diagonal of rounding size, not to be scaled up to one
         scale = 1 / np.sqrt(np.where(size > HIDDEN * size.max(), size, 1.0))
@@ -87,16 +103,31 @@ class Projection:
 
     def start(self, resultant: Array) -> Array:
         """lambda_alpha: the multipliers least in W^-1 that balance the resultants R^T f (alpha,)."""
-        return np.asarray(self.coarse @ self.solve_coarse(resultant))
+        return np.asarray(self.pushed @ self.solve_coarse(resultant))
 
     def forces(self, x: Array) -> Array:
         """P x."""
         x = self.balanced(x)
-        return np.asarray(x - self.coarse @ self.solve_coarse(self.R_b.T @ x))
+        return np.asarray(x - self.pushed @ self.solve_coarse(self.modes_T @ x))
 
     def gaps(self, x: Array) -> Array:
         """P^T x: displacements less rigid motions of the parts and what all parts at a node share."""
         for _ in range(2):  # the second time takes off what rounding left, where the stiffness jumps
             x = self.averaged(x)
-            x = x - self.averaged(self.R_b @ self.solve_coarse(self.coarse.T @ x))
+            x = x - self.averaged(self.modes @ self.solve_coarse(self.pushed_T @ x))
         return np.asarray(x)
+
+    @cached_property
+    def modes_T(self) -> Any:
+        """R_b^T, sparse."""
+        return sp.csr_array(self.modes.T)
+
+    @cached_property
+    def pushed_T(self) -> Any:
+        """(P_L W R_b)^T, sparse."""
+        return sp.csr_array(self.pushed.T)
+
+
+def across(weight: Array, x: Array) -> Array:
+    """Weights (row,) times x (row, ...)."""
+    return np.asarray(weight * x if x.ndim == 1 else weight[:, None] * x)

@@ -21,20 +21,15 @@ from forceid.records import Array
 if TYPE_CHECKING:
     from forceid.partition.system import PartitionedSystem
 
-DENSE = 5000  # unknowns up to which the saddle-point system is solved as a dense one
+DENSE = 600  # unknowns up to which the saddle-point system is solved as a dense one
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
 
 
 def interface_flexibility(system: PartitionedSystem) -> list[Array]:
     """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
     each, which = system.factored
-    found = []
-    for k, b, d in zip(which, system.topology.boundary, system.topology.dofs, strict=True):
-        unit = np.zeros((d.stop - d.start, len(b)))
-        unit[b, np.arange(len(b))] = 1.0
-        F = each[k].solve(unit)[b]
-        found.append(0.5 * (F + F.T))
-    return found
+    found = [each[k].between(b) for k, b in zip(which, system.topology.boundary, strict=True)]
+    return [0.5 * (F + F.T) for F in found]
 
 
 @dataclass(frozen=True)

@@ -100,10 +100,10 @@ def solve_iteratively(
         runs.append(done)
         lam = system.projection.balanced(start + done.x)
         lam = lam + system.projection.start(
-            system.resultant(f) - system.R_b.T @ lam
+            system.resultant(f) - system.projection.modes_T @ lam
         )  # what rounding left over
         alpha = system.projection.solve_coarse(
-            system.R_b.T @ system.projection.averaged(system.flexibility(lam) - b)
+            system.projection.modes_T @ system.projection.averaged(system.flexibility(lam) - b)
         )
         return moved(system, f, lam, alpha)
 
@@ -151,8 +151,7 @@ def out_of_balance(system: PartitionedSystem, f: Array, acceleration: Array) -> 
 
 def moved(system: PartitionedSystem, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
     """The multipliers, and the motions u (dof,) that they and alpha amount to: none of the whole."""
-    parts = zip(system.rigid_modes or (), system.columns, strict=True)
-    u = system.inverse(f - system.topology.B @ lam) + np.concatenate([r @ alpha[c] for r, c in parts])
+    u = system.inverse(f - system.topology.B @ lam) + system.modes @ alpha
     return lam, in_balance(system, u)
 
 
@@ -166,13 +165,12 @@ def completed(
 ) -> Statics:
     """Rigid motions, motion of the interface, energy and verdict of the best solution."""
     top, u = system.topology, best.u
-    parts = list(zip(system.stiffness, system.rigid_modes or (), top.dofs, strict=True))
     return Statics(
         u=u,
-        alpha=np.concatenate([np.linalg.lstsq(r, u[d], rcond=None)[0] for _, r, d in parts]),
+        alpha=np.asarray(system.pinned @ u),
         lam=best.lam,
         u_f=np.bincount(top.frame, top.B.T @ u, len(top.interface)) / top.count[top.interface],
-        energy=sum(0.5 * float(u[d] @ (K @ u[d])) for K, _, d in parts),
+        energy=0.5 * float(u @ (system.K @ u)),
         deficiency=system.free_motions.shape[1],
         acceleration=acceleration,
         iterations=iterations,

@@ -17,9 +17,10 @@ from scipy.linalg import block_diag
 from scipy.sparse.linalg import LinearOperator
 
 from forceid.errors import DataError
+from forceid.partition.blocks import Apply, blocks, diagonal
 from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
-from forceid.partition.inverse import Factor, factors, rigid_modes, symmetric
-from forceid.partition.preconditioners import preconditioner, solved
+from forceid.partition.inverse import Factor, all_symmetric, factors, rigid_modes, solved
+from forceid.partition.preconditioners import preconditioner
 from forceid.partition.projection import Projection
 from forceid.partition.saddle import Saddle, factored_saddle
 from forceid.partition.statics import Statics, relieved, solve_direct, solve_iteratively
@@ -54,8 +55,8 @@ class PartitionedSystem:
         for name, given in (("mass", self.mass), ("boolean", self.boolean), ("rigid_modes", modes)):
             if given is not None and len(given) != count:
                 raise DataError(f"has {len(given)} entries, expected {count}, one a partition", name)
-        K = tuple(symmetric(k, s) for s, k in enumerate(self.stiffness))
-        M = None if self.mass is None else tuple(symmetric(m, s, "mass") for s, m in enumerate(self.mass))
+        K = all_symmetric(self.stiffness)
+        M = None if self.mass is None else all_symmetric(self.mass, "mass")
         found = topology(self.boolean)
         for s, (k, g) in enumerate(zip(K, found.glob, strict=True)):
             if k.shape[0] != len(g):
@@ -121,19 +122,25 @@ class PartitionedSystem:
             raise DataError("holds numbers that are not finite", "load")
         return f
 
+    @cached_property
+    def K(self) -> Any:
+        """Stiffness of all partitions, sparse (dof, dof)."""
+        return diagonal(self.stiffness)
+
     def resultant(self, f: Array) -> Array:
         """R^T f (alpha,) of loads (dof,)."""
-        parts = zip(self.rigid_modes, self.topology.dofs, strict=True)  # type: ignore[arg-type]
-        return np.concatenate([r.T @ f[d] for r, d in parts])
+        return np.asarray(self.modes.T @ f)
 
     def inverse(self, f: Array) -> Array:
         """K^- f of loads (dof,)."""
-        return np.concatenate(solved(*self.factored, [f[d] for d in self.topology.dofs]))
+        return solved(*self.factored, self.topology.dofs, f)
 
-    def flexibility(self, lam: Array) -> Array:
+    @cached_property
+    def flexibility(self) -> Apply:
         """F lambda = B^T K^- B lambda."""
-        B = self.topology.B
-        return np.asarray(B.T @ self.inverse(B @ lam))
+        boundary, (each, which) = self.topology.boundary, self.factored
+        keys = [(int(k), b.tobytes()) for k, b in zip(which, boundary, strict=True)]
+        return blocks(keys, self.topology.rows, lambda s: each[which[s]].at(boundary[s]))
 
     def whole(self) -> Array:
         """Rigid motions of the assembly (dof, mode), in units of those of its first floating partition."""
@@ -145,9 +152,19 @@ class PartitionedSystem:
         return np.concatenate([r @ free[c] for r, c in parts])
 
     @cached_property
-    def rigid(self) -> tuple[Array, ...]:
-        """Rigid modes of every partition, orthonormal."""
-        return tuple(np.linalg.qr(r)[0] for r in self.rigid_modes)  # type: ignore[union-attr]
+    def rigid(self) -> Any:
+        """Rigid modes of every partition, orthonormal, sparse (dof, alpha)."""
+        return diagonal([np.linalg.qr(r)[0] for r in self.rigid_modes or ()])
+
+    @cached_property
+    def pinned(self) -> Any:
+        """R^+ of every partition, sparse (alpha, dof)."""
+        return diagonal([np.linalg.pinv(r) for r in self.rigid_modes or ()])
+
+    @cached_property
+    def modes(self) -> Any:
+        """R of every partition, sparse (dof, alpha)."""
+        return diagonal(self.rigid_modes or ())
 
     @cached_property
     def free_motions(self) -> Array:
@@ -190,9 +207,16 @@ class PartitionedSystem:
         """
         return solve_iteratively(self, load, preconditioner, weights, tolerance, most, relief)
 
-    def precondition(self, name: str) -> Any:
+    def precondition(self, name: str) -> Apply:
         """The preconditioner of that name, of displacements (multiplier,) of the interface."""
-        return preconditioner(name, self.topology, self.stiffness)
+        if name not in self.preconditioners:
+            self.preconditioners[name] = preconditioner(name, self.topology, self.stiffness)
+        return self.preconditioners[name]
+
+    @cached_property
+    def preconditioners(self) -> dict[str, Apply]:
+        """Those made so far."""
+        return {}
 
     def operator(self) -> LinearOperator:
         """P^T F P for the solvers of scipy."""
