@@ -21,7 +21,8 @@ def run(
     scenes: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[SCENE...]", help="Shipped scenes by name, recipes, motion files with a truth; or all."
+            metavar="[SCENE...]",
+            help="Shipped scenes and bodies in parts by name, recipes, motion files with a truth; or all.",
         ),
     ] = None,
     short: Annotated[
@@ -31,6 +32,7 @@ def run(
 ) -> None:
     """Measure error, claim, time and memory of every method and of every peer installed, on every SCENE.
 
+    Bodies in parts are scenes too: plate_16, plate_64, strips, checkerboard, solid_8, with every solver.
     Writes DIR/chart.md, chart.json and a picture a scene. What is finished is kept in DIR/chart.jsonl: after
     an interruption, or with more scenes, the command goes on from there.
 
@@ -40,37 +42,44 @@ def run(
     from forceid.study.cases import sources
     from forceid.study.chart import FULL, SHORT
     from forceid.study.chart import run as chart
+    from forceid.study.parts_cases import GRIDS
 
     words = scenes or []
-    found = sources(words)
+    found, bodies = sources(words, GRIDS), [name for name in words or GRIDS if name in GRIDS]
     command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
     output.mkdir(parents=True, exist_ok=True)
     with progress() as bar:
         task = bar.add_task("", total=1.0)
         result = chart(
             found, output, SHORT if short else FULL, command,
-            lambda what, part: bar.update(task, description=what, completed=part),
+            lambda what, part: bar.update(task, description=what, completed=part), bodies,
         )  # fmt: skip
-    written = write(output, result)
+    written, pictures = write(output, result)
     if json:
         print(to_json(result))
         return
-    from forceid.study.chart_page import overview
+    from forceid.study import chart_page, chart_partition_page
 
-    print(overview(result["cases"]))
-    print(f"\n{written} and {len(result['cases']) + 1} pictures beside it")
+    if result["cases"]:
+        print(chart_page.overview(result["cases"]), end="\n\n")
+    if result["bodies_in_parts"]:
+        print(chart_partition_page.overview(result["bodies_in_parts"]), end="\n\n")
+    print(f"{written} and {len(pictures)} pictures beside it")
 
 
-def write(folder: Path, result: dict[str, Any]) -> Path:
-    """The page, the numbers and the pictures; returns the page."""
+def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
+    """The page, the numbers and the pictures; returns the page, and the names of the pictures."""
     import json
 
     from forceid.files.atomic import atomic
     from forceid.study.chart_figures import draw_case, draw_costs
     from forceid.study.chart_page import page
+    from forceid.study.chart_partition_figures import draw_body
 
     pictures = {f"chart_{case['name']}.png": draw_case(case) for case in result["cases"]}
-    pictures["chart_cost.png"] = draw_costs(result["cost"])
+    pictures |= {f"chart_{body['name']}.png": draw_body(body) for body in result["bodies_in_parts"]}
+    if result["cost"]:
+        pictures["chart_cost.png"] = draw_costs(result["cost"])
     for name, figure in pictures.items():
         with atomic(folder / name) as partial:
             figure.savefig(partial, format="png", dpi=160)
@@ -78,7 +87,7 @@ def write(folder: Path, result: dict[str, Any]) -> Path:
         partial.write_text(json.dumps(finite(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     with atomic(folder / "chart.md") as partial:
         partial.write_text(page(result), encoding="utf-8")
-    return folder / "chart.md"
+    return folder / "chart.md", list(pictures)
 
 
 def progress() -> Progress:

@@ -77,6 +77,7 @@ def diagonal(matrices: Sequence[Any]) -> Any:
 def entries(m: Any) -> tuple[Array, Indices, Indices]:
     """Entries of a matrix row by row, their columns, and how many a row has."""
     if sp.issparse(m):
-        return m.data, m.indices, np.diff(m.indptr)
+        rows_of: Any = m
+        return rows_of.data, rows_of.indices, np.diff(rows_of.indptr)
     rows, columns = m.shape
     return m.ravel(), np.tile(np.arange(columns), rows), np.full(rows, columns)

@@ -79,6 +79,11 @@ def solve_iteratively(
     """By projected conjugate gradients; arguments as in `PartitionedSystem.solve_cg`."""
     if weights not in WEIGHTS:
         raise ConfigError(f"unknown weights '{weights}'", next_step=f"one of {', '.join(WEIGHTS)}")
+    if not 0 < tolerance < 1 or most < 1:
+        raise ConfigError(
+            f"asks for a tolerance of {tolerance:g} in {most} steps",
+            next_step="a tolerance between 0 and 1, and one step or more",
+        )
     P = system.by_stiffness if weights == "stiffness" else system.projection
     apply = system.precondition(preconditioner)
     # without a preconditioner gaps do not show wrong forces between stiff partitions
@@ -137,9 +142,14 @@ def relieved(system: PartitionedSystem, f: Array, relief: bool) -> tuple[Array, 
             "balance it, hold the body, or ask for inertia relief with relief=True",
         )
     if system.mass is None:
-        raise DataError("is not given, and inertia relief needs it", "mass")
+        raise DataError("is not given, and inertia relief needs it", "mass", "give one matrix a partition")
     carried = np.concatenate([m @ S[d] for m, d in zip(system.mass, system.topology.dofs, strict=True)])
-    acceleration = np.linalg.solve(S.T @ carried, out)
+    try:
+        acceleration = np.linalg.solve(S.T @ carried, out)
+    except np.linalg.LinAlgError:
+        raise EstimationError(
+            "carry no mass along a motion that nothing holds", "partitions", "give their mass, or hold them"
+        ) from None
     top = system.topology
     return in_balance(system, f - top.shared(top.assembled(carried @ acceleration))), acceleration
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -48,8 +48,10 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
-def sources(asked: Sequence[str]) -> list[Path]:
+def sources(asked: Sequence[str], bodies: Collection[str] = ()) -> list[Path]:
     """Recipes and motion files that words name: shipped scenes, or paths; all shipped scenes for no word.
+
+    bodies: names beside those, that are known and no recordings.
 
     >>> [path.name for path in sources(["flexible_boomerang"])]
     ['flexible_boomerang.toml']
@@ -58,12 +60,16 @@ def sources(asked: Sequence[str]) -> list[Path]:
     forceid.errors.ConfigError: unknown scene 'flexible_bomerang'; did you mean 'flexible_boomerang'?
     """
     known = shipped()
-    found = [known.get(word, Path(word)) for word in asked or sorted(known)]
-    for word, path in zip(asked, found, strict=False):
+    found = []
+    for word in asked or sorted(known):
+        path = known.get(word, Path(word))
+        if word in bodies:
+            continue
         if path.suffix not in (".toml", ".h5"):
-            near = difflib.get_close_matches(word, known, n=1, cutoff=0.0)
+            near = difflib.get_close_matches(word, [*known, *bodies], n=1, cutoff=0.0)
             raise ConfigError(f"unknown scene '{word}'", next_step=f"did you mean '{near[0]}'?")
-    names = [path.stem for path in found]
+        found.append(path)
+    names = [path.stem for path in found] + [word for word in asked or bodies if word in bodies]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigError(f"two scenes are called '{twice[0]}'", next_step="rename one of them")
     return found

@@ -20,9 +20,10 @@ CAUTIOUS = ("refused", "degraded", "ok")  # among verdicts equally frequent, the
 
 @dataclass(frozen=True)
 class Trial:
-    """One record by one method: rms error, rms claimed deviation and rms bound of force and of moment.
+    """One record by one method: error, claimed deviation and bound of two quantities.
 
-    Each (2,) in N and N m over the central three quarters, per axis; NaN: not known, or not claimed. verdict:
+    Of a flight force and moment, rms in N and N m over the central three quarters, per axis; of a body in
+    parts forces and motions, relative. NaN: not known, or not claimed. verdict:
     ok, degraded, refused or crashed; reason: the first. told: what the budget of the result says that the
     error of the input costs, where no motion reveals it.
     """
@@ -37,7 +38,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Cell:
-    """Color; cause of a red one; pooled error over bound and error over claim, force and moment (2,).
+    """Color; cause of a red one; pooled error over bound and error over claim, of both quantities (2,).
 
     alone: seeds that would be red by themselves; ok, degraded, refused: how many; reason: the most frequent.
     """
@@ -58,8 +59,8 @@ class Cell:
         return self.color == "red" and self.cause.endswith(BEYOND)
 
 
-def judge_cell(trials: Sequence[Trial], coarse: bool) -> Cell:
-    """The cell of the trials of all seeds.
+def judge_cell(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = ("force", "moment")) -> Cell:
+    """The cell of the trials of all seeds; names: of the two quantities.
 
     red: an error that is no error of forceid's; or the verdict says ok and, over the seeds that say so, the
     rms error exceeds twice the claimed one, or no number is claimed, or it exceeds twice the bound. coarse:
@@ -75,7 +76,7 @@ def judge_cell(trials: Sequence[Trial], coarse: bool) -> Cell:
     verdicts = [t.verdict for t in trials]
     ok = [t for t in trials if t.verdict == "ok"]
     answered = [t for t in trials if t.verdict in ("ok", "degraded")]
-    cause = "crashed" if "crashed" in verdicts else fault(ok, coarse)
+    cause = "crashed" if "crashed" in verdicts else fault(ok, coarse, names)
     color: Color
     if cause and "crashed" not in verdicts and budgeted(ok):
         cause, color = "", "amber"
@@ -99,7 +100,7 @@ def judge_cell(trials: Sequence[Trial], coarse: bool) -> Cell:
     )
 
 
-def fault(trials: Sequence[Trial], coarse: bool) -> str:
+def fault(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = ("force", "moment")) -> str:
     """What is wrong with trials that say ok, together; empty where nothing is."""
     ok = [t for t in trials if t.verdict == "ok"]
     if not ok:
@@ -108,11 +109,11 @@ def fault(trials: Sequence[Trial], coarse: bool) -> str:
     claims = over(ok, "claimed")
     if not np.isfinite(claims).all():
         return "nothing claimed"
-    for name, ratio in zip(("force", "moment"), claims, strict=True):
+    for name, ratio in zip(names, claims, strict=True):
         if ratio > TWICE:
             return f"{name} error {ratio:.1f} times the claimed one"
     bounds = over(ok, "bound")
-    for name, ratio, told in zip(("force", "moment"), bounds, known, strict=True):
+    for name, ratio, told in zip(names, bounds, known, strict=True):
         if told and ratio > TWICE and not coarse:
             return f"{name} error {ratio:.1f} times {BEYOND}"
     return ""
@@ -129,7 +130,7 @@ def budgeted(trials: Sequence[Trial]) -> bool:
 
 
 def over(trials: Sequence[Trial], what: Literal["bound", "claimed"]) -> np.ndarray:
-    """Rms error over rms bound or claim of all trials together, of force and moment (2,)."""
+    """Rms error over rms bound or claim of all trials together, of both quantities (2,)."""
     if not trials:
         return np.full(2, np.nan)
     error = np.square([t.error for t in trials]).mean(0)

@@ -5,6 +5,7 @@ Everything finished is a line of chart.jsonl; an interrupted chart goes on where
 
 from __future__ import annotations
 
+import gc
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -20,11 +21,13 @@ import numpy as np
 import forceid
 from forceid.errors import ForceIdError
 from forceid.kalman.engines import engine
+from forceid.study import chart_partition
 from forceid.study.cases import LOADS, Case, records
 from forceid.study.contestant import Answer, Contestant
 from forceid.study.cost import costs
 from forceid.study.journal import Journal, key, version
 from forceid.study.methods import DEFAULT, ours, worth_while
+from forceid.study.parts_solvers import solvers
 from forceid.study.peers import peers
 from forceid.study.scoring import mean_seconds, peak_of, rms, score, seconds_of, share
 from forceid.study.simplifications import simplifications
@@ -35,7 +38,7 @@ COUNTED = (
     "scoring",
 )  # fmt: skip
 COLD = 2.0  # s: a first run that is shorter may be mostly imports, and is run again
-PACKAGES = ("numpy", "scipy", "filterpy", "statsmodels", "pynumdiff")
+PACKAGES = ("numpy", "scipy", "filterpy", "statsmodels", "pynumdiff", "pyamg")
 
 
 @dataclass(frozen=True)
@@ -61,25 +64,61 @@ def contestants(extent: Extent) -> tuple[list[Contestant], list[str]]:
 
 
 def run(
-    sources: Sequence[Path], folder: Path, extent: Extent, command: str, advance: Callable[[str, float], None]
+    sources: Sequence[Path],
+    folder: Path,
+    extent: Extent,
+    command: str,
+    advance: Callable[[str, float], None],
+    bodies: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """All numbers of the chart. advance(what, part) is told what is under way, and the part that is done."""
+    """All numbers of the chart. advance(what, part) is told what is under way, and the part that is done.
+
+    bodies: in parts, by name. What holds of estimators in general is measured where there are recordings.
+    """
     journal, stamp = Journal.opened(folder / "chart.jsonl"), version(*COUNTED)
-    everyone, missing = contestants(extent)
-    cases = []
+    everyone, missing = contestants(extent) if sources else ([], [])
+    cases, width = [], 1 / (len(sources) + len(bodies) + bool(sources))
     for i, source in enumerate(sources):
-        said = partial(progress, advance, i / (len(sources) + 1), 1 / (len(sources) + 1))
+        said = partial(progress, advance, i * width, width)
         cases.append(charted(source, everyone, extent, journal, stamp, said))
-    last = partial(progress, advance, len(sources) / (len(sources) + 1), 1 / (len(sources) + 1))
+    parts, without = in_parts(
+        bodies, extent, journal, partial(progress, advance, len(sources) * width, width)
+    )
+    last = partial(progress, advance, 1 - width, width)
     more = version(*COUNTED, "cost", "simplifications")
-    cost = costs(journal, more, extent.full, lambda what, part: last(what, 0.8 * part))
-    simpler = simplifications(journal, more, lambda what, part: last(what, 0.8 + 0.2 * part))
+    cost, simpler = [], []
+    if sources:
+        cost = costs(journal, more, extent.full, lambda what, part: last(what, 0.8 * part))
+        simpler = simplifications(journal, more, lambda what, part: last(what, 0.8 + 0.2 * part))
     return {
         "forceid": forceid.__version__, "engine": engine().name, "extent": asdict(extent), "command": command,
         "date": datetime.now(UTC).strftime("%Y-%m-%d"), "python": platform.python_version(),
-        "processor": processor(), "versions": versions(), "missing": missing,
-        "cases": cases, "cost": cost, "simplifications": simpler,
+        "processor": processor(), "versions": versions(), "missing": missing + without,
+        "cases": cases, "bodies_in_parts": parts, "cost": cost, "simplifications": simpler,
     }  # fmt: skip
+
+
+def in_parts(
+    bodies: Sequence[str], extent: Extent, journal: Journal, said: Callable[[str, float], None]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Every body in parts, and the peers that are not installed."""
+    if not bodies:
+        return [], []
+    everyone, missing = solvers()
+    chosen = [c for c in everyone if extent.full or not c.slow]
+    stamp = version(*chart_partition.COUNTED, folders=chart_partition.FOLDERS)
+    size = extent.rounds, extent.budget, extent.full
+    gc.freeze()  # what is there by now need not be looked through before every timing
+    try:
+        found = [
+            chart_partition.charted(
+                name, chosen, *size, journal, stamp, partial(progress, said, float(i), 1.0)
+            )
+            for i, name in enumerate(bodies)
+        ]
+    finally:
+        gc.unfreeze()
+    return found, missing
 
 
 def progress(

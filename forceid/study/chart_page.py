@@ -7,11 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from forceid.study.chart_partition_page import section
 from forceid.study.front import Point, ahead, front, most_accurate, over_best
 from forceid.study.methods import DEFAULT
 
 UNITS = {"force": "N", "moment": "N m"}
 NEAR = 1.25  # times the error of the best point: where default settings are to be
+READING = (
+    "Errors are rms per axis over the central three quarters of the record{seeds}. Time is process CPU time "
+    "from raw markers to the wrench, {timing}. *Told* methods chose their "
+    "parameters on the truth: nobody can do that on a record of his own, and they do not count for the "
+    "front. The bound is the posterior deviation of the smoother under a Matern prior fitted to the true "
+    "load, with the noise as stated: on one smooth record an error may be below it, and where the load "
+    "holds a line it is too large. *Covered* is the share of the truth inside the 95 % interval claimed. "
+    "Memory is the peak of what Python and numpy allocate."
+)
 
 
 def points_of(case: Mapping[str, Any], load: str) -> list[Point]:
@@ -25,12 +35,9 @@ def points_of(case: Mapping[str, Any], load: str) -> list[Point]:
 
 def page(result: Mapping[str, Any]) -> str:
     """The page in markdown."""
-    parts = [
-        "# Accuracy against speed",
-        preamble(result),
-        "## What the charts say",
-        overview(result["cases"]),
-    ]
+    parts = ["# Accuracy against speed", preamble(result)]
+    if result["cases"]:
+        parts += ["## What the charts say", overview(result["cases"])]
     for case in result["cases"]:
         parts += [
             f"## {case['title'] or case['name']}",
@@ -38,8 +45,11 @@ def page(result: Mapping[str, Any]) -> str:
             f"![{case['name']}](chart_{case['name']}.png)",
         ]
         parts += [*sentences(case), table(case), *remarks(case)]
-    parts += ["## What simplifications save and lose", simpler(result["simplifications"])]
-    parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
+    if result["simplifications"]:
+        parts += ["## What simplifications save and lose", simpler(result["simplifications"])]
+    if result["cost"]:
+        parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
+    parts += section(result.get("bodies_in_parts", []), timing(result["extent"]))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -47,26 +57,25 @@ def preamble(result: Mapping[str, Any]) -> str:
     """What was run, where, and how to read it."""
     extent = result["extent"]
     versions = ", ".join(f"{name} {number}" for name, number in result["versions"].items())
-    timing = (
-        f"median of {extent['rounds']} rounds in which everyone takes a turn (who takes long sits some out)"
-        if extent["rounds"]
-        else "one run each"
-    )
     lines = [
         f"`{result['command']}`, {result['date']}: forceid {result['forceid']}, engine {result['engine']}, "
-        f"Python {result['python']}, {versions}; {result['processor']}.",
-        "Errors are rms per axis over the central three quarters of the record"
-        + (f", over {extent['seeds']} seeds of the noise" if extent["seeds"] > 1 else "")
-        + f". Time is process CPU time from raw markers to the wrench, {timing}. *Told* methods chose their "
-        "parameters on the truth: nobody can do that on a record of his own, and they do not count for the "
-        "front. The bound is the posterior deviation of the smoother under a Matern prior fitted to the true "
-        "load, with the noise as stated: on one smooth record an error may be below it, and where the load "
-        "holds a line it is too large. *Covered* is the share of the truth inside the 95 % interval claimed. "
-        "Memory is the peak of what Python and numpy allocate.",
+        f"Python {result['python']}, {versions}; {result['processor']}."
     ]
+    if result["cases"]:
+        seeds = f", over {extent['seeds']} seeds of the noise" if extent["seeds"] > 1 else ""
+        lines.append(READING.format(seeds=seeds, timing=timing(extent)))
     if result["missing"]:
         lines.append(f"Not installed here, and left out: {', '.join(result['missing'])}.")
     return "\n\n".join(lines)
+
+
+def timing(extent: Mapping[str, Any]) -> str:
+    """How often everything was timed."""
+    if not extent["rounds"]:
+        return "one run each"
+    return (
+        f"median of {extent['rounds']} rounds in which everyone takes a turn (who takes long sits some out)"
+    )
 
 
 def overview(cases: Sequence[Mapping[str, Any]]) -> str:

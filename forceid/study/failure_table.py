@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from forceid.errors import ConfigError
-from forceid.study import failures_body, failures_length, failures_noise, failures_sensing
+from forceid.study import (
+    failures_body,
+    failures_length,
+    failures_noise,
+    failures_partition,
+    failures_sensing,
+)
 from forceid.study.failures import Failure
 
-GROUPS = ("sensing", "clock", "noise", "load", "body", "deformation", "length")
+GROUPS = ("sensing", "clock", "noise", "load", "body", "deformation", "length", "partition")
+MODULES = (failures_sensing, failures_noise, failures_body, failures_length, failures_partition)
 FAILURES: tuple[Failure, ...] = tuple(
-    failure
-    for group in GROUPS
-    for module in (failures_sensing, failures_noise, failures_body, failures_length)
-    for failure in module.FAILURES
-    if failure.group == group
+    failure for group in GROUPS for module in MODULES for failure in module.FAILURES if failure.group == group
 )
 
 

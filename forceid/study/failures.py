@@ -49,7 +49,7 @@ class Case:
         return replace(self, recording=replace(self.recording, motion=motion))
 
 
-Make = Callable[[float, np.random.Generator], Case]
+Make = Callable[[float, np.random.Generator], Any]  # a Case, or what another subject takes
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -48,13 +48,13 @@ class Journal:
         return self.lines[key]
 
 
-def version(*modules: str) -> str:
+def version(*modules: str, folders: Sequence[str] = ESTIMATORS) -> str:
     """The version of forceid, and a hash of the code that answers: after a change nothing old is found.
 
-    modules: of the study, that count as well.
+    folders: of forceid, that answer; modules: of the study, that count as well.
     """
     digest, root = hashlib.sha256(), Path(forceid.__file__).parent
-    sources = [path for folder in ESTIMATORS for path in sorted((root / folder).glob("*.*"))]
+    sources = [path for folder in folders for path in sorted((root / folder).glob("*.*"))]
     for path in [*sources, *(root / "study" / f"{name}.py" for name in modules)]:
         digest.update(path.read_bytes())
     return f"{forceid.__version__}-{digest.hexdigest()[:10]}"

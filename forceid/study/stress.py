@@ -13,14 +13,13 @@ from typing import Any
 
 import forceid
 from forceid import __version__
-from forceid.study import cell, drawn_loads, failures, flown_bodies, oracle, trial
+from forceid.study import cell
 from forceid.study.cell import Cell, Trial, judge_cell
 from forceid.study.failure_table import FAILURES
 from forceid.study.failures import Failure
-from forceid.study.trial import Contestant, attempt, contestants
+from forceid.study.subjects import Contender, subject_of
 
 SHORT_LEVELS = (0, 2, 4)  # of the eight, in the short form
-ESTIMATORS = ("estimation", "kalman", "motion", "principal")  # folders
 ONCE = ("length",)  # groups of records so long that one seed tells
 
 
@@ -38,7 +37,7 @@ class Job:
 class Row:
     """One contestant on one failure: a cell for every level, and the process time of all its estimates, s."""
 
-    who: Contestant
+    who: Contender
     cells: tuple[Cell, ...]
     seconds: float
 
@@ -76,24 +75,27 @@ def by_name(name: str) -> Failure:
 def do(job: Job) -> dict[str, Any]:
     """The trials of one record, with the key under which they are kept."""
     failure = by_name(job.failure)
-    done = attempt(failure, job.level, job.seed, contestants(failure, job.short))
+    subject = subject_of(failure)
+    done = subject.attempt(failure, job.level, job.seed, subject.contestants(failure, job.short))
     return {"key": key_of(job), **done}
 
 
 def key_of(job: Job) -> str:
-    """What the trials of a record depend on: code that estimates or makes the record, and who meets it."""
+    """What the trials of a record depend on: code under test or that makes the record, and who meets it."""
     failure = by_name(job.failure)
-    sources = (drawn_loads, flown_bodies, failures, oracle, trial, inspect.getmodule(failure.make))
-    told = [__version__, estimator(), repr(job), *(who.name for who in contestants(failure, job.short))]
+    subject = subject_of(failure)
+    sources = (*subject.sources, inspect.getmodule(failure.make))
+    names = (who.name for who in subject.contestants(failure, job.short))
+    told = [__version__, code_of(subject.folders), repr(job), *names]
     code = [inspect.getsource(source) for source in sources if source is not None]
     return hashlib.sha256("\n".join([*told, *code]).encode()).hexdigest()[:16]
 
 
 @cache
-def estimator() -> str:
-    """Hash of the code that estimates: two states of it never share a map."""
+def code_of(folders: tuple[str, ...]) -> str:
+    """Hash of the code under test: two states of it never share a map."""
     digest = hashlib.sha256()
-    for folder in ESTIMATORS:
+    for folder in folders:
         for path in sorted((Path(forceid.__file__).parent / folder).glob("*.[pc]*")):
             if path.suffix in (".py", ".cpp"):
                 digest.update(path.read_bytes())
@@ -125,11 +127,13 @@ def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short:
             pooled.setdefault((record["failure"], record["level"], who), []).append(tried)
     maps = []
     for failure in chosen:
-        levels, rows = levels_of(failure, short), []
-        for who in contestants(failure, short):
+        levels, rows, subject = levels_of(failure, short), [], subject_of(failure)
+        for who in subject.contestants(failure, short):
             trials = [pooled[failure.name, level, who.name] for level in levels]
             coarse = who.coarse or failure.other
-            cells = tuple(judge_cell([trial_of(t) for t in some], coarse) for some in trials)
+            cells = tuple(
+                judge_cell([trial_of(t) for t in some], coarse, subject.quantities) for some in trials
+            )
             rows.append(Row(who, cells, sum(t["seconds"] for some in trials for t in some)))
         maps.append(Map(failure, levels, tuple(rows)))
     return maps
@@ -192,6 +196,7 @@ def as_plain(maps: Sequence[Map], seeds: int, short: bool) -> dict[str, Any]:
                 "title": m.failure.title,
                 "unit": m.failure.unit,
                 "breaks": m.failure.breaks,
+                "quantities": subject_of(m.failure).quantities,
                 "levels": m.levels,
                 "contestants": [
                     {

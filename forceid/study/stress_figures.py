@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from forceid.report.style import INK, STYLE
 from forceid.study.cell import Cell
 from forceid.study.stress import Map, Row
+from forceid.study.subjects import subject_of
 
 # told apart by lightness too, and by their marks
 COLORS = {"green": "#009E73", "pale": "#BDE3D5", "amber": "#F3C44C", "grey": "#CBCFD6", "red": "#A50F15"}
@@ -30,37 +31,46 @@ ON_DARK = (COLORS["green"], COLORS["red"])
 
 @rc_context(STYLE)
 def draw_map(of: Map) -> Figure:
-    """One failure: a row for every contestant, with error over bound in each cell."""
+    """One failure: a row for every contestant, with error over bound, or over claim, in each cell."""
     rows = len(of.rows)
     figure = Figure(figsize=(9.6, 1.55 + 0.42 * rows), layout="constrained")
     ax = figure.subplots()
     draw_cells(ax, [row.cells for row in of.rows])
     ax.set_yticks(range(rows), [row.who.name for row in of.rows])
     ax.set_xticks(range(len(of.levels)), [short_number(level) for level in of.levels])
-    ax.set_xlabel(f"{of.failure.title.lower()} ({of.failure.unit})")
-    ax.set_title(f"{of.failure.title}: error over bound, the worse of force and moment")
+    subject = subject_of(of.failure)
+    name = named(of)
+    ax.set_xlabel(name[0].lower() + name[1:])
+    worse = " and ".join(subject.quantities)
+    ax.set_title(f"{of.failure.title}: error over {subject.against}, the worse of {worse}")
     add_legend(figure)
     return figure
 
 
 @rc_context(STYLE)
-def draw_overview(maps: Sequence[Map], who: str = "smoother") -> Figure:
-    """All failures for one contestant: a row for every failure, with the level in each cell."""
-    shown = [(m, row_of(m, who)) for m in maps]
+def draw_overview(maps: Sequence[Map]) -> Figure:
+    """All failures for the default contestant: a row for every failure, with the level in each cell."""
+    names = list(dict.fromkeys(subject_of(m.failure).default for m in maps))
+    shown = [(m, row_of(m, subject_of(m.failure).default)) for m in maps]
     figure = Figure(figsize=(9.6, 1.6 + 0.31 * len(shown)), layout="constrained")
     ax = figure.subplots()
     draw_cells(ax, [row.cells for _, row in shown], [m.levels for m, _ in shown])
-    ax.set_yticks(range(len(shown)), [f"{m.failure.title} ({m.failure.unit})" for m, _ in shown])
+    ax.set_yticks(range(len(shown)), [named(m) for m, _ in shown])
     columns = max(len(m.levels) for m, _ in shown)
     end = "hopeless" if all(m.levels == m.failure.levels for m in maps) else "worse"
     ax.set_xticks(range(columns), ["healthy", *[""] * (columns - 2), end])
-    ax.set_title(f"Where the {who} breaks, and what it says there: the number in a cell is the level")
+    ax.set_title(f"Where {' and '.join(names)} breaks, and what it says there: levels in the cells")
     groups = [m.failure.group for m, _ in shown]
     for k in range(1, len(groups)):
         if groups[k] != groups[k - 1]:
             ax.axhline(k - 0.5, color=INK, lw=1.2)
     add_legend(figure)
     return figure
+
+
+def named(of: Map) -> str:
+    """A failure with the unit of its levels."""
+    return f"{of.failure.title} ({of.failure.unit})" if of.failure.unit else of.failure.title
 
 
 def row_of(of: Map, who: str) -> Row:
@@ -111,7 +121,7 @@ def face_of(one: Cell) -> str:
 
 
 def ratio(one: Cell) -> str:
-    """The worse of force and moment error over bound; without a bound over the claim, in brackets."""
+    """The worse of both errors over bound; without a bound over the claim, in brackets."""
     known = [r for r in one.over_bound if np.isfinite(r)]
     claimed = [r for r in one.over_claim if np.isfinite(r)]
     if known:

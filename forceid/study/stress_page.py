@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from forceid.study.cell import Cell
 from forceid.study.stress import Map, Row, counts, leaves_green, needless, threshold
 from forceid.study.stress_figures import MARKS, MEANING, ratio, row_of, short_number
+from forceid.study.subjects import FLIGHTS, PARTS, subject_of
 
-DEFAULT = "smoother"
 INTRODUCTION = """# Where methods break
 
-Every failure below is swept from healthy to hopeless, on records of a body whose motion was written down
-together with the force and moment that drove it. {cells} cells, {seeds} seeds each. *Bound* is what a
-smoother attains that is told the prior of the loads, the noise and the body, on the record without its fault:
-the same instants and markers. Errors, claims and bounds are root mean squares per axis over the central three
-quarters, pooled over the seeds.
+Every failure below is swept from healthy to hopeless: {cells} cells, {seeds} seeds each.
+
+{told}
 
 | mark | meaning | cells |
 |---|---|---|
@@ -30,31 +28,36 @@ records the verdict is `ok` and the error of that record alone is past the limit
 
 
 def page_of(maps: Sequence[Map], seeds: int) -> str:
-    """The page in Markdown: what the colors mean, thresholds of the default, red cells, then every map."""
+    """The page in Markdown: what the colors mean, thresholds of the defaults, red cells, then every map."""
     total = counts(row for m in maps for row in m.rows)
     legend = "\n".join(
         f"| {MARKS[color]} {color} | {text} | {total[color]} |" for color, text in MEANING.items()
     )
+    subjects = [s for s in (FLIGHTS, PARTS) if any(subject_of(m.failure) is s for m in maps)]
     head = INTRODUCTION.format(
         cells=total["cells"], seeds=seeds, legend=legend, needless=total["needless amber"],
-        alone=total["red alone"], honest=total["red, honest"], default=DEFAULT,
+        alone=total["red alone"], honest=total["red, honest"], told="\n\n".join(s.told for s in subjects),
+        default=" and ".join(s.default for s in subjects),
     )  # fmt: skip
+    by_default = [
+        line for s in subjects for line in defaults([m for m in maps if subject_of(m.failure) is s])
+    ]
     return (
-        "\n".join([head, *defaults(maps), *red_cells(maps), *(line for m in maps for line in of_map(m))])
-        + "\n"
+        "\n".join([head, *by_default, *red_cells(maps), *(line for m in maps for line in of_map(m))]) + "\n"
     )
 
 
 def defaults(maps: Sequence[Map]) -> list[str]:
     """Where the default leaves green, where it is first red, what breaks there and what it says."""
+    default = subject_of(maps[0].failure).default
     lines = [
-        f"## Thresholds of the {DEFAULT}",
+        f"## Thresholds of the {default}",
         "",
         "| failure | leaves green at | first red at | what breaks | what the verdict says there |",
         "|---|---|---|---|---|",
     ]
     for m in maps:
-        row = row_of(m, DEFAULT)
+        row = row_of(m, default)
         at = leaves_green(m.levels, row.cells)
         said = "" if at is None else row.cells[m.levels.index(at)].reason
         lines.append(
@@ -117,11 +120,11 @@ def line_of(of: Map, row: Row) -> str:
 
 
 def worst(one: Cell) -> str:
-    """The worse of force and moment error over claim."""
+    """The worse of both errors over claim."""
     known = [r for r in one.over_claim if r == r]
     return short_number(max(known)) if known else "-"
 
 
 def level(at: float | None, of: Map) -> str:
     """A level with its unit, or a dash for none."""
-    return "-" if at is None else f"{short_number(at)} {of.failure.unit}"
+    return "-" if at is None else f"{short_number(at)} {of.failure.unit}".strip()
