@@ -18,7 +18,8 @@ from forceid.records import Array, Indices
 
 Apply = Callable[[Array], Array]
 
-LARGEST = 700  # rows of a part up to which its product is kept dense
+LARGEST = 1500  # rows of a part up to which its product is kept dense,
+ITERATIONS = 30  # and times the parts that share it: as often as it is asked for, about
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,14 @@ class Blocks:
         return out
 
 
-def blocks(keys: Sequence[object], rows: Sequence[slice], make: Callable[[int], Apply]) -> Blocks:
-    """Of parts with these rows; parts of one key share the product that make(part) gives for the first."""
-    return Blocks(tuple((at, make(first)) for first, at in alike(keys, rows)))
+def blocks(keys: Sequence[object], rows: Sequence[slice], make: Callable[[int, int], Apply]) -> Blocks:
+    """Of parts with these rows; parts of one key share the product make(part, parts) of the first and all."""
+    return Blocks(tuple((at, make(first, len(at))) for first, at in alike(keys, rows)))
+
+
+def worth_keeping(rows: int, parts: int) -> bool:
+    """Whether a product of that many rows is kept dense, which costs as many products as it has rows."""
+    return rows <= min(LARGEST, ITERATIONS * parts)
 
 
 def alike(keys: Sequence[object], rows: Sequence[slice]) -> list[tuple[int, Indices]]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from scipy.linalg import eigh, qr
 from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
-from forceid.partition.blocks import LARGEST, Apply, alike, dense
+from forceid.partition.blocks import alike
 from forceid.partition.given import real_matrix
 from forceid.records import Array, Indices
 
@@ -49,19 +48,11 @@ class Factor:
             x[self.free] = self.lu.solve(np.ascontiguousarray(load[self.free]))
         return x
 
-    def between(self, rows: Indices) -> Array:
-        """The rows and columns (row, row) of K^- at some degrees of freedom."""
-        return self.moved(rows, np.eye(len(rows)))
-
     def moved(self, rows: Indices, load: Array) -> Array:
         """Displacements (row, load) of some degrees of freedom under loads (row, load) on these."""
         f = np.zeros((self.size, load.shape[1]))
         f[rows] = load
         return self.solve(f)[rows]
-
-    def at(self, rows: Indices) -> Apply:
-        """The same as a product, which is kept dense where it is small."""
-        return dense(self.between(rows)) if len(rows) <= LARGEST else partial(self.moved, rows)
 
 
 def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:

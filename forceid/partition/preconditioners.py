@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import ConfigError, DataError
-from forceid.partition.blocks import LARGEST, Apply, blocks, dense
+from forceid.partition.blocks import Apply, blocks, dense, worth_keeping
 from forceid.partition.inverse import digest_of, factor, zero_modes
 from forceid.partition.topology import Topology
 from forceid.records import Indices
@@ -27,23 +27,23 @@ def preconditioner(name: str, topology: Topology, stiffness: Sequence[Any]) -> A
         raise ConfigError(f"unknown preconditioner '{name}'", next_step=f"one of {', '.join(NAMES)}")
     make = lumped if name == "lumped" else dirichlet
     keys = [(digest_of(K), b.tobytes()) for K, b in zip(stiffness, topology.boundary, strict=True)]
-    return blocks(keys, topology.rows, lambda s: make(stiffness[s], topology.boundary[s]))
+    return blocks(keys, topology.rows, lambda s, parts: make(stiffness[s], topology.boundary[s], parts))
 
 
-def lumped(K: Any, b: Indices) -> Apply:
-    """K_bb of one part, b (row,) its degrees of freedom at the interface."""
+def lumped(K: Any, b: Indices, parts: int) -> Apply:
+    """K_bb of equal parts, b (row,) their degrees of freedom at the interface."""
     K_bb = K[b][:, b]
-    return dense(K_bb.toarray()) if len(b) <= LARGEST else lambda x: np.asarray(K_bb @ x)
+    return lambda x: np.asarray(K_bb @ x)
 
 
-def dirichlet(K: Any, b: Indices) -> Apply:
-    """K_bb - K_bi K_ii^-1 K_ib of one part, b (row,) its degrees of freedom at the interface."""
+def dirichlet(K: Any, b: Indices, parts: int) -> Apply:
+    """K_bb - K_bi K_ii^-1 K_ib of equal parts, b (row,) their degrees of freedom at the interface."""
     i = np.setdiff1d(np.arange(K.shape[0]), b)
     K_bb, K_ib, K_ii = K[b][:, b], K[i][:, b], K[i][:, i]
     try:
         inner = factor(K_ii, np.zeros((len(i), 0)), 0)
     except DataError:  # a mechanism inside a partition, which its interface does not feel
         inner = factor(K_ii, zero_modes(K_ii), 0)
-    if len(b) <= LARGEST:
+    if worth_keeping(len(b), parts):
         return dense(K_bb.toarray() - K_ib.T @ inner.solve(K_ib.toarray()))
     return lambda x: np.asarray(K_bb @ x - K_ib.T @ inner.solve(K_ib @ x))

@@ -28,7 +28,7 @@ SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below whic
 def interface_flexibility(system: PartitionedSystem) -> list[Array]:
     """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
     each, which = system.factored
-    found = [each[k].between(b) for k, b in zip(which, system.topology.boundary, strict=True)]
+    found = [each[k].moved(b, np.eye(len(b))) for k, b in zip(which, system.topology.boundary, strict=True)]
     return [0.5 * (F + F.T) for F in found]
 
 

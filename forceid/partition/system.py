@@ -17,7 +17,8 @@ from scipy.linalg import block_diag
 from scipy.sparse.linalg import LinearOperator
 
 from forceid.errors import DataError
-from forceid.partition.blocks import Apply, blocks, diagonal
+from forceid.partition.blocks import Apply, diagonal
+from forceid.partition.flexibility import flexibility
 from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
 from forceid.partition.inverse import Factor, all_symmetric, factors, rigid_modes, solved
 from forceid.partition.preconditioners import preconditioner
@@ -138,9 +139,7 @@ class PartitionedSystem:
     @cached_property
     def flexibility(self) -> Apply:
         """F lambda = B^T K^- B lambda."""
-        boundary, (each, which) = self.topology.boundary, self.factored
-        keys = [(int(k), b.tobytes()) for k, b in zip(which, boundary, strict=True)]
-        return blocks(keys, self.topology.rows, lambda s: each[which[s]].at(boundary[s]))
+        return flexibility(self.topology, *self.factored)
 
     def whole(self) -> Array:
         """Rigid motions of the assembly (dof, mode), in units of those of its first floating partition."""
