@@ -50,7 +50,7 @@ def together(
     """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
     passes = engine(settings.engine)
     balance = unupset(linkage, estimates)
-    best: tuple[float, list[LinkedPart], Priors, Ties, list[Finding]] | None = None
+    found: list[tuple[float, list[LinkedPart], Priors, Ties, list[Finding]]] = []
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
         if not linked or balance is None:
@@ -58,13 +58,16 @@ def together(
         ties, findings = ties_of(joints, parts, linked, estimates, solutions)
         tied = beside([balance[0], *ties])
         priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
-        if best is not None and likely <= best[0]:
+        found.append((likely, linked, priors, tied, findings))
+        if likely < max(value for value, *_ in found):
             break
-        best = likely, linked, priors, tied, findings
-    if best is None:
+    for candidate in sorted(found, key=lambda one: -one[0]):
+        _, linked, priors, tied, findings = candidate
+        w, C = smooth_linked(linked, priors, tied, passes)
+        if np.isfinite(C[np.isfinite(w).all((1, 2))]).all():  # else a prior so smooth is lost to rounding
+            break
+    else:
         return None
-    _, linked, priors, tied, findings = best
-    w, C = smooth_linked(linked, priors, tied, passes)
     carry = np.zeros_like(C)
     for k, part in enumerate(linked):
         own = slice(6 * k, 6 * k + 6)

@@ -64,6 +64,8 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
     force, moment, covs = at_joints(linkage, g[:, :count], C)
     for a in (force, moment, covs):
         a[:, ~determined] = np.nan
+    lost = ~np.isfinite(covs).all((2, 3))
+    force[lost], moment[lost] = np.nan, np.nan  # no number without what it is worth
     result = Interface(
         name=tuple(j.name for j in joints),
         parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),

@@ -13,7 +13,7 @@ import forceid
 from forceid.cli.app import main
 from forceid.config import Settings
 from forceid.errors import ConfigError
-from forceid.estimation import linked_flight
+from forceid.estimation import joint_smoothing, linked_flight
 from forceid.estimation.joints import joint_forces
 from forceid.estimation.linked_flight import stretches
 from forceid.estimation.run import estimate_recording, estimate_whole
@@ -135,6 +135,24 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
     linked, truth = drawn_chains(2)[0]
     assert rms(errors(apart, truth)[INNER, ..., :3]) > 2 * rms(errors(linked, truth)[INNER, ..., :3])
     assert rms(apart.force_std[INNER]) > 2 * rms(linked.force_std[INNER])
+
+
+def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(monkeypatch):
+    parameters = chain(0)
+    recording = seen(parameters, 0, time=TIME[:80])
+    monkeypatch.setattr(linked_flight, "climb", lambda _, start: start)
+    monkeypatch.setattr(joint_smoothing, "smooth_linked", lost)
+    found = joint_forces(recording, jointed(parameters), estimate_whole)
+    monkeypatch.setattr("forceid.estimation.joints.together", lambda *_: None)
+    apart = joint_forces(recording, jointed(parameters), estimate_whole)
+    assert np.isfinite(found.wrench_cov).all()
+    np.testing.assert_array_equal(found.force, apart.force)
+
+
+def lost(parts, priors, ties, engine):
+    """A smoothing of which rounding leaves no covariance."""
+    wrench = np.zeros((len(ties.gap), len(parts), 6))
+    return wrench, np.full((len(wrench), 6 * len(parts), 6 * len(parts)), np.nan)
 
 
 def test_a_ball_said_to_be_a_hinge_is_noticed_and_not_held_as_one():
