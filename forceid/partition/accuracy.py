@@ -134,24 +134,25 @@ def yielding(system: PartitionedSystem) -> Projection:
 
 def left(system: PartitionedSystem, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
     """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
-    top, K, Q = system.topology, system.K, system.rigid
-    inner = K @ (u - Q @ (Q.T @ u))
+    top, Q = system.topology, system.rigid
+    inner = system.strained(u - Q @ (Q.T @ u))
     r = f - top.B @ system.projection.balanced(lam) - (inner - Q @ (Q.T @ inner))
     return r, system.projection.averaged(top.B.T @ u)
 
 
 def in_doubt(system: PartitionedSystem, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
     """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
-    K, Q, R, strain = system.K, system.rigid, system.modes, np.zeros_like(f)
-    terms, rigid = abs(K), Q @ (Q.T @ u)
+    Q, R, strain = system.rigid, system.modes, np.zeros_like(f)
+    rigid = Q @ (Q.T @ u)
     inner = u - rigid
-    forced, summed = K @ rigid, Q.T @ (K @ inner)
-    rounding = terms @ np.abs(rigid), abs(Q).T @ (terms @ np.abs(inner))
+    terms = system.strained_terms(np.abs(inner))
+    forced, summed = system.strained(rigid), Q.T @ system.strained(inner)
+    rounding = system.strained_terms(np.abs(rigid)), abs(Q).T @ terms
     for d, c in zip(system.topology.dofs, system.columns, strict=True):
         pairs = (forced[d], rounding[0][d]), (summed[c], rounding[1][c])
         if any(length(x) > STRAINED * UNIT * length(y) for x, y in pairs):
             strain[d] = forced[d] + Q[d, c] @ summed[c]
-    size = np.abs(f) + terms @ np.abs(inner)
+    size = np.abs(f) + terms
     held = np.abs(inner) + abs(R) @ np.abs(system.pinned @ u)
     gap = sure * UNIT * (system.topology.B.T @ held)
     return Doubt(sure * UNIT * size, imbalance * length(f) * np.sqrt(sure), strain, gap)

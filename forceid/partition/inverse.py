@@ -8,7 +8,7 @@ with another meaning of alpha only. Source: principal equations 2.9.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from scipy.linalg import eigh, qr
 from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
-from forceid.partition.blocks import alike
+from forceid.partition.blocks import Apply, Blocks, alike, blocks
 from forceid.partition.given import real_matrix
 from forceid.records import Array, Indices
 
@@ -201,3 +201,15 @@ def solved(each: Sequence[Factor], which: Indices, dofs: Sequence[slice], f: Arr
     for first, rows in alike(which.tolist(), dofs):
         x[rows] = each[which[first]].solve(f[rows].T).T
     return x
+
+
+def products(
+    matrices: Sequence[Any], dofs: Sequence[slice], made: Callable[[Any], Any] = lambda K: K
+) -> Blocks:
+    """The product with what is made of the matrix of each part, equal ones at once."""
+
+    def product(s: int, _: int) -> Apply:
+        matrix = made(matrices[s])
+        return lambda x: np.asarray(matrix @ x)
+
+    return blocks([digest_of(K) for K in matrices], dofs, product)

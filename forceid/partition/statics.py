@@ -180,7 +180,7 @@ def completed(
         alpha=np.asarray(system.pinned @ u),
         lam=best.lam,
         u_f=np.bincount(top.frame, top.B.T @ u, len(top.interface)) / top.count[top.interface],
-        energy=0.5 * float(u @ (system.K @ u)),
+        energy=0.5 * float(u @ system.strained(u)),
         deficiency=system.free_motions.shape[1],
         acceleration=acceleration,
         iterations=iterations,

@@ -20,7 +20,7 @@ from forceid.errors import DataError
 from forceid.partition.blocks import Apply, diagonal
 from forceid.partition.flexibility import flexibility
 from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
-from forceid.partition.inverse import Factor, all_symmetric, factors, rigid_modes, solved
+from forceid.partition.inverse import Factor, all_symmetric, factors, products, rigid_modes, solved
 from forceid.partition.preconditioners import preconditioner
 from forceid.partition.projection import Projection
 from forceid.partition.saddle import Saddle, factored_saddle
@@ -124,9 +124,14 @@ class PartitionedSystem:
         return f
 
     @cached_property
-    def K(self) -> Any:
-        """Stiffness of all partitions, sparse (dof, dof)."""
-        return diagonal(self.stiffness)
+    def strained(self) -> Apply:
+        """K u of displacements (dof,)."""
+        return products(self.stiffness, self.topology.dofs)
+
+    @cached_property
+    def strained_terms(self) -> Apply:
+        """|K| u: what the terms of K u add up to without their signs."""
+        return products(self.stiffness, self.topology.dofs, abs)
 
     def resultant(self, f: Array) -> Array:
         """R^T f (alpha,) of loads (dof,)."""
