@@ -32,9 +32,10 @@ def run(
 ) -> None:
     """Measure error, claim, time and memory of every method and of every peer installed, on every SCENE.
 
-    Bodies in parts are scenes too: plate_16, plate_64, strips, checkerboard, solid_8, with every solver.
     Writes DIR/chart.md, chart.json and a picture a scene. What is finished is kept in DIR/chart.jsonl: after
     an interruption, or with more scenes, the command goes on from there.
+
+    Bodies in parts are scenes too, and solvers methods: plate_16, plate_64, strips, checkerboard, solid_8.
 
     Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
     """

@@ -22,6 +22,7 @@ from forceid.partition.blocks import Apply, Blocks, alike, blocks
 from forceid.partition.given import real_matrix
 from forceid.records import Array, Indices
 
+TOGETHER = 32  # loads that are solved for at a time: more do not stay in the cache
 DENSE = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
 MOST = 24  # zero modes looked for in a larger part
 ZERO = 1e-12  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
@@ -44,8 +45,14 @@ class Factor:
     def solve(self, load: Array) -> Array:
         """K^- f for loads (size,) or (size, load)."""
         x = np.zeros(load.shape)
-        if len(self.free):
-            x[self.free] = self.lu.solve(np.ascontiguousarray(load[self.free]))
+        if not len(self.free):
+            return x
+        if load.ndim == 1:
+            x[self.free] = self.lu.solve(load[self.free])
+        else:
+            for first in range(0, load.shape[1], TOGETHER):
+                some = slice(first, first + TOGETHER)
+                x[self.free, some] = self.lu.solve(np.asfortranarray(load[self.free, some]))
         return x
 
     def moved(self, rows: Indices, load: Array) -> Array:

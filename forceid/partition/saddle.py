@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag, null_space
-from scipy.linalg.lapack import dsytrf, dsytrs
+from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.linalg import splu
 
 from forceid.errors import EstimationError
@@ -63,7 +63,8 @@ def factored_saddle(system: PartitionedSystem) -> Saddle:
     # the frame enters with the sign that keeps the matrix symmetric: its unknown is -u_f, and is not needed
     if A.shape[0] > DENSE:
         return Saddle(splu(sp.csc_array(A)).solve, unit)
-    factor, pivot, zero = dsytrf(A.toarray(), lower=1)
+    room = int(dsytrf_lwork(A.shape[0], lower=1)[0])
+    factor, pivot, zero = dsytrf(A.toarray(order="F"), lower=1, lwork=room, overwrite_a=True)
     if zero:
         raise EstimationError(
             "is singular: a motion or a force is left open", "the saddle-point system",

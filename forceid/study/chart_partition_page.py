@@ -81,6 +81,11 @@ def named(point: Point | None) -> str:
     return "none" if point is None else f"{point.name}, {milli(point.seconds)} ms"
 
 
+def resolved(point: Point) -> str:
+    """Its error, where that is more than rounding."""
+    return f"{point.error:.1e}" if point.error > RESOLVED else f"below {RESOLVED:.0e}"
+
+
 def sentences(case: Mapping[str, Any]) -> list[str]:
     """What the picture of a body says of each quantity."""
     found = []
@@ -89,9 +94,9 @@ def sentences(case: Mapping[str, Any]) -> list[str]:
         if not any(p.ours for p in points):
             continue
         best = best_of([p for p in points if p.ours])
-        on = ", ".join(f"{p.name} ({p.error:.1e}, {milli(p.seconds)} ms)" for p in front(points))
+        on = ", ".join(f"{p.name} ({resolved(p)}, {milli(p.seconds)} ms)" for p in front(points))
         text = f"**{what.capitalize()}.** Front: {on}. "
-        mine = f"{best.name} ({best.error:.1e}, {milli(best.seconds)} ms)"
+        mine = f"{best.name} ({resolved(best)}, {milli(best.seconds)} ms)"
         beaten, better = beaters(points), {p.name for p in ahead(points, told=False)}
         if beaten:
             names = ", ".join(

@@ -87,7 +87,7 @@ def test_a_coarser_peer_is_on_the_front_and_not_ahead():
     points = points_of(body, "interface force")
     assert beaters(points) == []
     assert [p.name for p in front(points)] == ["scipy cg 1e-04", "direct"]
-    assert "No peer is faster than our best point, direct" in sentences(body)[1]
+    assert "No peer is faster than our best point, direct (below 1e-10, 1000 ms)" in sentences(body)[1]
 
 
 def test_errors_of_rounding_decide_nothing():
