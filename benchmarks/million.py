@@ -125,8 +125,9 @@ def alone(method: str, r: int) -> Found:
 
 
 def one(method: str, r: int) -> None:
-    """The one method, within the limits of memory and time, as JSON."""
-    resource.setrlimit(resource.RLIMIT_AS, (int(LIMIT * 1e9),) * 2)
+    """The one method, as JSON; a direct one within the limit of memory, which it would take all of."""
+    if METHODS[method] is directly:
+        resource.setrlimit(resource.RLIMIT_AS, (int(LIMIT * 1e9),) * 2)
     resource.setrlimit(resource.RLIMIT_CPU, (int(PATIENCE),) * 2)
     found = METHODS[method](r)
     print(json.dumps(found | {"memory, GB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6}))
@@ -159,7 +160,8 @@ def main() -> None:
         f"{', '.join(f'{r}^3' for r in asked.r)} bricks, to {TOLERANCE:.0e} of the residual that each method "
         "iterates on. CPU time of one thread from the matrices on; every method is a process of its own; "
         f"memory: its peak, which includes making the matrices; residual: of the assembled equations. A "
-        f"method is stopped at {LIMIT:.0f} GB or {PATIENCE:.0f} s. Parts that are equal are factored once.",
+        f"method is stopped after {PATIENCE:.0f} s, a direct one at {LIMIT:.0f} GB. Parts that are equal are "
+        "factored once.",
         table(rows, heads),
     ]  # fmt: skip
     asked.output.mkdir(exist_ok=True)
