@@ -25,13 +25,13 @@ charts: .venv-bench/ready
 	.venv-bench/bin/forceid chart -o docs/chart $(CHART)
 	.venv-bench/bin/forceid stress -o docs/stress $(CHART)
 
-.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp
+.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp forceid/pseudorigid/_polar.cpp forceid/pseudorigid/_splitting.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp
+.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp forceid/pseudorigid/_polar.cpp forceid/pseudorigid/_splitting.cpp
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .

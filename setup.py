@@ -18,10 +18,16 @@ else:
             f"forceid.{name}".replace("/", "."),
             [f"forceid/{name}.cpp"],
             cxx_std=17,
-            extra_compile_args=flags,
+            extra_compile_args=flags + own,
             optional=True,
         )
-        for name in ("kalman/_compiled", "kalman/_flight", "motion/_poses")
+        for name, own in {
+            "kalman/_compiled": [],
+            "kalman/_flight": [],
+            "motion/_poses": [],
+            "pseudorigid/_polar": ["-ffp-contract=off"],  # exact errors of sums
+            "pseudorigid/_splitting": [],
+        }.items()
     ]
 
 setup(ext_modules=extensions)

@@ -1,0 +1,68 @@
+"""Bodies that move by an affine map, x = F(t) X: twelve degrees of freedom of turn, stretch and circulation.
+
+The reduced forms stay modules, as each has a `simulate` of its own: `left_reduced`, `two_sided`,
+`general_reduced`. Source: theory note on pseudo-rigid bodies.
+
+>>> from forceid import pseudorigid
+>>> round(float(pseudorigid.maclaurin(0.5).w) ** 2, 10)
+0.1379936423
+"""
+
+from __future__ import annotations
+
+from forceid.pseudorigid import general_reduced as general_reduced
+from forceid.pseudorigid import left_reduced as left_reduced
+from forceid.pseudorigid import two_sided as two_sided
+from forceid.pseudorigid.bipolar_path import BipolarPath as BipolarPath
+from forceid.pseudorigid.bipolar_path import bipolar_path as bipolar_path
+from forceid.pseudorigid.body import Body as Body
+from forceid.pseudorigid.decomposition import BipolarRates as BipolarRates
+from forceid.pseudorigid.decomposition import bipolar as bipolar
+from forceid.pseudorigid.decomposition import bipolar_rates as bipolar_rates
+from forceid.pseudorigid.decomposition import polar as polar
+from forceid.pseudorigid.decomposition import polar_rates as polar_rates
+from forceid.pseudorigid.ellipsoids import Ellipsoid as Ellipsoid
+from forceid.pseudorigid.ellipsoids import dedekind as dedekind
+from forceid.pseudorigid.ellipsoids import irrotational as irrotational
+from forceid.pseudorigid.ellipsoids import jacobi as jacobi
+from forceid.pseudorigid.ellipsoids import maclaurin as maclaurin
+from forceid.pseudorigid.ellipsoids import riemann_s as riemann_s
+from forceid.pseudorigid.ellipsoids import riemann_sequence as riemann_sequence
+from forceid.pseudorigid.events import Event as Event
+from forceid.pseudorigid.gas_cloud import GasCloud as GasCloud
+from forceid.pseudorigid.gas_cloud import free_fall_time as free_fall_time
+from forceid.pseudorigid.gas_cloud import spread as spread
+from forceid.pseudorigid.gravity import SelfGravity as SelfGravity
+from forceid.pseudorigid.index_symbols import index_symbols as index_symbols
+from forceid.pseudorigid.index_symbols import pair_symbols as pair_symbols
+from forceid.pseudorigid.invariants import angular_momentum as angular_momentum
+from forceid.pseudorigid.invariants import cauchy_invariants as cauchy_invariants
+from forceid.pseudorigid.invariants import circulation as circulation
+from forceid.pseudorigid.invariants import conserved as conserved
+from forceid.pseudorigid.invariants import energy as energy
+from forceid.pseudorigid.maclaurin_modes import dynamical_instability as dynamical_instability
+from forceid.pseudorigid.maclaurin_modes import fastest_spheroid as fastest_spheroid
+from forceid.pseudorigid.maclaurin_modes import jacobi_bifurcation as jacobi_bifurcation
+from forceid.pseudorigid.maclaurin_modes import maclaurin_modes as maclaurin_modes
+from forceid.pseudorigid.material_checks import check_material as check_material
+from forceid.pseudorigid.material_law import Lame as Lame
+from forceid.pseudorigid.material_law import Material as Material
+from forceid.pseudorigid.materials import HadamardGreen as HadamardGreen
+from forceid.pseudorigid.materials import MooneyRivlin as MooneyRivlin
+from forceid.pseudorigid.materials import NeoHookean as NeoHookean
+from forceid.pseudorigid.materials import PerfectGas as PerfectGas
+from forceid.pseudorigid.materials import StVenantKirchhoff as StVenantKirchhoff
+from forceid.pseudorigid.natural_modes import lame_frequencies as lame_frequencies
+from forceid.pseudorigid.natural_modes import natural_modes as natural_modes
+from forceid.pseudorigid.natural_modes import spinning_body as spinning_body
+from forceid.pseudorigid.ogden import Ogden as Ogden
+from forceid.pseudorigid.oscillation import breathing as breathing
+from forceid.pseudorigid.oscillation import spheroid_oscillation as spheroid_oscillation
+from forceid.pseudorigid.rigid_body import free_rotation as free_rotation
+from forceid.pseudorigid.shear import decompose_shear as decompose_shear
+from forceid.pseudorigid.shear import held_shear as held_shear
+from forceid.pseudorigid.shear import released_shear as released_shear
+from forceid.pseudorigid.spectra import ellipsoid_spectrum as ellipsoid_spectrum
+from forceid.pseudorigid.spectra import rotating_spectrum as rotating_spectrum
+from forceid.pseudorigid.splittings import SPLITTINGS as SPLITTINGS
+from forceid.pseudorigid.trajectory import Trajectory as Trajectory

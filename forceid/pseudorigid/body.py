@@ -1,0 +1,232 @@
+"""Affine bodies: a second moment, a material, and their motion.
+
+The master system F'' E = -dW/dF (+ Lambda cof F where det F = 1 is imposed) is regular at every det F > 0,
+without a chart and without a special case at equal stretches. Source: pseudo-rigid bodies, sections 1, 9.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from forceid.errors import ConfigError, DataError
+from forceid.pseudorigid.cofactors import EYE, determinant
+from forceid.pseudorigid.constrained import RATTLE, check_volume, multiplier
+from forceid.pseudorigid.events import KIND, Event, Kinds, stop_of, tension_times
+from forceid.pseudorigid.integrators import STEPPERS, Stepper
+from forceid.pseudorigid.invariants import angular_momentum, circulation
+from forceid.pseudorigid.material_law import Material
+from forceid.pseudorigid.reference import reference
+from forceid.pseudorigid.system import State, System
+from forceid.pseudorigid.trajectory import Trajectory
+from forceid.records import Array
+
+TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
+REFERENCE = "dop853"
+PHASE = {  # rad a step of the fastest vibration, where no step is given
+    "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
+    "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
+}  # fmt: skip
+UNSTABLE = 2.0  # rad a step, for Verlet
+
+
+@dataclass(frozen=True)
+class Body:
+    """Body of second moment E = int rho X X^T dX (3, 3), no factor 1/2, and material; or E = mu I by mu.
+
+    incompressible: keep det F = 1 by a multiplier, which then carries what Gamma of the material did; also by
+    `material.incompressible`. Raises DataError where E is not symmetric positive definite: a flat body has no
+    affine motion of its own. Source: pseudo-rigid bodies, section 1.
+
+    >>> from forceid.pseudorigid.materials import MooneyRivlin
+    >>> body = Body(1.7, MooneyRivlin(0.6, 0.25, 0.4, 3.0))
+    >>> F0, time = np.diag([1.02, 1.0, 0.98]), np.linspace(0, 10, 101)
+    >>> motion = body.simulate(F0, np.zeros((3, 3)), time, method="verlet", step=0.05)
+    >>> bool(np.ptp(motion.energy) < 1e-5), motion.event
+    (True, None)
+    """
+
+    second_moment: ArrayLike
+    material: Material
+    incompressible: bool = False
+    system: System = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        E = np.asarray(self.second_moment, float)
+        E = E * EYE if E.ndim == 0 else E
+        check_second_moment(E)
+        object.__setattr__(self, "second_moment", E)
+        object.__setattr__(self, "system", System(self.material, E))
+
+    @property
+    def constrained(self) -> bool:
+        """Whether det F = 1 is imposed."""
+        return self.incompressible or bool(getattr(self.material, "incompressible", False))
+
+    def simulate(
+        self,
+        F0: ArrayLike,
+        dF0: ArrayLike,
+        time: ArrayLike,
+        method: str = "verlet",
+        step: float | None = None,
+    ) -> Trajectory:
+        """Motion from F0, dF0 (..., 3, 3) at time[0] through the samples time (time,) s.
+
+        method: verlet, suzuki_4, yoshida_6, kahan_li_6, kahan_li_8 (compositions; of RATTLE where det F = 1),
+        blanes_moan_4, blanes_moan_6, implicit_midpoint, energy (compressible only), dop853 (the reference).
+        step: the longest, s; samples are reached by equal steps. Without it, from the fastest vibration at
+        the start. Bodies of a batch share samples and step, and move independently. Raises DataError for
+        det F0 <= 0, for incompressible bodies with det F0 != 1 or tr(F0^-1 dF0) != 0, for a step beyond the
+        stability of Verlet; ConfigError for an unknown method. Source: pseudo-rigid bodies, section 9.
+        """
+        F, V = (np.array(A, float) for A in np.broadcast_arrays(F0, dF0))
+        t = np.asarray(time, float)
+        check_start(F, V, t)
+        if self.constrained:
+            check_volume(F, V)
+        lead = F.shape[:-2]
+        F, V = F.reshape(-1, 3, 3), V.reshape(-1, 3, 3)
+        if method == REFERENCE:
+            parts, longest = [self._referred(F, V, t)], float("nan")
+        else:
+            stepper = self._stepper(method)
+            step = self._step(method, step, F, V, t)
+            counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
+            longest = float((np.diff(t) / counts).max(initial=0.0))
+            blocks = [slice(i, i + TOGETHER) for i in range(0, len(F), TOGETHER)]
+            parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
+        path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
+        kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
+        return self._record(t, path, speed, kind, when, lead, method, longest)
+
+    def _stepper(self, method: str) -> Stepper:
+        """The steps of a method by name."""
+        offered = RATTLE if self.constrained else STEPPERS
+        if method not in offered:
+            what = f"method {method!r} is unknown"
+            if method in STEPPERS:
+                what = f"method {method!r} does not keep det F = 1"
+            raise ConfigError(what, "simulate:", f"choose one of {', '.join([*offered, REFERENCE])}")
+        return offered[method]
+
+    def _step(self, method: str, step: float | None, F: Array, V: Array, time: Array) -> float:
+        """The step given, looked at; or one from the fastest rate of all bodies at the start."""
+        if step is not None and not step > 0:
+            raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
+        if step is not None and (method != "verlet" or self.constrained):
+            return step
+        vibration = float(self.system.vibration(F).max())
+        if step is None:
+            fastest = max(vibration, float(self.system.rate(F, V).max()))
+            return PHASE[method] / fastest if fastest > 0 else float(time[-1] - time[0]) or 1.0
+        if step * vibration > UNSTABLE:
+            what = f"is {step:g} s, beyond {UNSTABLE / vibration:.3g} s, where Verlet grows without bound"
+            raise DataError(what, "step", 'take a shorter one, or method="implicit_midpoint"')
+        return step
+
+    def _marched(
+        self, stepper: Stepper, F: Array, V: Array, time: Array, counts: Array
+    ) -> tuple[Array, Array, Kinds, Array]:
+        """F, V (time, body, 3, 3), kinds and times of stops of one block of bodies."""
+        state = State(F, V)
+        # component first, as the state is: whole rows are written
+        path, speed = (np.moveaxis(np.empty((len(time), 3, 3, len(F))), -1, 1) for _ in range(2))
+        path[0], speed[0] = state.F, state.V
+        kind, when = np.full(len(F), "", KIND), np.full(len(F), np.nan)
+        stop = partial(stop_of, self.system, constrained=self.constrained)
+        with np.errstate(all="ignore"):  # a body that leaves det F > 0 is stopped and told
+            for k, n in enumerate(counts):
+                before = state.stopped.copy()
+                stepper(self.system, state, (time[k + 1] - time[k]) / n, int(n))
+                path[k + 1], speed[k + 1] = state.F, state.V
+                for i in np.flatnonzero(state.stopped & ~before):
+                    kind[i], when[i] = stop(path[k, i], speed[k, i], time[k], time[k + 1])
+                if state.stopped.any():
+                    path[k + 1, state.stopped] = speed[k + 1, state.stopped] = np.nan
+                    if state.stopped.all():
+                        path[k + 1 :] = speed[k + 1 :] = np.nan
+                        break
+        return path, speed, kind, when
+
+    def _referred(self, F: Array, V: Array, time: Array) -> tuple[Array, Array, Kinds, Array]:
+        """The same by the reference integrator, body by body."""
+        found = [reference(self.system, f, v, time, self.constrained) for f, v in zip(F, V, strict=True)]
+        kinds = np.array([p.kind for p in found], KIND)
+        stops = np.array([p.stop for p in found])
+        return np.stack([p.F for p in found], 1), np.stack([p.V for p in found], 1), kinds, stops
+
+    def _record(
+        self,
+        time: Array,
+        F: Array,
+        V: Array,
+        kind: Kinds,
+        when: Array,
+        lead: tuple[int, ...],
+        method: str,
+        step: float,
+    ) -> Trajectory:
+        """Invariants, multiplier and events of F, V (time, body, 3, 3)."""
+        system, E = self.system, self.system.E
+        ended = np.isnan(F[..., 0, 0])
+        known = F if not ended.any() else np.where(ended[..., None, None], EYE, F)
+        energy = np.where(ended, np.nan, system.energy(known, V))
+        pressure = None
+        stopped = kind != ""
+        if self.constrained:
+            pressure = np.where(ended, np.nan, multiplier(system, known, V))
+            tension = tension_times(time, F, V, pressure, system)
+            tense = ~np.isnan(tension) & ~stopped
+            kind, when = np.where(tense, "tension", kind), np.where(tense, tension, when)
+        event = None
+        if (kind != "").any():
+            event = Event(kind.reshape(lead), when.reshape(lead), stopped.reshape(lead))
+        shape = (len(time), *lead)
+        return Trajectory(
+            time,
+            F.reshape(*shape, 3, 3),
+            V.reshape(*shape, 3, 3),
+            energy.reshape(shape),
+            angular_momentum(F, V, E).reshape(*shape, 3),
+            circulation(F, V, E).reshape(*shape, 3),
+            None if pressure is None else pressure.reshape(shape),
+            event,
+            f"rattle_{method}" if self.constrained and method != REFERENCE else method,
+            step,
+        )
+
+
+def check_second_moment(E: Array) -> None:
+    """DataError unless E (3, 3) is symmetric positive definite."""
+    where = "second_moment"
+    if E.shape != (3, 3):
+        raise DataError(f"has shape {E.shape}, expected (3, 3)", where, "give E = int rho X X^T dX, or mu")
+    if not np.isfinite(E).all() or np.abs(E - E.T).max() > 1e-12 * np.abs(E).max():
+        raise DataError("is not a finite symmetric matrix", where, "give E = int rho X X^T dX")
+    least, _, most = np.linalg.eigvalsh(E)
+    if not least > 1e-12 * most:
+        what = f"has the eigenvalue {least:.3g} beside {most:.3g}, expected all positive"
+        advice = "a flat or thin body has no affine motion across: use a rigid body, or give it thickness"
+        raise DataError(what, where, advice)
+
+
+def check_start(F: Array, V: Array, time: Array) -> None:
+    """DataError where the start or the samples are not those of a motion."""
+    if F.shape[-2:] != (3, 3):
+        raise DataError(f"has shape {F.shape}, expected (..., 3, 3)", "F0", "give matrices")
+    if not (np.isfinite(F).all() and np.isfinite(V).all()):
+        raise DataError("hold values that are not finite", "F0, dF0", "give finite matrices")
+    if not F.size:
+        raise DataError("holds no body", "F0", "give at least one matrix")
+    J = determinant(F)
+    if (J <= 0).any():
+        what = f"has det F0 = {float(J.min()):.6g}, expected > 0"
+        raise DataError(what, "F0", "exchange two columns, or flatten the body less")
+    if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+        raise DataError(
+            "is not a growing list of finite numbers", "time", "sort it and drop repeated samples"
+        )

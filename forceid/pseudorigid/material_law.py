@@ -1,0 +1,57 @@
+"""What a material is: the functions a body asks it for, its small-strain constants, the range of constants.
+
+Source: pseudo-rigid bodies, section 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.records import Array
+
+
+class Material(Protocol):
+    """What a body asks of its material: W, dW/dF and d2W/dF2 [H]; a user's own class needs no more."""
+
+    def energy(self, F: Array) -> Array:
+        """W (...,) of F (..., 3, 3)."""
+        ...
+
+    def gradient(self, F: Array) -> Array:
+        """dW/dF (..., 3, 3)."""
+        ...
+
+    def hessian(self, F: Array, H: Array) -> Array:
+        """d/ds dW/dF(F + s H) at s = 0, (..., 3, 3); F and H broadcast."""
+        ...
+
+
+@dataclass(frozen=True)
+class Lame:
+    """Small-strain constants about the reference state: first Lame constant and shear modulus."""
+
+    lam: float
+    mu: float
+
+
+def check_range(material: str, name: str, value: float, holds: bool, wanted: str) -> None:
+    """DataError where a constant is not a number in its range."""
+    if not (np.isfinite(value) and holds):
+        raise DataError(f"{name} = {value:g}, expected {wanted}", f"{material}:", f"choose {name} {wanted}")
+
+
+def check_volumetric(material: str, c: float, d: float, incompressible: bool) -> None:
+    """DataError where c J^2 - d log J does not keep the body from collapsing."""
+    if incompressible:
+        if c or d:
+            what = f"c = {c:g}, d = {d:g} of an incompressible material, whose multiplier replaces Gamma"
+            raise DataError(what, f"{material}:", "leave c and d out")
+        return
+    check_range(material, "c", c, c >= 0, ">= 0")
+    if not (np.isfinite(d) and d > 0):
+        what = f"d = {d:g}, expected > 0: without the barrier -d log J the body collapses"
+        raise DataError(what, f"{material}:", "choose d > 0, or incompressible=True")

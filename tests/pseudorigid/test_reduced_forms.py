@@ -1,0 +1,196 @@
+"""The reduced forms against the master system, and their momenta against those of space."""
+
+import numpy as np
+import pytest
+from reduced_cases import BALL, BLOCK, EVERY, IDS, TIME, Springs, master, random_start
+
+from forceid.pseudorigid import general_reduced, invariants, left_reduced, two_sided
+from forceid.pseudorigid.gravity import SelfGravity
+from forceid.pseudorigid.invariants import angular_momentum, circulation
+from forceid.pseudorigid.materials import MooneyRivlin, NeoHookean, PerfectGas, StVenantKirchhoff
+
+PRINTED = {  # section 12.8: F and its rate at t = 1
+    "neo-hookean": [
+        [
+            [0.96070571982760, -0.26840666369126, 0.25987102114083],
+            [0.31361770330151, 0.96486421972595, -0.11806678575505],
+            [-0.12969078910372, 0.20730977441659, 0.94997087772311],
+        ],
+        [
+            [-0.28810005840319, -0.51448619006918, 0.21390120682568],
+            [0.34816983772571, 0.024543648342077, -0.32207353246964],
+            [-0.28208198769665, 0.14247036922345, -0.11408720480410],
+        ],
+    ],
+    "mooney-rivlin": [
+        [
+            [1.0405523219448, -0.25298156943498, 0.25776463775928],
+            [0.35455709979328, 0.94129745538877, -0.12855922849470],
+            [-0.086380343496827, 0.22788035100307, 0.92348501626253],
+        ],
+        [
+            [-0.19580200623518, -0.49159704030345, 0.20171582358680],
+            [0.40505515942849, -0.015285371282070, -0.34311327526709],
+            [-0.18803486838157, 0.17464370757146, -0.15125644510243],
+        ],
+    ],
+    "gas": [
+        [
+            [1.5495002740254, -0.20962797084346, 0.29548264221157],
+            [0.37074183925322, 1.3601327661646, -0.077869076781666],
+            [-0.072352038973738, 0.26754434360027, 1.3809827195434],
+        ],
+        [
+            [0.69532924389126, -0.44612678148540, 0.30415503391992],
+            [0.48188377570079, 0.69698495990748, -0.26485407515687],
+            [-0.15651747773622, 0.26727411659307, 0.60550990224071],
+        ],
+    ],
+    "st venant-kirchhoff": [
+        [
+            [1.0235518338739, -0.23787421929599, 0.27481495682587],
+            [0.35014973300216, 0.91858935641880, -0.080974959979721],
+            [-0.096782743597014, 0.25773604106568, 0.95211962358120],
+        ],
+        [
+            [-0.22454773124537, -0.46734761694062, 0.24493358794588],
+            [0.39392955981262, -0.052746737440468, -0.26007215127328],
+            [-0.20252646999950, 0.21959700664224, -0.12941226230988],
+        ],
+    ],
+    "riemann": [
+        [
+            [1.1630195417854, -0.59612663569841, 0.23178576688862],
+            [0.53852188365729, 0.78072258642448, -0.23387682882658],
+            [0.089011393072815, 0.24404736943872, 0.73786539794091],
+        ],
+        [
+            [-0.28574363012412, -0.53929483317082, 0.19742386416576],
+            [0.49517651294008, -0.092197527770655, -0.22414269068906],
+            [0.067817857159330, 0.23700856502669, -0.31909664480539],
+        ],
+    ],
+}
+START = (
+    np.array([[1.1, 0.2, 0], [-0.1, 0.95, 0.15], [0.05, 0, 1.05]]),
+    np.array([[0.1, -0.4, 0.3], [0.5, 0, -0.2], [-0.1, 0.3, -0.05]]),
+)
+DIAGONAL = np.diag([1.0, 1.5, 2.2])
+
+
+@pytest.mark.parametrize(
+    ("form", "E", "W", "name"),
+    [
+        (left_reduced, DIAGONAL, NeoHookean(1.0, 0.5, 3.0), "neo-hookean"),
+        (general_reduced, DIAGONAL, NeoHookean(1.0, 0.5, 3.0), "neo-hookean"),
+        (two_sided, BALL, MooneyRivlin(0.6, 0.25, 0.4, 3.0), "mooney-rivlin"),
+        (two_sided, np.eye(3), PerfectGas(1.0, 5 / 3), "gas"),
+        (left_reduced, DIAGONAL, StVenantKirchhoff(1.3, 0.7), "st venant-kirchhoff"),
+        (general_reduced, DIAGONAL, StVenantKirchhoff(1.3, 0.7), "st venant-kirchhoff"),
+    ],
+)
+def test_printed_trajectories_come_out_of_the_reduced_forms(form, E, W, name):
+    motion = form.simulate(E, W, *START, np.array([0.0, 1.0]))
+    np.testing.assert_allclose([motion.F[1], motion.dF[1]], PRINTED[name], rtol=0, atol=1e-12)
+
+
+def test_printed_riemann_ellipsoid_comes_out_of_the_two_sided_form():
+    F0 = np.diag([1.25, 0.8, 1.0])
+    dF0 = F0 @ np.array([[0.1, -0.5, 0.2], [0.7, 0.05, -0.3], [0.1, 0.25, -0.15]])
+    time = np.array([0.0, 1.0])
+    motion = two_sided.simulate(np.eye(3), SelfGravity(1.0), F0, dF0, time, incompressible=True)
+    np.testing.assert_allclose([motion.F[1], motion.dF[1]], PRINTED["riemann"], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("form", "E"), EVERY, ids=IDS)
+def test_reduced_motion_of_random_bodies_is_that_of_the_master_system(form, E, seed):
+    (F0, dF0), W = random_start(seed), Springs()
+    F, dF = master(E, W, F0, dF0, TIME)
+    motion = form.simulate(E, W, F0, dF0, TIME)
+    np.testing.assert_allclose(motion.F, F, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion.dF, dF, rtol=0, atol=2e-12)
+
+
+def test_left_reduced_form_needs_no_isotropy():
+    (F0, dF0), W = random_start(4), Springs(fiber=0.3)
+    F, dF = master(BLOCK, W, F0, dF0, TIME)
+    motion = left_reduced.simulate(BLOCK, W, F0, dF0, TIME)
+    np.testing.assert_allclose(motion.F, F, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion.dF, dF, rtol=0, atol=2e-12)
+    np.testing.assert_allclose(
+        motion.L.swapaxes(1, 2) @ motion.L, np.broadcast_to(np.eye(3), F.shape), atol=1e-14
+    )
+
+
+def test_left_reduced_form_passes_equal_axes_and_starts_from_them():
+    W, B = Springs(), np.array([[0.2, 0.5, -0.3], [-0.1, 0.1, 0.4], [0.3, 0.1, -0.2]])
+    F, _ = master(BLOCK, W, np.eye(3), B, TIME)
+    motion = left_reduced.simulate(BLOCK, W, np.eye(3), B, TIME)
+    np.testing.assert_allclose(motion.F, F, rtol=0, atol=1e-12)
+
+
+def test_momenta_of_the_three_forms_are_those_of_space():
+    (F0, dF0), W, t = random_start(5), Springs(), TIME[:3]
+    J, C = angular_momentum(F0, dF0, BALL), circulation(F0, dF0, BALL)
+    left, two, general = (
+        form.simulate(BALL, W, F0, dF0, t) for form in (left_reduced, two_sided, general_reduced)
+    )
+
+    def apply(A, v, factor=2.0):
+        return factor * np.einsum("tab,tb->ta", A, v)
+
+    for found, kept in (
+        (apply(left.L, left.m), J),
+        (apply(two.L, two.pi, 3.4), J),
+        (apply(general.L, general.left), J),
+        (apply(two.R.swapaxes(1, 2), two.kappa, 3.4), C),
+        (apply(general.R.swapaxes(1, 2), general.right), C),
+    ):
+        np.testing.assert_allclose(found, np.broadcast_to(kept, found.shape), rtol=0, atol=1e-12)
+    for momentum in (two.pi, two.kappa):
+        size = np.linalg.norm(momentum, axis=1)
+        assert np.ptp(size) < 1e-13
+
+
+def test_incompressible_ball_keeps_its_volume_and_follows_the_constrained_master_system():
+    W, F0 = Springs(), np.array([[1.25, 0.1, 0], [0, 0.8, 0.05], [0, 0, 1.0]])
+    Y = np.array([[0.1, -0.5, 0.2], [0.7, 0.05, -0.3], [0.1, 0.25, -0.15]])
+    F, dF = master(BALL, W, F0, F0 @ Y, TIME, held=True)
+    motion = two_sided.simulate(BALL, W, F0, F0 @ Y, TIME, incompressible=True)
+    np.testing.assert_allclose(motion.F, F, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion.dF, dF, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(motion.F), 1, rtol=0, atol=1e-12)
+
+
+def test_kinetic_energy_in_momenta_is_that_of_F():
+    rng = np.random.default_rng(6)
+    F, dF = np.diag([2.0, 1.3, 0.7]) + 0.1 * rng.standard_normal((40, 3, 3)), rng.standard_normal((40, 3, 3))
+    a, da, pi, kappa, _, _ = two_sided.two_sided_state(F, dF)
+    found = two_sided.kinetic_energy(a, da, pi, kappa, 1.7)
+    np.testing.assert_allclose(found, invariants.kinetic_energy(dF, BALL), rtol=1e-12)
+
+
+def test_rates_of_the_two_sided_momenta_are_those_of_the_decomposition():
+    rng = np.random.default_rng(7)
+    a, omega, lam = np.array([2.0, 1.3, 0.7]), rng.standard_normal(3), rng.standard_normal(3)
+    M, K = np.diag((a @ a - a * a) / 2), np.diag(a.prod() / a)
+    s, d = two_sided.rates_of_rotation(a, M @ omega + K @ lam, K @ omega + M @ lam)
+    np.testing.assert_allclose([s, d], [omega + lam, omega - lam], rtol=1e-13)
+
+
+def test_rates_of_a_batch_are_those_of_each_body():
+    rng = np.random.default_rng(8)
+    F, dF = (
+        np.diag([2.0, 1.3, 0.7]) + 0.1 * rng.standard_normal((4, 5, 3, 3)),
+        rng.standard_normal((4, 5, 3, 3)),
+    )
+    W = Springs()
+
+    def rates(F, dF):
+        yield from left_reduced.left_rates(left_reduced.left_state(F, dF, BLOCK), BLOCK, W)
+        yield from two_sided.two_sided_rates(two_sided.two_sided_state(F, dF), 1.7, W, incompressible=True)
+        yield from general_reduced.general_rates(general_reduced.general_state(F, dF, BLOCK), BLOCK, W)
+
+    for batch, one in zip(rates(F, dF), rates(F[2, 3], dF[2, 3]), strict=True):
+        np.testing.assert_allclose(batch[2, 3], one, rtol=0, atol=1e-12)
