@@ -123,6 +123,12 @@ TRUTH = ESTIMATE | {
     "joint_force": INTERFACE["force"],
     "joint_moment": INTERFACE["moment"],
     "joint_point": INTERFACE["point"],
+    "first_moment": Variable(
+        ("time", "axis", "axis_2"), "N m", "first moments of all forces, force then arm, world axes"
+    ),
+    "applied_first_moment": Variable(
+        ("time", "axis", "axis_2"), "N m", "first moments of the applied forces, force then arm, world axes"
+    ),
 }
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
 ESTIMATE_ATTRS = (

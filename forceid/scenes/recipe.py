@@ -23,7 +23,9 @@ from forceid.scenes import (
     particle,
     planar_boomerang,
     spinner,
+    spinning_block,
     top,
+    wobbling_drop,
 )
 from forceid.scenes.mechanics import Flight
 
@@ -49,7 +51,9 @@ SCENES = {
     "particle": Scene(particle.Parameters, particle.fly),
     "planar_boomerang": Scene(planar_boomerang.Parameters, planar_boomerang.fly),
     "spinner": Scene(spinner.Parameters, spinner.fly),
+    "spinning_block": Scene(spinning_block.Parameters, spinning_block.fly),
     "top": Scene(top.Parameters, top.fly),
+    "wobbling_drop": Scene(wobbling_drop.Parameters, wobbling_drop.fly),
 }
 
 

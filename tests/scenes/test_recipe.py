@@ -49,8 +49,8 @@ def test_stored_file_is_made_again_from_its_recipe(path, throw, monkeypatch):
     assert made.title == stored.title
 
 
-def test_nine_recipes_are_stored_and_small():
-    assert len(STORED) == 9
+def test_eleven_recipes_are_stored_and_small():
+    assert len(STORED) == 11
     assert max(path.with_suffix(".h5").stat().st_size for path in STORED) < 1.5e6
 
 

@@ -1,0 +1,88 @@
+"""Wobbling drop: a soft ball whose skin pulls it round, struck so that it swings, under known loads.
+
+Its energy is surface tension times the area of the ellipsoid, and a bulk that gives way a little: det F is
+free. Twelve equal masses with markers, the corners of an icosahedron, make its second moment isotropic.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from forceid.config import Section, Vector
+from forceid.records import Array
+from forceid.scenes.affine_body import Throw, fly_affine, rotation
+from forceid.scenes.mechanics import Flight
+
+Positive = Annotated[float, Field(gt=0.0)]
+GOLDEN = 0.5 * (1 + np.sqrt(5.0))
+CORNERS = np.array(
+    [np.roll([0.0, s, t * GOLDEN], k) for k in range(3) for s in (-1, 1) for t in (-1, 1)]
+) / np.sqrt(1 + GOLDEN**2)
+POWER = 1.6075  # of Knud Thomsen's formula for the area of an ellipsoid, good to 1 %
+
+
+class Parameters(Section):
+    """mass kg in equal shares on twelve points at `radius` m. tension J: surface energy of the round drop;
+    bulk J: W = tension area + bulk / 2 (J - 1)^2 less the pressure that the skin puts on the round drop.
+    strike 1/s: rate at t = 0 at which the drop lengthens along its x, and half as fast narrows across.
+    force N and first_moment N m: standard deviation of each component of the drawn loads, rows of the moments
+    in world, columns in reference axes; flat below drawn_frequency Hz, from drawn_seed. gravity m/s2; at
+    t = 0: center m, velocity m/s, turn rad (rotation vector), spin rad/s in body axes.
+    """
+
+    mass: Positive = 0.3
+    radius: Positive = 0.1
+    tension: Positive = 4.0
+    bulk: Positive = 3.0
+    strike: float = 4.0
+    force: float = Field(default=0.5, ge=0.0)
+    first_moment: float = Field(default=0.03, ge=0.0)
+    drawn_frequency: Positive = 2.5
+    drawn_seed: int = Field(default=1, ge=0)
+    gravity: Vector = (0.0, 0.0, -9.81)
+    center: Vector = (0.0, 0.0, 1.5)
+    velocity: Vector = (0.5, 0.3, 5.0)
+    turn: Vector = (0.0, 0.0, 0.0)
+    spin: Vector = (0.5, 0.3, 5.0)
+
+
+def area(D: Array) -> tuple[float, Array]:
+    """Area of the ellipsoid with semi-axes D (3,) over that of the unit ball, and its derivative (3,)."""
+    pairs = np.array([D[1] * D[2], D[2] * D[0], D[0] * D[1]]) ** POWER
+    mean = float(pairs.mean())
+    # pair k leaves out axis k, so every axis is in two of them
+    return mean ** (1 / POWER), mean ** (1 / POWER - 1) * (pairs.sum() - pairs) / (3 * D)
+
+
+def energy(parameters: Parameters, F: Array) -> float:
+    """W (J) at F (3, 3), zero for the round drop."""
+    p, D = parameters, np.asarray(np.linalg.svd(F, compute_uv=False), float)
+    J = float(D.prod())
+    return p.tension * (area(D)[0] - 1) + 0.5 * p.bulk * (J - 1) ** 2 - 2 / 3 * p.tension * (J - 1)
+
+
+def gradient(parameters: Parameters, F: Array) -> Array:
+    """dW/dF (3, 3) J at F (3, 3)."""
+    p = parameters
+    L, D, R = np.linalg.svd(F)
+    J = float(D.prod())
+    g = p.tension * area(D)[1] + (p.bulk * (J - 1) - 2 / 3 * p.tension) * J / D
+    return np.asarray((L * g) @ R)
+
+
+def throw(parameters: Parameters) -> Throw:
+    """The round drop as it is struck."""
+    p, R = parameters, rotation(parameters.turn)
+    return Throw(
+        np.full(12, p.mass / 12), p.radius * CORNERS, lambda F: gradient(p, F), np.array(p.gravity),
+        np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin),
+        p.strike * np.diag([1.0, -0.5, -0.5]), p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
+    )  # fmt: skip
+
+
+def fly(parameters: Parameters, time: Array) -> Flight:
+    """The struck drop at `time` (time,) s."""
+    return fly_affine(throw(parameters), tuple(f"marker_{k + 1}" for k in range(12)), time)
