@@ -23,7 +23,8 @@ from forceid.principal.wrench import transport, transport_matrix
 from forceid.records import Array, Estimate
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
-SMOOTHEST = 6, 4, 3  # orders up to which a prior may be smooth; the likelier are taken
+SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
+SHARP = 1e-6  # of the arms, that the noise of frames is to exceed
 TURNED = 3.0  # times its noise, by which what a joint keeps may change and the joint be believed
 ASIDE = 9.0  # times its variance, by which a part smoothed with the others may move and be believed
 
@@ -49,7 +50,7 @@ def together(
 ) -> Together | None:
     """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
     passes = engine(settings.engine)
-    balance = unupset(linkage, estimates)
+    balance = None if sharp(linkage, solutions) else unupset(linkage, estimates)
     found: list[tuple[float, list[LinkedPart], Priors, Ties, list[Finding]]] = []
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
@@ -78,6 +79,13 @@ def together(
     if np.nanmean(moved**2 / claimed) > ASIDE:
         return None  # parts that contradict each other are for the test of consistency
     return Together(transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings)
+
+
+def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
+    """Whether frames show the poses to rounding: parts by themselves do as well, and ties would lose digits."""
+    frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
+    noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
+    return max(noise, default=0.0) < SHARP * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
 
 
 def orders_of(solutions: list[Solution | None]) -> list[int]:
