@@ -82,7 +82,7 @@ def together(
 
 
 def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
-    """Whether frames show the poses to rounding: parts by themselves do as well, and ties would lose digits."""
+    """Whether frames show the poses to rounding: parts by themselves do, and ties would lose digits."""
     frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
     noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
     return max(noise, default=0.0) < SHARP * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))

@@ -130,9 +130,9 @@ def test_nees_of_drawn_joint_loads_is_in_its_band(blocks):
 def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
+    linked, truth = drawn_chains(2)[0]
     monkeypatch.setattr("forceid.estimation.joints.together", lambda *_: None)
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
-    linked, truth = drawn_chains(2)[0]
     assert rms(errors(apart, truth)[INNER, ..., :3]) > 2 * rms(errors(linked, truth)[INNER, ..., :3])
     assert rms(apart.force_std[INNER]) > 1.5 * rms(linked.force_std[INNER])
 
