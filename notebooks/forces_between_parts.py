@@ -229,7 +229,7 @@ covered = np.mean(np.abs(off) < 2 * std)
 print(f"{verdict}: error {rms:.4f} N rms, claimed {claimed:.4f} N; {covered:.0%} in the band")
 assert verdict == "ok"
 assert bool(hinge.determined == 1)
-assert rms <= min(0.012, 1.5 * claimed)
+assert rms <= min(0.003, 1.5 * claimed)
 assert covered >= 0.9
 
 hinge_figure = Figure(figsize=(9, 6), layout="constrained")

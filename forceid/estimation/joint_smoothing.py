@@ -50,11 +50,12 @@ def together(
 ) -> Together | None:
     """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
     passes = engine(settings.engine)
-    balance = None if sharp(linkage, solutions) else unupset(linkage, estimates)
+    if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
+        return None
     found: list[tuple[float, list[LinkedPart], Priors, Ties, list[Finding]]] = []
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
-        if not linked or balance is None:
+        if not linked:
             return None
         ties, findings = ties_of(joints, parts, linked, estimates, solutions)
         tied = beside([balance[0], *ties])

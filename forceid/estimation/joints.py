@@ -51,7 +51,8 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
     g, C = found.wrench, found.joint_cov
     assert C is not None
     smoothed = None
-    if not found.dof or np.nanmean(found.chi_square) < GROSS * found.dof:  # else they contradict each other
+    misfit = found.chi_square[np.isfinite(found.chi_square)]
+    if not found.dof or not misfit.size or misfit.mean() < GROSS * found.dof:  # else they contradict
         smoothed = together(linkage, parts, joints, estimates, [solution for _, solution in solved], settings)
     if smoothed is not None:
         to_joints = -split(linkage)

@@ -24,18 +24,40 @@ def flexibility(topology: Topology, each: Sequence[Factor], which: Indices) -> B
     """
     boundary = topology.boundary
     kept: dict[int, tuple[Indices, Array]] = {}
-    for k in range(len(each)):
-        members = np.flatnonzero(which == k)
-        shared = np.unique(np.concatenate([boundary[s] for s in members]))
-        if worth_keeping(len(shared), len(members)):
-            kept[k] = shared, each[k].moved(shared, np.eye(len(shared)))
+    for k, factor in enumerate(each):
+        members = [boundary[s] for s in np.flatnonzero(which == k)]
+        if worth_keeping(len(np.unique(np.concatenate(members))), len(members)):
+            kept[k] = at_shared(factor, members)
 
     def product(s: int, _: int) -> Apply:
         k, b = int(which[s]), boundary[s]
         if k not in kept:
             return partial(each[k].moved, b)
-        at = np.searchsorted(kept[k][0], b)
-        return dense(kept[k][1][np.ix_(at, at)])
+        return dense(between(kept[k], b))
 
     keys = [(int(k), b.tobytes()) for k, b in zip(which, boundary, strict=True)]
     return blocks(keys, topology.rows, product)
+
+
+def matrices(topology: Topology, each: Sequence[Factor], which: Indices) -> list[Array]:
+    """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
+    boundary, found = topology.boundary, [np.zeros((0, 0))] * len(which)
+    for k, factor in enumerate(each):
+        members = np.flatnonzero(which == k).tolist()
+        inverse = at_shared(factor, [boundary[s] for s in members])
+        for s in members:
+            F = between(inverse, boundary[s])
+            found[s] = 0.5 * (F + F.T)
+    return found
+
+
+def at_shared(factor: Factor, boundary: Sequence[Indices]) -> tuple[Indices, Array]:
+    """All degrees of freedom (row,) that one of equal parts shares, and K^- (row, row) there."""
+    shared = np.unique(np.concatenate(boundary))
+    return shared, factor.moved(shared, np.eye(len(shared)))
+
+
+def between(inverse: tuple[Indices, Array], rows: Indices) -> Array:
+    """The rows and columns of K^- of one part."""
+    at = np.searchsorted(inverse[0], rows)
+    return np.asarray(inverse[1][np.ix_(at, at)])

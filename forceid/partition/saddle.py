@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.linalg import splu
 
 from forceid.errors import EstimationError
+from forceid.partition.flexibility import matrices
 from forceid.records import Array
 
 if TYPE_CHECKING:
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
 
 DENSE = 600  # unknowns up to which the saddle-point system is solved as a dense one
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
-
-
-def interface_flexibility(system: PartitionedSystem) -> list[Array]:
-    """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
-    each, which = system.factored
-    found = [each[k].moved(b, np.eye(len(b))) for k, b in zip(which, system.topology.boundary, strict=True)]
-    return [0.5 * (F + F.T) for F in found]
 
 
 @dataclass(frozen=True)
@@ -46,7 +40,7 @@ def factored_saddle(system: PartitionedSystem) -> Saddle:
     Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
     """
     top, R_b = system.topology, sp.csr_array(system.R_b)
-    F = interface_flexibility(system)
+    F = matrices(system.topology, *system.factored)
     unit = float(np.mean(np.concatenate([np.diag(block) for block in F])))
     L_f, free = top.L_f, system.projection.whole
     frame = sp.csr_array(L_f.T @ (R_b @ free) / top.count[top.interface][:, None])
@@ -90,7 +84,7 @@ def reduced(system: PartitionedSystem) -> Array:
     """[F -R_b L_f; -R_b^T 0 0; L_f^T 0 0], dense; unknowns lambda, alpha, u_f."""
     R_b, L_f = system.R_b, system.topology.L_f.toarray()
     a, m = R_b.shape[1], L_f.shape[1]
-    F = block_diag(*interface_flexibility(system))
+    F = block_diag(*matrices(system.topology, *system.factored))
     return np.block([[F, -R_b, L_f], [-R_b.T, np.zeros((a, a + m))], [L_f.T, np.zeros((m, a + m))]])
 
 

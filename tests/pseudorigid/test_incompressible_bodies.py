@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from printed_motions import PRINTED
 
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.body import Body
@@ -12,16 +13,7 @@ from forceid.pseudorigid.splittings import COMPOSITIONS
 F0 = np.diag([1.25, 0.8, 1.0])
 V0 = F0 @ np.array([[0.1, -0.5, 0.2], [0.7, 0.05, -0.3], [0.1, 0.25, -0.15]])
 RIEMANN = Body(1.0, SelfGravity(pi_G_rho=1.0), incompressible=True)
-F1 = [
-    [1.1630195417854, -0.59612663569841, 0.23178576688862],
-    [0.53852188365729, 0.78072258642448, -0.23387682882658],
-    [0.089011393072815, 0.24404736943872, 0.73786539794091],
-]
-V1 = [
-    [-0.28574363012412, -0.53929483317082, 0.19742386416576],
-    [0.49517651294008, -0.092197527770655, -0.22414269068906],
-    [0.067817857159330, 0.23700856502669, -0.31909664480539],
-]
+F1, V1 = PRINTED["riemann"]
 
 
 @pytest.mark.parametrize(("method", "step"), [("dop853", None), ("kahan_li_8", 0.1), ("kahan_li_6", 0.02)])

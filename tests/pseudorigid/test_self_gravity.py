@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from printed_motions import PRINTED
 from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError
@@ -95,18 +96,7 @@ def test_the_printed_trajectory_of_a_riemann_ellipsoid_is_met():
 
     end = solve_ivp(flow, (0, 1), np.concatenate([F0.ravel(), dF0.ravel()]), "DOP853", rtol=1e-13, atol=1e-14)
     F, dF = end.y[:, -1].reshape(2, 3, 3)
-    printed = [
-        [1.1630195417854, -0.59612663569841, 0.23178576688862],
-        [0.53852188365729, 0.78072258642448, -0.23387682882658],
-        [0.089011393072815, 0.24404736943872, 0.73786539794091],
-    ]
-    printed_rate = [
-        [-0.28574363012412, -0.53929483317082, 0.19742386416576],
-        [0.49517651294008, -0.092197527770655, -0.22414269068906],
-        [0.067817857159330, 0.23700856502669, -0.31909664480539],
-    ]
-    np.testing.assert_allclose(F, printed, rtol=1e-10)
-    np.testing.assert_allclose(dF, printed_rate, rtol=1e-10)
+    np.testing.assert_allclose([F, dF], PRINTED["riemann"], rtol=1e-10)
     np.testing.assert_allclose(drop.energy(F0) + (dF0**2).sum() / 2, -3.47923390681306, rtol=1e-14)
 
 
