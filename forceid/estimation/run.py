@@ -14,6 +14,7 @@ from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.classic import estimate_classic
+from forceid.estimation.first_moments import told_first_moments
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.innovations import judge_innovations
 from forceid.estimation.joints import joint_forces
@@ -148,6 +149,7 @@ def assemble(
     loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
+    affine, untold = told_first_moments(recording, settings, solution)
     costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
     wild_said = any("innovations reach" in reason for reason in solution.reasons)
@@ -164,7 +166,7 @@ def assemble(
         *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
         *(Finding(text) for text in same),
-        *(Finding(text) for text in solution.reasons),
+        *(Finding(text) for text in (*solution.reasons, *untold)),
     ]
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     return Estimate(
@@ -175,7 +177,9 @@ def assemble(
         method=settings.method, model=kin.model, engine=solution.engine, log_likelihood=state.log_likelihood,
         moment_about=str(settings.moment_about), verdict=judge(findings),
         mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None,
-        stretch=stretch_of(kin.shape, shape) if kin.model == "affine" else None,
+        stretch=affine.stretch if affine else stretch_of(kin.shape, shape) if kin.model == "affine" else None,
+        first_moment=affine.first_moment if affine else None,
+        first_moment_cov=affine.first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(),
     )  # fmt: skip

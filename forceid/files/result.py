@@ -22,9 +22,10 @@ from forceid.files.schema import (
 from forceid.records import Array, Estimate, Interface, Loads, Recording, Verdict
 
 _DERIVED = ("force_std", "moment_std")
-_OPTIONAL = (*_DERIVED, "mode_amplitude", "stretch", "deformation", "mean_shape", "innovation")
+_AFFINE = ("stretch", "first_moment", "first_moment_cov")
+_OPTIONAL = (*_DERIVED, *_AFFINE, "mode_amplitude", "deformation", "mean_shape", "innovation")
 _NUMBERS = ("log_likelihood", "mass", "runtime_s")
-_SIZES = {"axis": 3, "quaternion": 4, "wrench": 6}
+_SIZES = {"axis": 3, "quaternion": 4, "wrench": 6, "entry": 9}
 
 
 def write_result(path: str | Path, estimate: Estimate, recording: Recording | None = None) -> None:

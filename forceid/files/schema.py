@@ -87,6 +87,12 @@ ESTIMATE = {
     ),
     "mode_amplitude": Variable(("time", "mode"), "m", "amplitude of the deformation modes"),
     "stretch": Variable(("time", "axis", "axis_2"), "1", "right stretch of the affine body, body axes"),
+    "first_moment": Variable(
+        ("time", "axis", "axis_2"), "N m", "first moments of all forces, force then arm, world axes"
+    ),
+    "first_moment_cov": Variable(
+        ("time", "entry", "entry_2"), "N2 m2", "covariance of the first moments, row by row"
+    ),
     "deformation": Variable(("time", "node", "axis"), "m", "displacement from the mean shape, body axes"),
     "mean_shape": Variable(("node", "axis"), "m", "mean shape, body axes, about the mass center"),
     "nis": Variable(("time",), "1", "normalized innovation squared per degree of freedom"),
@@ -123,9 +129,6 @@ TRUTH = ESTIMATE | {
     "joint_force": INTERFACE["force"],
     "joint_moment": INTERFACE["moment"],
     "joint_point": INTERFACE["point"],
-    "first_moment": Variable(
-        ("time", "axis", "axis_2"), "N m", "first moments of all forces, force then arm, world axes"
-    ),
     "applied_first_moment": Variable(
         ("time", "axis", "axis_2"), "N m", "first moments of the applied forces, force then arm, world axes"
     ),
@@ -144,6 +147,7 @@ ESTIMATE_ATTRS = (
 LABELS = {
     "axis": ("x", "y", "z"),
     "quaternion": ("x", "y", "z", "w"),
+    "entry": tuple(f"{force}{arm}" for force in "xyz" for arm in "xyz"),  # of a first moment
     "wrench": ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"),
 }
 

@@ -9,25 +9,19 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from forceid.records import Array, Estimate, Loads
+from forceid.report.bands import draw_estimate, explain
 from forceid.report.numbers import mean, truth_at
 from forceid.report.style import (
     AXIS_COLOR,
-    BLUE,
     CYCLE,
-    DASHED,
-    INK,
     PURPLE,
     STYLE,
-    draw_band,
     draw_columns,
     draw_line,
     label,
     panels,
-    say,
 )
 
 AXES = ("x", "y", "z")
@@ -52,29 +46,10 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
                 f"{name[0].upper()}$_{axis}$ ({unit})",
                 "time (s)" if row == 2 else "",
             )
-            draw_estimate(ax, estimate.time, values[:, row], std[:, row])
-            if np.isfinite(true[:, row]).any():
-                known = True
-                draw_line(ax, estimate.time, true[:, row], color=INK, lw=1.0, ls=DASHED)
-    handles = [
-        Line2D([], [], color=BLUE, label="estimate"),
-        Patch(color=BLUE, alpha=0.22, lw=0, label="two sigma"),
-    ]
-    if known:
-        handles.append(Line2D([], [], color=INK, lw=1.0, ls=DASHED, label="truth"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    figure.align_ylabels()
+            known = known or bool(np.isfinite(true[:, row]).any())
+            draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row])
+    explain(figure, "two sigma", known)
     return figure
-
-
-def draw_estimate(ax: Axes, time: Array, values: Array, std: Array) -> None:
-    """Values (time,) over their two-sigma band; a remark when nothing is known."""
-    if not np.isfinite(values).any():
-        say(ax, "not identifiable")
-        return
-    draw_band(ax, time, values - 2 * std, values + 2 * std, color=BLUE, alpha=0.22)
-    draw_line(ax, time, values, color=BLUE)
-    ax.margins(x=0.01)
 
 
 @rc_context(STYLE)
@@ -143,7 +118,7 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
             f"{name} ({unit.get(name, 'N')})",
             "time (s)" if last else "",
         )
-        draw_estimate(ax, estimate.time, values, std[:, k])
+        draw_estimate(ax, estimate.time, values, 2 * std[:, k])
     figure.align_ylabels()
     return figure
 

@@ -8,12 +8,11 @@ from textwrap import shorten
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from forceid.records import Array, Interface
+from forceid.report.bands import draw_estimate, explain
 from forceid.report.numbers import INTERVAL, rms
-from forceid.report.style import BLUE, DASHED, INK, STYLE, draw_band, draw_line, label, panels, say
+from forceid.report.style import STYLE, label, panels
 
 AXES = ("x", "y", "z")
 NEAR = 5e-3  # m: within which a joint of the truth is this one
@@ -40,23 +39,9 @@ def draw_joint(time: Array, interface: Interface, k: int, truth: Mapping[str, Ar
                 f"{letter}$_{axis}$ ({unit})",
                 "time (s)" if row == 2 else "",
             )
-            if not np.isfinite(value).any():
-                say(ax, "not told by the motion")
-                continue
-            half = INTERVAL * std[:, k, row]
-            draw_band(ax, time, value - half, value + half, color=BLUE, alpha=0.22)
-            draw_line(ax, time, value, color=BLUE)
-            if known:
-                draw_line(ax, time, true[:, 3 * column + row], color=INK, lw=1.0, ls=DASHED)
-            ax.margins(x=0.01)
-    handles = [
-        Line2D([], [], color=BLUE, label="estimate"),
-        Patch(color=BLUE, alpha=0.22, lw=0, label="95 %"),
-    ]
-    if known:
-        handles.append(Line2D([], [], color=INK, lw=1.0, ls=DASHED, label="truth"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    figure.align_ylabels()
+            half, column_true = INTERVAL * std[:, k, row], true[:, 3 * column + row]
+            draw_estimate(ax, time, value, half, column_true, "not told by the motion")
+    explain(figure, "95 %", known)
     return figure
 
 

@@ -114,7 +114,7 @@ def wrench_error(estimate: Estimate, truth: Mapping[str, Array], name: str) -> A
 
 
 def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
-    """The true variable at the times of the estimate (time, 3), NaN where unknown.
+    """The true variable (time, ...) at the times of the estimate, NaN where unknown.
 
     The truth states its moment about the mass center, so another `moment_about` has no truth.
     """
@@ -122,8 +122,9 @@ def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array
     if name not in truth or elsewhere:
         return np.full_like(getattr(estimate, name), np.nan)
     clock, values = truth.get("time", estimate.time), truth[name]
-    columns = [np.interp(estimate.time, clock, c, left=np.nan, right=np.nan) for c in values.T]
-    return np.stack(columns, axis=-1)
+    flat = values.reshape(len(values), -1)
+    columns = [np.interp(estimate.time, clock, c, left=np.nan, right=np.nan) for c in flat.T]
+    return np.stack(columns, axis=-1).reshape(-1, *values.shape[1:])
 
 
 def force_closure(estimate: Estimate) -> tuple[Array, Array]:

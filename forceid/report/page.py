@@ -11,6 +11,7 @@ from jinja2 import Environment, StrictUndefined
 from forceid import __version__
 from forceid.records import Array, Estimate
 from forceid.report.figures import draw_loads, draw_motion, draw_wrench
+from forceid.report.first_moment_figure import draw_first_moments
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, plain, plus_minus, summarize, typeset
 from forceid.report.path import draw_path
@@ -72,6 +73,13 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
             "World axes; the deformation, where the model has any, is about the mean shape in body axes.",
         ),
     ]
+    if estimate.first_moment is not None and estimate.first_moment_cov is not None:
+        figure = draw_first_moments(estimate, estimate.first_moment, estimate.first_moment_cov, truth)
+        caption = (
+            "First moments f rᵀ of all forces, those in the body too, about the mass center: what is "
+            "antisymmetric in them is the moment. A row is of a force, a column of its arm."
+        )
+        drawn.insert(2, (figure, "First moments of force", caption))
     if estimate.loads is not None:
         caption = "Loads p of f = B p with their two-sigma bands; what the motion cannot see has no band."
         drawn.insert(2, (draw_loads(estimate, estimate.loads), "Applied loads", caption))

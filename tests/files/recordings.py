@@ -88,6 +88,8 @@ def estimate(n=20, nodes=4, modes=2, loads=True, seed=2):
         ),
         mode_amplitude=r(n, modes) if modes else None,
         stretch=r(n, 3, 3),
+        first_moment=r(n, 3, 3),
+        first_moment_cov=r(n, 9, 9),
         loads=load if loads else None,
         runtime_s=0.25,
         settings='method = "smoother"\n',

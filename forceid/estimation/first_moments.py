@@ -1,0 +1,66 @@
+"""First moments of force of a flight at the affine level, which agree with its moment.
+
+What acts inside a body drives its stretch, but no moment: the angular momentum shows the moment better than
+the columns of F E do. So the first moments take the moment of the flight as theirs, and with it all that is
+correlated with it. Source: pseudo-rigid bodies, section 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.errors import ForceIdError
+from forceid.estimation.affine_loads import MOMENT, AffineLoads, affine_loads
+from forceid.estimation.flight_smoother import Solution
+from forceid.estimation.outliers import cleaned, without_frames
+from forceid.records import Array, Recording
+
+
+def told_first_moments(
+    recording: Recording, settings: Settings, solution: Solution
+) -> tuple[AffineLoads | None, tuple[str, ...]]:
+    """First moments of a flight smoothed at the affine level, or None and, where some were due, why not."""
+    if solution.kinematics.model != "affine" or solution.smoothing is None:
+        return None, ()
+    try:
+        return flight_first_moments(recording, settings, solution), ()
+    except ForceIdError as e:
+        return None, (f"first moments of force are not told: {e}",)
+
+
+def flight_first_moments(recording: Recording, settings: Settings, solution: Solution) -> AffineLoads:
+    """First moments on the frames, and with the noise, that the flight was solved with.
+
+    Raises DataError where the markers fix none of them, EstimationError for too short a record. Source:
+    pseudo-rigid bodies, section 1.
+    """
+    kin, state = solution.kinematics, solution.state
+    motion = without_frames(
+        cleaned(recording.body, recording.motion)[0], np.asarray(np.isnan(kin.pose.center).any(1))
+    )
+    motion = replace(motion, noise_std=motion.noise_std | {"position": kin.noise["position"]})
+    own = settings.model_copy(update={"noise_std": {}})
+    loads = affine_loads(replace(recording, motion=motion), own)
+    return with_moment(loads, state.moment, state.wrench_cov[:, 3:, 3:])
+
+
+def with_moment(loads: AffineLoads, moment: Array, cov: Array) -> AffineLoads:
+    """Loads whose moment is `moment` (time, 3) N m, of covariance `cov` (time, 3, 3), as known from elsewhere.
+
+    The moment gets that distribution, the rest keeps its own given the moment. First moments of which some
+    are open are left alone, as is a moment that is not known. Source: pseudo-rigid bodies, section 1.
+    """
+    C = loads.first_moment_cov
+    known = np.isfinite(C).all((1, 2)) & np.isfinite(cov).all((1, 2)) & np.isfinite(moment).all(1)
+    if not known.any():
+        return loads
+    own = MOMENT @ C[known] @ MOMENT.T
+    gain = np.linalg.solve(own, MOMENT @ C[known]).mT
+    first, first_cov = loads.first_moment.copy(), C.copy()
+    change = np.einsum("tij,tj->ti", gain, moment[known] - loads.moment[known])
+    first[known] += change.reshape(-1, 3, 3)
+    first_cov[known] += gain @ (cov[known] - own) @ gain.mT
+    return replace(loads, first_moment=first, first_moment_cov=first_cov)
