@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: charts demo test bench study clean
+.PHONY: charts demo test bench study docs clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -19,6 +19,10 @@ bench: .venv-bench/ready
 # what the estimators reach, into docs/
 study: .venv/ready
 	$(BIN)/python -m benchmarks.estimation
+
+# the site, into docs/_build/html; notebooks run when they have changed
+docs: .venv/ready
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
 # every method and peer on every scene, and where each of them breaks, into docs/; resumes where it stopped
 charts: .venv-bench/ready
@@ -38,4 +42,4 @@ charts: .venv-bench/ready
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench build dist bench *.egg-info demo forceid/*/*.so
+	rm -rf .venv .venv-bench build dist bench *.egg-info demo docs/_build forceid/*/*.so

@@ -8,6 +8,7 @@
 # and a loop.
 
 # %%
+# %matplotlib inline
 from pathlib import Path
 
 import numpy as np

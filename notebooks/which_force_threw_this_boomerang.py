@@ -5,6 +5,7 @@
 # each, 1000 times a second, to 0.3 mm. Nothing else is known: no drag law, no stiffness, no cut-off.
 
 # %%
+# %matplotlib inline
 from pathlib import Path
 
 import numpy as np
