@@ -48,7 +48,7 @@ def flight_first_moments(recording: Recording, settings: Settings, solution: Sol
 
 
 def with_moment(loads: AffineLoads, moment: Array, cov: Array) -> AffineLoads:
-    """Loads whose moment is `moment` (time, 3) N m, of covariance `cov` (time, 3, 3), as known from elsewhere.
+    """Loads whose moment is `moment` (time, 3) N m, of covariance `cov` (time, 3, 3), known from elsewhere.
 
     The moment gets that distribution, the rest keeps its own given the moment. First moments of which some
     are open are left alone, as is a moment that is not known. Source: pseudo-rigid bodies, section 1.

@@ -11,6 +11,7 @@ from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
+from forceid.estimation.likely_orders import allow_for_orders
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.load_lines import (
     MOST_LINES,
@@ -173,6 +174,8 @@ def estimate_flight(
         for name, channel in told_by.items():
             tuned |= unshown_lines(name, channel, priors[name], spin)
         reasons = (*reasons, *hidden_lines(tuned, state, kin.inertia.mass, gravity))
+    if kin.attitude and settings.load_axes != "body":
+        state = allow_for_orders(state, told_by, priors, engine)
     deformation = as_smoothed(kin, deformation, state)
     smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing)

@@ -30,7 +30,7 @@ class Tuned:
     """Matern prior of loads: order, std (axis,), rate (axis,) 1/s, and the noise found with it.
 
     noise: factor on the stated standard deviation of the measurement; noise_at_limit: the likelihood
-    would have taken a smaller one than allowed.
+    would have taken a smaller one than allowed; rivals: other orders that are e^-PATIENCE as likely at least.
     """
 
     order: int
@@ -39,6 +39,7 @@ class Tuned:
     noise: float
     noise_at_limit: bool
     log_likelihood: float
+    rivals: tuple[Tuned, ...] = ()
 
 
 def tune_loads(
@@ -96,7 +97,7 @@ def tune_loads(
     found: dict[int, tuple[Array, float, float]] = {}
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         found[order] = search(order, (level, level))
-        if order <= FREE and found[order][2] < max(value for _, _, value in found.values()):
+        if order <= FREE and found[order][2] < max(value for _, _, value in found.values()) - ASKED:
             break
     order = smoothest({order: value for order, (_, _, value) in found.items()})
     at, level, value = (
@@ -107,7 +108,9 @@ def tune_loads(
     if value - quiet[2] < PATIENCE * axes:
         return tuned(order, *quiet)
     each = objective(np.stack([at, none], 1)[None], np.array([level]), order)[0]
-    best = tuned(order, at, level, value)
+    top = max(other for _, _, other in found.values())
+    rivals = (tuned(o, *f) for o, f in found.items() if o != order and f[2] > top - PATIENCE)
+    best = replace(tuned(order, at, level, value), rivals=tuple(rivals))
     still = each[:, 0] - each[:, 1] < PATIENCE
     if still.any():
         # the axes are known to about a hundredth, and by that much of it a load leaks to a still one
