@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: charts demo test bench study docs clean
+.PHONY: charts demo test bench study docs wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -29,6 +29,23 @@ charts: .venv-bench/ready
 	.venv-bench/bin/forceid chart -o docs/chart $(CHART)
 	.venv-bench/bin/forceid stress -o docs/stress $(CHART)
 
+# source archive and wheel into dist/; that wheel, and one made without compiler, run the demo where nothing else is
+wheel:
+	rm -rf dist .venv-wheel
+	$(PYTHON) -m venv .venv-wheel/build
+	.venv-wheel/build/bin/python -m pip install --quiet --disable-pip-version-check build==1.6.1
+	.venv-wheel/build/bin/python -m build --outdir dist/compiled .
+	CC=false CXX=false .venv-wheel/build/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps \
+	  --no-cache-dir --wheel-dir dist/numpy dist/compiled/forceid-*.tar.gz
+	for engine in compiled numpy; do \
+	  $(PYTHON) -m venv .venv-wheel/$$engine && \
+	  .venv-wheel/$$engine/bin/python -m pip install --quiet --disable-pip-version-check dist/$$engine/*.whl && \
+	  (cd .venv-wheel && $$engine/bin/forceid --version | grep "engine $$engine" && \
+	   $$engine/bin/forceid demo -o demo-$$engine && $$engine/bin/python -c "import forceid; \
+	   print(forceid.summarize(forceid.estimate(forceid.open_motion('demo-$$engine/boomerang.h5'), method='savgol')).force_error)") \
+	  || exit 1; \
+	done
+
 .venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp forceid/pseudorigid/_polar.cpp forceid/pseudorigid/_splitting.cpp
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
@@ -42,4 +59,4 @@ charts: .venv-bench/ready
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench build dist bench *.egg-info demo docs/_build forceid/*/*.so
+	rm -rf .venv .venv-bench .venv-wheel build dist bench *.egg-info demo docs/_build forceid/*/*.so

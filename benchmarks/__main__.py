@@ -23,6 +23,7 @@ WORKLOADS = {
     "w6": "files",
     "flight": "flight",
     "tuning": "tuned_smoother",
+    "polar": "polar",
     "start": "start",
 }
 LIBRARIES = (

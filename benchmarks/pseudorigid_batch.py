@@ -12,8 +12,10 @@ and counted in proportion, the best of all rounds each.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -32,6 +34,15 @@ ERRORS = (1e-4, 1e-6, 1e-8, 1e-10)
 FIRST = {"verlet": 0.1, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "blanes_moan_6": 0.7, "kahan_li_8": 0.7}  # s
 PEERS = ("RK45", "DOP853", "LSODA")
 BODY = Body(MU, MooneyRivlin(A, B, C, D))
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """At an error: method, step, error of both sides; CPU s a trajectory: ours, theirs, theirs in numpy."""
+
+    error: float
+    label: tuple[str, ...]
+    cost: tuple[float, ...]
 
 
 def starts(bodies: int) -> tuple[Any, Any]:
@@ -97,7 +108,7 @@ def candidates(bodies: int, peers: int, rounds: int) -> tuple[list[Any], list[An
     F, V = starts(bodies)
     exact = together(F, V, "kahan_li_8", 0.025)
     check = np.abs(exact[:3] - BODY.simulate(F[:3], V[:3], [0.0, END], "dop853").F[-1]).max()
-    print(f"truth: kahan_li_8 at h = 0.025, off DOP853 at rtol 1e-13 by {check:.1e}")
+    print(f"truth: kahan_li_8 at h = 0.025, off DOP853 at rtol 1e-13 by {check:.1e}", file=sys.stderr)
     ours, theirs = [], []
     for method in FIRST:
         for step in FIRST[method] * 2.0 ** -np.arange(0.0, 9.0, 0.5):
@@ -125,6 +136,38 @@ def cheapest(found: list[Any], error: float) -> Any:
     return min((c for c in found if c[0] <= error), key=lambda c: c[1], default=None)
 
 
+def ratios(bodies: int, peers: int, rounds: int) -> list[Ratio]:
+    """One line for every error that both sides reach."""
+    ours, theirs = candidates(bodies, peers, rounds)
+    F, V = (X[:peers] for X in starts(bodies))
+    found = []
+    for error in ERRORS:
+        us, them = cheapest(ours, error), cheapest(theirs, error)
+        if us is None or them is None:
+            continue
+        method, _, _, rtol = them[2].split()
+        plain = partial(one_by_one, F, V, method, float(rtol), by_numpy)
+        costs = np.array(
+            [[cpu(us[3]) / us[4], cpu(them[3]) / them[4], cpu(plain) / peers] for _ in range(rounds)]
+        ).min(0)
+        labels = tuple(f"{side[2]}, {side[0]:.1e}" for side in (us, them))
+        found.append(Ratio(error, labels, tuple(costs)))
+    return found
+
+
+def table(found: list[Ratio]) -> str:
+    """The lines in markdown."""
+    head = ("error", "forceid", "trajectories/s", "solve_ivp", "trajectories/s", "ratio")
+    rows = [(*head, "ratio, right-hand side in numpy"), ("---",) * 7]
+    for r in found:
+        ours, theirs, plain = r.cost
+        rows.append(
+            (f"{r.error:.0e}", r.label[0], f"{1 / ours:.0f}", r.label[1], f"{1 / theirs:.1f}",
+             f"{theirs / ours:.0f}", f"{plain / ours:.0f}")
+        )  # fmt: skip
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
 def main() -> None:
     """Ratios at equal error."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -135,27 +178,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.numpy:
         integrators.compiled = None
-    ours, theirs = candidates(args.bodies, args.peers, args.rounds)
-    F, V = (X[: args.peers] for X in starts(args.bodies))
-    print("| error | forceid | trajectories/s | solve_ivp | trajectories/s | ratio | numpy right-hand side |")
-    print("|---|---|---|---|---|---|---|")
-    for error in ERRORS:
-        us, them = cheapest(ours, error), cheapest(theirs, error)
-        if us is None or them is None:
-            continue
-        method, _, _, rtol = them[2].split()
-        plain = partial(one_by_one, F, V, method, float(rtol), by_numpy)
-        costs = np.array(
-            [
-                [cpu(us[3]) / us[4], cpu(them[3]) / them[4], cpu(plain) / args.peers]
-                for _ in range(args.rounds)
-            ]
-        ).min(0)
-        print(
-            f"| {error:.0e} | {us[2]}, {us[0]:.1e} | {1 / costs[0]:.0f} | {them[2]}, {them[0]:.1e} | "
-            f"{1 / costs[1]:.1f} | {costs[1] / costs[0]:.0f} | {costs[2] / costs[0]:.0f} |",
-            flush=True,
-        )
+    print(table(ratios(args.bodies, args.peers, args.rounds)))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,9 @@ _PUBLIC = {
     "mass_properties": "forceid.principal.mass",
     "resultant": "forceid.principal.wrench",
     "distribute": "forceid.principal.loads",
+    "plot_wrench": "forceid.report.notebook",
+    "show_report": "forceid.report.notebook",
+    "summarize": "forceid.report.notebook",
 }
 __all__ = ["__version__", *_PUBLIC]
 
@@ -31,6 +34,9 @@ if TYPE_CHECKING:
     from forceid.principal.mass import mass_properties as mass_properties
     from forceid.principal.operator import summation_operator as summation_operator
     from forceid.principal.wrench import resultant as resultant
+    from forceid.report.notebook import plot_wrench as plot_wrench
+    from forceid.report.notebook import show_report as show_report
+    from forceid.report.notebook import summarize as summarize
 
 
 def __getattr__(name: str) -> Any:

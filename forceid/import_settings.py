@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -10,25 +12,55 @@ from forceid.config import Section, Vector, read_toml, validate
 from forceid.errors import ConfigError
 
 Columns = tuple[str, str, str]
+Dim = Literal["time", "node", "axis"]
 Matrix = tuple[Vector, Vector, Vector]
+UNITS_OF = (
+    "time", "position", "displacement", "center", "orientation", "specific_force", "angular_velocity",
+    "strain", "geometry",
+)  # fmt: skip
 
 
-class CsvSetting(Section):
-    """Which columns of a CSV file hold what.
+class ChannelSetting(Section):
+    """Which channels of a MAT, UFF or TDMS file, or columns of a CSV file, hold what.
 
-    position and the sensors map a node or sensor name to its three columns. orientation lists the columns in
-    the order x, y, z, w, body to world. units by variable, SI where not stated. group: the column whose
-    values part the file into recordings; select keeps those named.
+    position, displacement (from [import.body] position or the nodes of the file) and the sensors map the name
+    of a node or sensor to its three channels, or to one channel of three columns; or they are one pattern for
+    all, as in "{name}_{axis}", or one array of all nodes. orientation: its channels in the order x, y, z, w,
+    body to world. `q(:,2)` is the second column of q. time names a channel; or rate (Hz) is a number, or
+    names one; or the file has a clock. units by variable overrule those of the file. dims: the order of the
+    axes of an array of all nodes; nodes: their names, or the variable that lists them.
     """
 
-    time: str
-    position: dict[str, Columns] = Field(default_factory=dict)
-    center: Columns | None = None
-    orientation: tuple[str, str, str, str] | None = None
-    specific_force: dict[str, Columns] = Field(default_factory=dict)
-    angular_velocity: dict[str, Columns] = Field(default_factory=dict)
+    time: str | None = None
+    rate: Annotated[float, Field(gt=0)] | str | None = None
+    position: dict[str, Columns | str] | str = Field(default_factory=dict)
+    displacement: dict[str, Columns | str] | str = Field(default_factory=dict)
+    center: Columns | str | None = None
+    orientation: tuple[str, str, str, str] | str | None = None
+    specific_force: dict[str, Columns | str] | str = Field(default_factory=dict)
+    angular_velocity: dict[str, Columns | str] | str = Field(default_factory=dict)
     strain: tuple[str, ...] = ()
     units: dict[str, str] = Field(default_factory=dict)
+    nodes: tuple[str, ...] | str = ()
+    dims: tuple[Dim, Dim, Dim] = ("time", "node", "axis")
+
+    @model_validator(mode="after")
+    def _check(self) -> ChannelSetting:
+        if len(set(self.dims)) != 3:
+            raise ValueError("dims: expected time, node and axis, each once")
+        for name in self.units:
+            if name not in UNITS_OF:
+                near = get_close_matches(name, UNITS_OF, n=1, cutoff=0.0)[0]
+                raise ValueError(f"units: unknown variable {name!r}; did you mean {near!r}?")
+        return self
+
+
+class CsvSetting(ChannelSetting):
+    """Which columns of a CSV file hold what.
+
+    group: the column whose values part the file into recordings; select keeps those named.
+    """
+
     delimiter: str = Field(default=",", min_length=1, max_length=1)
     group: str | None = None
     select: str | float | tuple[str | float, ...] = ()
@@ -99,6 +131,7 @@ class ImportSettings(Section):
     stop: float | None = None
     noise_std: dict[str, float] = Field(default_factory=dict)
     csv: CsvSetting | None = None
+    channels: ChannelSetting | None = None
     body: BodySetting = BodySetting()
     segment: tuple[SegmentSetting, ...] = ()
     until: UntilSetting | None = None

@@ -175,10 +175,11 @@ class Estimate:
     deformation (time, node, 3) m, body axes, about mean_shape (node, 3) m; nis (time,) normalized
     innovation squared per degree of freedom, NaN where the method has no innovations; innovation
     (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
-    that the force was computed with. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3) N m,
-    f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force, column: of
-    its arm; first_moment_cov (time, 9, 9) row by row. What cannot be identified is NaN. model_choice: a sentence on why this model, ladder: what every level looked at said, as
-    numbers with names. settings: the merged configuration as TOML text.
+    that the force was computed with. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3)
+    N m, f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force,
+    column: of its arm; first_moment_cov (time, 9, 9) row by row. What cannot be identified is NaN.
+    model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
+    names. settings: the merged configuration as TOML text.
     """
 
     time: Array

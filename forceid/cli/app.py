@@ -39,6 +39,8 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; a ConfigError names the nearest one."""
         if cmd_name not in MODULES:
+            if ctx.resilient_parsing:  # a shell completes: it wants no words
+                return None
             near = get_close_matches(cmd_name, MODULES, n=1, cutoff=0.0)[0]
             raise ConfigError(f"unknown command '{cmd_name}'", next_step=f"did you mean '{near}'?")
         single = typer.Typer(add_completion=False)
@@ -46,7 +48,7 @@ class LazyGroup(TyperGroup):
         return typer.main.get_command(single)
 
 
-app = typer.Typer(cls=LazyGroup, add_completion=False)
+app = typer.Typer(cls=LazyGroup)
 
 
 def show_version(wanted: bool) -> None:

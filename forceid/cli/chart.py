@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from forceid.cli.completion import scenes as complete_scenes
 from forceid.cli.estimate import Json
 from forceid.cli.output import finite, to_json
 from forceid.cli.pool import THREADS
@@ -22,7 +23,8 @@ def run(
         list[str] | None,
         typer.Argument(
             metavar="[SCENE...]",
-            help="Shipped scenes and bodies in parts by name, recipes, motion files with a truth; or all.",
+            help="Shipped scenes, bodies in parts and affine ones by name, recipes, motion files; or all.",
+            autocompletion=complete_scenes,
         ),
     ] = None,
     short: Annotated[
@@ -36,35 +38,40 @@ def run(
     an interruption, or with more scenes, the command goes on from there.
 
     Bodies in parts are scenes too, and solvers methods: plate_16, plate_64, strips, checkerboard, solid_8.
+    So are affine bodies: polar_1e2, polar_1e6, polar_1e12, ball, balls_1000, stiff_ball, held_block.
 
     Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy: CPU time is that of one thread
+    from forceid.study.affine_cases import CASES
     from forceid.study.cases import sources
     from forceid.study.chart import FULL, SHORT
     from forceid.study.chart import run as chart
     from forceid.study.parts_cases import GRIDS
 
     words = scenes or []
-    found, bodies = sources(words, GRIDS), [name for name in words or GRIDS if name in GRIDS]
+    found = sources(words, [*GRIDS, *CASES])
+    bodies, affine = ([name for name in words or names if name in names] for names in (GRIDS, CASES))
     command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
     output.mkdir(parents=True, exist_ok=True)
     with progress() as bar:
         task = bar.add_task("", total=1.0)
         result = chart(
             found, output, SHORT if short else FULL, command,
-            lambda what, part: bar.update(task, description=what, completed=part), bodies,
+            lambda what, part: bar.update(task, description=what, completed=part), bodies, affine,
         )  # fmt: skip
     written, pictures = write(output, result)
     if json:
         print(to_json(result))
         return
-    from forceid.study import chart_page, chart_partition_page
+    from forceid.study import chart_affine_page, chart_page, chart_partition_page
 
     if result["cases"]:
         print(chart_page.overview(result["cases"]), end="\n\n")
     if result["bodies_in_parts"]:
         print(chart_partition_page.overview(result["bodies_in_parts"]), end="\n\n")
+    if result["affine_bodies"]:
+        print(chart_affine_page.overview(result["affine_bodies"]), end="\n\n")
     print(f"{written} and {len(pictures)} pictures beside it")
 
 
@@ -78,7 +85,8 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     from forceid.study.chart_partition_figures import draw_body
 
     pictures = {f"chart_{case['name']}.png": draw_case(case) for case in result["cases"]}
-    pictures |= {f"chart_{body['name']}.png": draw_body(body) for body in result["bodies_in_parts"]}
+    lines = [*result["bodies_in_parts"], *result["affine_bodies"]]
+    pictures |= {f"chart_{body['name']}.png": draw_body(body) for body in lines}
     if result["cost"]:
         pictures["chart_cost.png"] = draw_costs(result["cost"])
     for name, figure in pictures.items():

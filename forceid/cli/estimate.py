@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from forceid.cli.completion import engines, methods, models
 from forceid.cli.output import describe, summary, to_json
 from forceid.errors import ConfigError, DataError
 
@@ -20,14 +21,27 @@ Config = Annotated[
 ]
 Method = Annotated[
     str | None,
-    typer.Option(metavar="M", help="difference, savgol, spline, filter or smoother (the default)."),
+    typer.Option(
+        metavar="M",
+        help="difference, savgol, spline, filter or smoother (the default).",
+        autocompletion=methods,
+    ),
 ]
 Model = Annotated[
-    str | None, typer.Option(metavar="L", help="rigid, affine, modal or auto: the smallest enough (default).")
+    str | None,
+    typer.Option(
+        metavar="L",
+        help="rigid, affine, modal or auto: the smallest enough (default).",
+        autocompletion=models,
+    ),
 ]
 Engine = Annotated[
     str | None,
-    typer.Option(metavar="E", help="compiled, numpy, filterpy (slow) or auto (the fastest here)."),
+    typer.Option(
+        metavar="E",
+        help="compiled, numpy, filterpy (slow) or auto (the fastest here).",
+        autocompletion=engines,
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 

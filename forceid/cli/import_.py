@@ -1,4 +1,4 @@
-"""forceid import: measured tables and captures to motion files."""
+"""forceid import: measured tables, captures and recordings to motion files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from forceid.cli.estimate import Config
 
 def run(
     sources: Annotated[
-        list[Path], typer.Argument(metavar="SOURCE...", help="csv, trc with mot, or c3d files.")
+        list[Path],
+        typer.Argument(metavar="SOURCE...", help="csv, trc with mot, c3d, mat, uff, tdms files."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file to write.")],
     config: Config = None,
 ) -> None:
     """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
 
-    CONFIG says what no source does: mass, gravity and, for csv, which columns hold what. The shortest:
+    CONFIG says what no source does: mass, gravity and, for tables, what they hold. The shortest for csv:
 
     \b
       import.gravity = [0.0, 0.0, -9.81]
@@ -28,7 +29,19 @@ def run(
       import.csv.position.hub = ["hub x", "hub y", "hub z"]
       import.body.mass = { tip = 0.02, hub = 0.05 }
 
+    For mat, uff and tdms the table is import.channels in place of import.csv:
+
+    \b
+      mat   position = "trial.markers.{name}"    fields of a struct, time by 3
+            time = "trial.t"                     or rate = 1000.0
+            units.position = "mm"                MATLAB keeps no units
+      uff   displacement = "displacement.{name}{axis}"    node and direction
+            specific_force = "acceleration.{name}{axis}"
+      tdms  position = "Markers/{name}_{axis}"   group, then channel
+
     Example: forceid import throw.csv -o throw.h5 -c throw.toml
+
+    Example: forceid import run7.tdms -o run7.h5 -c lab.toml
     """  # noqa: D301 (the backspace keeps the lines of the example apart)
     from forceid.files.hdf5 import write_motion
     from forceid.files.sources import import_sources, load_import_settings

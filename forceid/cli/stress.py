@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from forceid.cli.completion import failures
 from forceid.cli.estimate import Json
 from forceid.cli.output import finite, to_json
 
@@ -22,7 +23,11 @@ def run(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the maps.")],
     scenes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENE...]", help="Failures by name, or groups of them; or all."),
+        typer.Argument(
+            metavar="[SCENE...]",
+            help="Failures by name, or groups of them; or all.",
+            autocompletion=failures,
+        ),
     ] = None,
     short: Annotated[
         bool,

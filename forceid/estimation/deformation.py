@@ -83,10 +83,13 @@ def as_smoothed(kin: Kinematics, deformation: Deformation, state: FlightState) -
 
 
 def products_of(kin: Kinematics) -> Products:
-    """What the amplitudes of a body do to its inertia: nothing where that is known as a whole."""
-    if kin.inertia.nodal is None:
+    """What amplitudes do to the inertia of a body: where that is known as a whole, affine ones alone do."""
+    nodal = kin.inertia.nodal
+    if nodal is None and kin.model == "affine":
+        nodal = kin.inertia.affine
+    if nodal is None:
         return fixed(kin.inertia.tensor, len(kin.shapes))
-    return products(kin.inertia.nodal, kin.shape, kin.shapes)
+    return products(nodal, kin.shape, kin.shapes)
 
 
 def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.outliers import cleaned, without_frames
 from forceid.records import Array, Recording
 
+UNCLEAR = 0.2  # of F, in a frame
+
 
 def told_first_moments(
     recording: Recording, settings: Settings, solution: Solution
@@ -26,7 +28,8 @@ def told_first_moments(
     if solution.kinematics.model != "affine" or solution.smoothing is None:
         return None, ()
     try:
-        return flight_first_moments(recording, settings, solution), ()
+        loads = flight_first_moments(recording, settings, solution)
+        return loads, unclear_map(recording, solution)
     except ForceIdError as e:
         return None, (f"first moments of force are not told: {e}",)
 
@@ -45,6 +48,19 @@ def flight_first_moments(recording: Recording, settings: Settings, solution: Sol
     own = settings.model_copy(update={"noise_std": {}})
     loads = affine_loads(replace(recording, motion=motion), own)
     return with_moment(loads, state.moment, state.wrench_cov[:, 3:, 3:])
+
+
+def unclear_map(recording: Recording, solution: Solution) -> tuple[str, ...]:
+    """What to say where the markers of a frame hardly show F, so that nothing stands out of their noise."""
+    x, noise = recording.body.position, solution.kinematics.noise["position"]
+    assert x is not None
+    off = noise / max(float(np.linalg.svd(x - x.mean(0), compute_uv=False)[-1]), 1e-300)
+    if off < UNCLEAR:
+        return ()
+    return (
+        f"a frame shows the stretch to {off:.2g} only: markers are as noisy as the body is thick, and loads "
+        f"may be lost in that; look at the noise of {noise:.2g} m, or spread the markers",
+    )
 
 
 def with_moment(loads: AffineLoads, moment: Array, cov: Array) -> AffineLoads:

@@ -16,7 +16,9 @@ class Inertia:
     """Mass kg, its center (3,) in the axes of the reference shape, and how it moves with the nodes.
 
     nodal: masses (node,) or matrix (dof, dof), or None for a rigid body known as a whole; weight (node,):
-    mass that goes with each node, zeros for such a body; tensor (3, 3) kg m2 of the reference shape.
+    mass that goes with each node, zeros for such a body; tensor (3, 3) kg m2 of the reference shape; affine
+    (dof, dof): a matrix of nodes in space that makes such a body's momenta in any affine motion, None where
+    they lie in a plane.
     """
 
     mass: float
@@ -24,6 +26,7 @@ class Inertia:
     tensor: Array
     nodal: Array | None
     weight: Array
+    affine: Array | None = None
 
 
 def inertia_of(body: Body) -> Inertia:
@@ -40,4 +43,28 @@ def inertia_of(body: Body) -> Inertia:
         raise DataError("holds no mass", "/body", "give mass, mass_matrix, or total_mass with inertia")
     center = np.zeros(3) if body.mass_center is None else body.mass_center
     tensor = np.full((3, 3), np.nan) if body.inertia is None else body.inertia
-    return Inertia(body.total_mass, center, tensor, None, np.zeros(nodes))
+    affine = None
+    if body.position is not None:
+        affine = affine_mass(body.total_mass, tensor, body.position - center)
+    return Inertia(body.total_mass, center, tensor, None, np.zeros(nodes), affine)
+
+
+def affine_mass(mass: float, tensor: Array, X: Array) -> Array | None:
+    """Mass matrix (dof, dof) of nodes X (node, 3), about the mass center, with these mass and inertia.
+
+    For motions c + F X alone: it has their momentum and angular momentum. None for nodes in a plane. Source:
+    pseudo-rigid bodies, section 1.
+
+    >>> from forceid.principal.mass import mass_properties
+    >>> X = np.vstack([np.eye(3), np.ones(3)])
+    >>> p = mass_properties(affine_mass(2.0, np.diag([3.0, 4.0, 5.0]), X), X)
+    >>> round(p.mass, 12), bool(np.abs(p.center).max() < 1e-12), p.inertia.diagonal().round(12).tolist()
+    (2.0, True, [3.0, 4.0, 5.0])
+    """
+    shown = np.hstack([np.ones((len(X), 1)), X])
+    if not np.isfinite(tensor).all() or np.linalg.matrix_rank(shown) < 4:
+        return None
+    whole = np.zeros((4, 4))
+    whole[0, 0], whole[1:, 1:] = mass, 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    back = np.linalg.pinv(shown)
+    return np.asarray(np.kron(back.T @ whole @ back, np.eye(3)))

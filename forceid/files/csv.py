@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.schema import MOTION
-from forceid.files.units import si_factor
+from forceid.files.channels import Channels
 from forceid.import_settings import CsvSetting
 from forceid.records import Array
 
@@ -62,23 +61,28 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
     ]
 
 
-def motion_variables(table: Table, setting: CsvSetting, where: str) -> dict[str, Array]:
-    """The variables of /motion in SI, blanks as NaN. DataError: a column missing or not numbers."""
+class Columns(Mapping[str, Array]):
+    """The columns of a table as numbers, each read when it is asked for: others may hold text."""
 
-    def take(name: str, columns: Sequence[str]) -> Array:
-        factor = si_factor(
-            setting.units.get(name, MOTION[name].units), MOTION[name].units, f"{where}:{columns[0]}"
-        )
-        return factor * np.stack([numbers(table, column, where) for column in columns], -1)
+    def __init__(self, table: Table, where: str) -> None:
+        self.table, self.where = table, where
 
-    variables = {"time": take("time", (setting.time,))[:, 0]}
-    for name in ("position", "specific_force", "angular_velocity"):
-        if points := getattr(setting, name):
-            variables[name] = np.stack([take(name, columns) for columns in points.values()], 1)
-    for name in ("center", "orientation", "strain"):
-        if columns := getattr(setting, name):
-            variables[name] = take(name, columns)
-    return variables
+    def __getitem__(self, name: str) -> Array:
+        return numbers(self.table, name, self.where)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.table)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.table
+
+
+def csv_channels(table: Table, where: str) -> Channels:
+    """The columns of a table as channels; a CSV file has no place for units and no clock of its own."""
+    return Channels(where, "column", Columns(table, where), table="import.csv")
 
 
 def numbers(table: Table, name: str, where: str) -> Array:

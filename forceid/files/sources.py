@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +12,29 @@ from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.errors import ConfigError
-from forceid.files.csv import motion_variables, part, read_csv
-from forceid.files.mocap import Plates, read_c3d, read_mot, read_trc
+from forceid.files.channels import Channels
+from forceid.files.csv import csv_channels, part, read_csv
+from forceid.files.mat import read_mat
+from forceid.files.mocap import Markers, Plates, read_c3d, read_mot, read_trc
 from forceid.files.parse import canonical
 from forceid.files.schema import hash_arrays, motion_groups
 from forceid.files.segments import Points, build_body, known_name, mass_points
+from forceid.files.signals import Signals, motion_signals
+from forceid.files.tdms import read_tdms
+from forceid.files.uff import read_uff
 from forceid.files.validate import check_quaternions, check_recording
 from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
 from forceid.records import Array, Body, Motion, Recording
 
+CAPTURES: dict[str, Callable[[Path], Markers]] = {".trc": read_trc, ".c3d": read_c3d}
+TABLES: dict[str, Callable[[Path], Channels]] = {
+    ".mat": read_mat, ".uff": read_uff, ".unv": read_uff, ".tdms": read_tdms
+}  # fmt: skip
+
 
 def import_sources(paths: Sequence[str | Path], settings: ImportSettings) -> list[tuple[str, Recording]]:
-    """Named recordings from csv, trc and c3d files; a mot file adds the truth to the capture it belongs to.
+    """Named recordings from the files of a laboratory; a mot file adds the truth to its capture.
 
     One recording a capture; one a group of a CSV file that is parted. ConfigError: settings that do not fit
     the files. DataError: files that do not hold what the settings or the contract ask for.
@@ -56,30 +66,58 @@ def pair_plates(captures: Sequence[Path], plates: Sequence[Path]) -> dict[Path, 
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth."""
-    readers = {".trc": read_trc, ".c3d": read_c3d}
-    if path.suffix.lower() == ".csv":
+    plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
+    files = " ".join(p.name for p in (path, mot) if p is not None)
+    return [
+        (name, assemble(signals, plates, settings, str(path), files, name))
+        for name, signals in read_signals(path, settings)
+    ]
+
+
+def read_signals(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:
+    """The named recordings in one file, as measured variables in SI."""
+    ending = path.suffix.lower()
+    if ending in CAPTURES:
+        markers = CAPTURES[ending](path)
+        found = {"time": markers.time, "position": markers.position}
+        return [(path.stem, Signals(found, markers.name))]
+    reference = settings.body.position
+    if ending == ".csv":
         if settings.csv is None:
             raise ConfigError("needs the table [import.csv], which names its columns", str(path), "add it")
         table = read_csv(path, settings.csv.delimiter)
-        sources = [
-            (f"{path.stem}-{name}" if name else path.stem, tuple(settings.csv.position),
-             motion_variables(rows, settings.csv, str(path)))
+        return [
+            (f"{path.stem}-{name}" if name else path.stem,
+             motion_signals(csv_channels(rows, str(path)), settings.csv, reference))
             for name, rows in part(table, settings.csv, str(path))
         ]  # fmt: skip
-    elif path.suffix.lower() in readers:
-        markers = readers[path.suffix.lower()](path)
-        sources = [(path.stem, markers.name, {"time": markers.time, "position": markers.position})]
-    else:
-        raise ConfigError(f"ends in {path.suffix!r}, expected csv, trc or c3d", str(path), "convert it first")
-    plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
-    files = " ".join(p.name for p in (path, mot) if p is not None)
-    return [(name, assemble(nodes, values, plates, settings, str(path), files, name))
-            for name, nodes, values in sources]  # fmt: skip
+    if ending not in TABLES:
+        known = ", ".join(key[1:] for key in (".csv", *CAPTURES, *TABLES))
+        raise ConfigError(f"ends in {path.suffix!r}, expected {known}", str(path), "convert it first")
+    if settings.channels is None:
+        what = "needs the table [import.channels], which says what its channels are"
+        raise ConfigError(what, str(path), "add it: `forceid import --help` shows one")
+    return [(path.stem, motion_signals(TABLES[ending](path), settings.channels, reference))]
+
+
+def with_geometry(settings: ImportSettings, signals: Signals) -> ImportSettings:
+    """The settings with the places that the file knows, where they name none and it knows all."""
+    known, body = signals.geometry, settings.body
+
+    def fill(names: Sequence[str]) -> dict[str, tuple[float, float, float]]:
+        complete = bool(names) and all(name in known for name in names)
+        return {name: tuple(known[name].tolist()) for name in names} if complete else {}
+
+    filled = {}
+    if not body.position and not settings.segment:
+        filled["position"] = fill(signals.node)
+    if not body.sensor_position:
+        filled["sensor_position"] = fill(signals.sensor)
+    return settings.model_copy(update={"body": body.model_copy(update=filled)})
 
 
 def assemble(
-    nodes: tuple[str, ...],
-    values: dict[str, Array],
+    signals: Signals,
     plates: Plates | None,
     settings: ImportSettings,
     where: str,
@@ -87,9 +125,9 @@ def assemble(
     name: str,
 ) -> Recording:
     """A checked recording of measured variables, the settings and, where there are plates, the truth."""
-    points = None
+    points, values, settings = None, signals.variables, with_geometry(settings, signals)
     if "position" in values:
-        points = mass_points(nodes, values["position"], settings, where)
+        points = mass_points(signals.node, values["position"], settings, where)
         values = values | {"position": points.position}
     elif settings.segment:
         raise ConfigError(
@@ -97,8 +135,7 @@ def assemble(
         )
     for key in settings.noise_std:
         known_name(key, tuple(values), "[import] noise_std:")
-    sensors = (settings.csv.specific_force or settings.csv.angular_velocity) if settings.csv else ()
-    body = build_body(settings, points, sensors, where)
+    body = build_body(settings, points, signals.sensor, where)
     if "orientation" in values:
         check_quaternions(values["orientation"], f"{where}:/motion/orientation")
         values = values | {"orientation": canonical(values["orientation"])}

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.motion.pose import log
 from forceid.pseudorigid.decomposition import bipolar, bipolar_rates
+from forceid.pseudorigid.given import numbers
 from forceid.pseudorigid.matching import SIGNED, multiplied_up, nearest, nearest_signed
 from forceid.records import Array, Flags, Indices
 
@@ -45,6 +46,18 @@ class BipolarPath:
     lam: Array | None = None
     dD: Array | None = None
 
+    @property
+    def crossed(self) -> Flags:
+        """Frames (..., time) since the one before which two values changed places.
+
+        They crossed, or missed each other by so little that frames cannot tell: up to 0.3 or so of the change
+        between frames. Had they missed, L and R would have turned by a quarter there.
+        """
+        order = np.argsort(self.D, axis=-1)
+        out = np.zeros(self.D.shape[:-1], bool)
+        out[..., 1:] = (order[..., 1:, :] != order[..., :-1, :]).any(-1)
+        return out
+
     def __iter__(self) -> Iterator[Array]:
         """L, D, R."""
         return iter((self.L, self.D, self.R))
@@ -62,7 +75,7 @@ def bipolar_path(F: ArrayLike, dF: ArrayLike | None = None) -> BipolarPath:
     >>> D[:, 0].round(12).tolist(), bool(np.allclose(L, L[0]))
     ([1.05, 1.025, 1.0, 0.975, 0.95], True)
     """
-    F = np.asarray(F, dtype=float)
+    F = numbers(F, "F", "give frames (..., time, 3, 3)")
     if F.ndim < 3:
         raise DataError(f"has shape {F.shape}, expected (..., time, 3, 3)", "F", "use bipolar for one frame")
     L, D, R = bipolar(F)

@@ -16,9 +16,10 @@ from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.cofactors import EYE, determinant
 from forceid.pseudorigid.constrained import RATTLE, check_volume, multiplier
 from forceid.pseudorigid.events import KIND, Event, Kinds, stop_of, tension_times
+from forceid.pseudorigid.given import instants, matrices, numbers
 from forceid.pseudorigid.integrators import STEPPERS, Stepper
 from forceid.pseudorigid.invariants import angular_momentum, circulation
-from forceid.pseudorigid.material_law import Material
+from forceid.pseudorigid.material_law import Material, check_material_of, constant
 from forceid.pseudorigid.reference import reference
 from forceid.pseudorigid.system import State, System
 from forceid.pseudorigid.trajectory import Trajectory
@@ -26,10 +27,12 @@ from forceid.records import Array
 
 TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
 REFERENCE = "dop853"
+METHODS = (*STEPPERS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
 PHASE = {  # rad a step of the fastest vibration, where no step is given
     "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
     "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
 }  # fmt: skip
+MOST = 1e10  # steps of one motion: weeks
 UNSTABLE = 2.0  # rad a step, for Verlet
 
 
@@ -55,9 +58,10 @@ class Body:
     system: System = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        E = np.asarray(self.second_moment, float)
+        E = numbers(self.second_moment, "second_moment", "give E = int rho X X^T dX, or mu")
         E = E * EYE if E.ndim == 0 else E
         check_second_moment(E)
+        check_material_of("Body", self.material)
         object.__setattr__(self, "second_moment", E)
         object.__setattr__(self, "system", System(self.material, E))
 
@@ -83,9 +87,8 @@ class Body:
         det F0 <= 0, for incompressible bodies with det F0 != 1 or tr(F0^-1 dF0) != 0, for a step beyond the
         stability of Verlet; ConfigError for an unknown method. Source: pseudo-rigid bodies, section 9.
         """
-        F, V = (np.array(A, float) for A in np.broadcast_arrays(F0, dF0))
-        t = np.asarray(time, float)
-        check_start(F, V, t)
+        F, V = start_of(F0, dF0)
+        t = instants(time)
         if self.constrained:
             check_volume(F, V)
         lead = F.shape[:-2]
@@ -115,8 +118,8 @@ class Body:
 
     def _step(self, method: str, step: float | None, F: Array, V: Array, time: Array) -> float:
         """The step given, looked at; or one from the fastest rate of all bodies at the start."""
-        if step is not None and not step > 0:
-            raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
+        if step is not None:
+            check_step(step, float(np.ptp(time)))
         if step is not None and (method != "verlet" or self.constrained):
             return step
         vibration = float(self.system.vibration(F).max())
@@ -214,19 +217,28 @@ def check_second_moment(E: Array) -> None:
         raise DataError(what, where, advice)
 
 
-def check_start(F: Array, V: Array, time: Array) -> None:
-    """DataError where the start or the samples are not those of a motion."""
-    if F.shape[-2:] != (3, 3):
-        raise DataError(f"has shape {F.shape}, expected (..., 3, 3)", "F0", "give matrices")
-    if not (np.isfinite(F).all() and np.isfinite(V).all()):
-        raise DataError("hold values that are not finite", "F0, dF0", "give finite matrices")
+def start_of(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
+    """F and V (..., 3, 3) of one shape, copied. DataError where they are not the start of a motion."""
+    F, V = matrices(F0, "F0"), matrices(dF0, "dF0")
+    try:
+        F, V = (A.copy() for A in np.broadcast_arrays(F, V))
+    except ValueError:
+        what = f"have shapes {F.shape} and {V.shape}, which do not go together"
+        raise DataError(what, "F0 and dF0", "give a rate for every start") from None
     if not F.size:
         raise DataError("holds no body", "F0", "give at least one matrix")
     J = determinant(F)
-    if (J <= 0).any():
+    if not (J > 0).all():
         what = f"has det F0 = {float(J.min()):.6g}, expected > 0"
         raise DataError(what, "F0", "exchange two columns, or flatten the body less")
-    if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        raise DataError(
-            "is not a growing list of finite numbers", "time", "sort it and drop repeated samples"
-        )
+    return F, V
+
+
+def check_step(step: float, span: float) -> None:
+    """DataError where a step (s) is not above zero, or takes no end of steps over a span (s)."""
+    constant("simulate", "step", step)
+    if not (np.isfinite(step) and step > 0):
+        raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
+    if span / step > MOST:
+        what = f"is {step:g} s, {span / step:.1e} of them over {span:g} s"
+        raise DataError(what, "step", f"give one of {span / MOST:.2g} s or more, or fewer samples")

@@ -9,6 +9,7 @@ with L^T L' = [omega]x, R' R^T = [lam]x and (i, j, k) cyclic. Source: pseudo-rig
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -18,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.pseudorigid import twofold
+from forceid.pseudorigid.given import matrices, numbers
 from forceid.records import Array, Flags
 
 try:
@@ -25,6 +27,7 @@ try:
 except ImportError:  # no compiler, or built for another processor
     compiled = None
 
+ROUNDED = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
 COALESCED = 1e-8  # of the largest: singular values so close leave no digit of omega - lam
 BLOCK = 65536  # matrices at once in numpy
 NEXT = ((1, 2), (2, 0), (0, 1))  # i and j of each k
@@ -35,8 +38,9 @@ class BipolarRates:
     """Rates of F = L diag(D) R: omega (..., 3) rad/s along the columns of L, lam along the rows of R, and dD.
 
     defined (..., 3): False, and omega and lam NaN, about axis k where the two other singular values
-    coalesce. L, D, R: the factors that these are the rates of. Where values coalesce, `bipolar_rates` turns
-    them to the basis that an analytic path passes through, in which dD holds; F is met to the gap there.
+    coalesce. rounding (..., 3) rad/s: about what rounding of F and F' costs of omega and of lam, as 1/gap^2.
+    L, D, R: the factors that these are the rates of. Where values coalesce, `bipolar_rates` turns them to
+    the basis that an analytic path passes through, in which dD holds; F is met to the gap there.
     """
 
     L: Array
@@ -46,6 +50,24 @@ class BipolarRates:
     lam: Array
     dD: Array
     defined: Flags
+    rounding: Array
+
+
+@dataclass(frozen=True)
+class PolarRates:
+    """Rates of F = L U: omega (..., 3) rad/s in body axes, and dU (..., 3, 3). Unpacks to both.
+
+    rounding (...,) rad/s: about what rounding of F and F' costs of omega, by how little the two least
+    stretches show of a turn.
+    """
+
+    omega: Array
+    dU: Array
+    rounding: Array
+
+    def __iter__(self) -> Iterator[Array]:
+        """Both rates."""
+        return iter((self.omega, self.dU))
 
 
 def polar(F: ArrayLike) -> tuple[Array, Array]:
@@ -94,22 +116,25 @@ def bipolar(F: ArrayLike) -> tuple[Array, Array, Array]:
     return L.reshape(F.shape), D.reshape(F.shape[:-1]), R.reshape(F.shape)
 
 
-def polar_rates(F: ArrayLike, dF: ArrayLike) -> tuple[Array, Array]:
+def polar_rates(F: ArrayLike, dF: ArrayLike) -> PolarRates:
     """Rates of F = L U: omega (..., 3) rad/s in body axes, L^T L' = [omega]x, and dU (..., 3, 3).
 
-    F and its rate dF (..., 3, 3); det F > 0. Defined at every such F. Raises DataError. Source: pseudo-rigid
-    bodies 2.
+    F and its rate dF (..., 3, 3); det F > 0. Defined at every such F, and known to `rounding`. Raises
+    DataError. Source: pseudo-rigid bodies 2.
 
     >>> omega, dU = polar_rates(np.eye(3), [[0.5, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     >>> omega.tolist(), dU.diagonal().tolist()
     ([0.0, 0.0, 2.0], [0.5, 0.0, 0.0])
     """
     L, U = polar(F)
-    A = L.swapaxes(-1, -2) @ np.asarray(dF, dtype=float)
+    V = rate_of(L, dF)
+    A = L.swapaxes(-1, -2) @ V
     inertia = np.trace(U, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - U
     omega = np.linalg.solve(inertia, _vee(A - A.swapaxes(-1, -2))[..., None])[..., 0]
     dU = A - np.cross(omega[..., None], U, axis=-2)
-    return omega, 0.5 * (dU + dU.swapaxes(-1, -2))
+    sums = np.linalg.eigvalsh(inertia)  # of two stretches; the least may be rounding itself
+    rounding = ROUNDED * np.linalg.norm(V, axis=(-2, -1)) / np.maximum(sums[..., 0], 1e-16 * sums[..., 2])
+    return PolarRates(omega, 0.5 * (dU + dU.swapaxes(-1, -2)), rounding)
 
 
 def bipolar_rates(
@@ -130,8 +155,8 @@ def bipolar_rates(
     >>> bipolar_rates(np.diag([2.0, 2.0, 1.0]), np.diag([1.0, 0.0, 0.0])).omega.tolist()
     [0.0, 0.0, nan]
     """
-    dF = np.asarray(dF, dtype=float)
     L, D, R = bipolar(F) if factors is None else factors
+    dF = rate_of(L, dF)
     i, j = np.array(NEXT).T
     close = np.abs(D[..., i] - D[..., j]) <= np.asarray(coalesced) * D.max(-1, keepdims=True)
     A = L.swapaxes(-1, -2) @ dF @ R.swapaxes(-1, -2)
@@ -143,7 +168,9 @@ def bipolar_rates(
     gap = np.where(close, 1.0, D[..., i] - D[..., j])
     apart = np.where(close, np.nan, A[..., j, i] + A[..., i, j]) / gap
     dD = np.einsum("...ii->...i", A).copy()
-    return BipolarRates(L, D, R, 0.5 * (together + apart), 0.5 * (together - apart), dD, ~close)
+    size = np.linalg.norm(dF, axis=(-2, -1))[..., None] * D.max(-1, keepdims=True)
+    rounding = np.where(close, np.nan, ROUNDED * size / gap**2)
+    return BipolarRates(L, D, R, 0.5 * (together + apart), 0.5 * (together - apart), dD, ~close, rounding)
 
 
 def _analytic_basis(A: Array, close: Flags) -> Array:
@@ -158,6 +185,17 @@ def _analytic_basis(A: Array, close: Flags) -> Array:
     return np.asarray(np.where(np.asarray(close.any(-1))[..., None, None], Q, np.eye(3)))
 
 
+def rate_of(F: Array, dF: ArrayLike) -> Array:
+    """A rate dF (..., 3, 3) that goes together with F. DataError."""
+    V = matrices(dF, "dF", "give the rate of every F")
+    try:
+        np.broadcast_shapes(F.shape, V.shape)
+    except ValueError:
+        what = f"has shape {V.shape}, expected that of F, {F.shape}"
+        raise DataError(what, "dF", "give the rate of every F") from None
+    return V
+
+
 def _vee(W: Array) -> Array:
     """The w (..., 3) of [w]x."""
     return np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
@@ -165,7 +203,7 @@ def _vee(W: Array) -> Array:
 
 def _matrices(F: ArrayLike) -> tuple[Array, Array]:
     """F as it is shaped, and as (n, 3, 3)."""
-    F = np.asarray(F, dtype=float)
+    F = numbers(F, "F", "give deformations of a solid body")
     if F.shape[-2:] != (3, 3):
         raise DataError(
             f"has shape {F.shape}, expected (..., 3, 3)", "F", "give deformations of a solid body"

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import numbers
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols
+from forceid.pseudorigid.material_law import constant
 from forceid.records import Array
 
 EDGE = 1e-13  # of w^2 + l^2: what rounding takes from w^2 + l^2 >= 2 |w l| where w = l or w = -l
@@ -161,7 +163,7 @@ def riemann_sequence(a2: ArrayLike, f: float) -> Ellipsoid:
     >>> print(f"{riemann_sequence(0.7, -2.0).axes[2]:.9f}")
     0.813567048
     """
-    if not np.isfinite(f):
+    if not np.isfinite(constant("ellipsoid", "f", f)):
         raise DataError(f"is {f}, expected finite", "f", "call dedekind(a2) for the infinite one")
     b = inside(a2, "a2", 1.0)
     r = f * b / (1 + b**2)  # l / w
@@ -229,7 +231,7 @@ def irrotational(a2: ArrayLike) -> Ellipsoid:
 
 def inside(given: ArrayLike, name: str, highest: float, whole: bool = True) -> Array:
     """The numbers as an array, above 0 and up to `highest`, that included if whole. DataError otherwise."""
-    x = np.asarray(given, float)
+    x = numbers(given, name)
     bad = ~(np.isfinite(x) & (x > 0) & ((x <= highest) if whole else (x < highest)))
     if bad.any():
         expected = (

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import matrices, numbers, tensors
 from forceid.pseudorigid.gravity import SelfGravity
+from forceid.pseudorigid.material_law import constant, positive
 from forceid.records import Array
 
 MONATOMIC = 5 / 3
@@ -40,6 +42,8 @@ class GasCloud:
     mu: float = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("K", "gamma", "trap", "pi_G_rho", "mu"):
+            constant("GasCloud", name, getattr(self, name))
         limits = (("K", self.K, 0.0), ("gamma", self.gamma, 1.0), ("mu", self.mu, 0.0))
         for name, value, least in limits:
             if not (isfinite(value) and value > least):
@@ -59,6 +63,7 @@ class GasCloud:
 
     def energy(self, F: Array) -> Array:
         """W(F) (...,) of F (..., 3, 3)."""
+        F = tensors(F)
         J = volume(F)
         W = self.K / (self.gamma - 1) * J ** (1 - self.gamma)
         W = W + 0.5 * self.mu * self.trap**2 * (F * F).sum((-2, -1))
@@ -66,12 +71,14 @@ class GasCloud:
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): -K J^(1 - gamma) F^-T + mu omega_0^2 F, and that of gravity."""
+        F = tensors(F)
         J = volume(F)[..., None, None]
         g = self.mu * self.trap**2 * F - self.K * J ** (1 - self.gamma) * inverse_transpose(F)
         return np.asarray(g if self.gravity is None else g + self.gravity.gradient(F))
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3) along H (..., 3, 3)."""
+        F, H = tensors(F), tensors(H, "H")
         J, N = volume(F)[..., None, None], inverse_transpose(F)
         spread = (N * H).sum((-2, -1))[..., None, None]
         gas = (self.gamma - 1) * spread * N + N @ np.swapaxes(H, -1, -2) @ N
@@ -149,7 +156,7 @@ def spread(cloud: GasCloud, F0: Array, dF0: Array, time: ArrayLike) -> Array:
         )
     if cloud.pi_G_rho:
         raise DataError("is not zero, and the law holds without gravity", "pi_G_rho", "integrate the motion")
-    t = np.asarray(time, float)
+    t, F0, dF0 = numbers(time, "time"), matrices(F0, "F0"), matrices(dF0, "dF0")
     H = cloud.energy(F0) + 0.5 * cloud.mu * (dF0 * dF0).sum((-2, -1))
     r0, r1, k = (F0 * F0).sum((-2, -1)), 2 * (F0 * dF0).sum((-2, -1)), 2 * cloud.trap
     across = tuple(range(-t.ndim, 0))
@@ -165,6 +172,7 @@ def free_fall_time(pi_G_rho: float) -> float:
     >>> print(f"{free_fall_time(1.0):.9f}")
     0.961912373
     """
+    constant("free fall", "pi_G_rho", pi_G_rho)
     if not (isfinite(pi_G_rho) and pi_G_rho > 0):
         raise DataError(f"is {pi_G_rho:g}, expected above 0", "pi_G_rho", "give pi G rho in 1/s^2")
     return np.pi / 2 * sqrt(3 / (8 * pi_G_rho))
@@ -172,13 +180,7 @@ def free_fall_time(pi_G_rho: float) -> float:
 
 def volume(F: Array) -> Array:
     """Determinant of F (...,); DataError where it is not above zero."""
-    J = np.linalg.det(F)
-    bad = ~(J > 0)
-    if bad.any():
-        raise DataError(
-            f"is {J[bad].flat[0]:g}, expected above 0", "det F", "take a smaller step, or turn an axis"
-        )
-    return np.asarray(J)
+    return positive("GasCloud", np.asarray(np.linalg.det(F)))
 
 
 def inverse_transpose(F: Array) -> Array:

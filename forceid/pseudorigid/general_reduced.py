@@ -129,7 +129,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     >>> np.ptp(np.linalg.norm(motion.left, axis=1)) < 1e-12
     np.True_
     """
-    E = checked_body(second_moment, F0, dF0, time, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
     check_unconstrained(material, HERE)
     start = general_state(F0, dF0, E)
     L, R = rotation(start.q_L), rotation(start.q_R).T

@@ -12,7 +12,9 @@ from math import isfinite, pi, sqrt
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import tensors
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols, potential_integral
+from forceid.pseudorigid.material_law import constant
 from forceid.records import Array
 
 
@@ -32,16 +34,19 @@ class SelfGravity:
 
     def __post_init__(self) -> None:
         for name, value in (("pi_G_rho", self.pi_G_rho), ("mu", self.mu)):
+            constant("SelfGravity", name, value)
             if not (isfinite(value) and value > 0):
                 raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")
 
     def energy(self, F: Array) -> Array:
         """W(F) (...,) of F (..., 3, 3): -(3/5) G m^2 R_F for a homogeneous ball, mu = m r^2 / 5."""
+        F = tensors(F)
         a = np.linalg.svd(F, compute_uv=False)
         return np.asarray(-4 * self.mu * self.pi_G_rho * potential_integral(*np.moveaxis(a, -1, 0)))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF = 2 mu pi G rho (A(B)/J) F (..., 3, 3), B = F F^T and A(B) with the eigenvalues A_i."""
+        F = tensors(F)
         L, a, R = np.linalg.svd(F)
         force = index_symbols(*np.moveaxis(a, -1, 0)) * a / a.prod(-1)[..., None]
         return np.asarray(2 * self.mu * self.pi_G_rho * (L * force[..., None, :]) @ R)
@@ -52,6 +57,7 @@ class SelfGravity:
         The divided differences of A_i by a_i^2 that a derivative of A(B) holds are -A_ij, so nothing is lost
         at equal axes.
         """
+        F, H = tensors(F), tensors(H, "H")
         L, a, R = np.linalg.svd(F)
         axes = np.moveaxis(a, -1, 0)
         A, A_pair = index_symbols(*axes), pair_symbols(*axes)[0]
@@ -96,5 +102,6 @@ def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
 def checked(G: float, mass: float, length: float) -> None:
     """DataError where a constant of a gravitating body is not positive and finite."""
     for name, value in (("G", G), ("mass", mass), ("length", length)):
+        constant("gravity", name, value)
         if not (isfinite(value) and value > 0):
             raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import numbers
 from forceid.records import Array
 
 STEP = (
     0.16  # of the trapezoidal rule: error exp(-2 pi d / step), the poles being d = 1.2 or more off the line
 )
+SHORTEST, LONGEST = 1e-75, 1e75  # of semi-axes, whose fourth powers are numbers
 ENDS = 3.8  # beyond the logarithms of the squared axes, where the integrand is below 1e-17 of its largest
 
 
@@ -25,13 +27,13 @@ def checked_axes(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Ar
     """Semi-axes broadcast against each other. DataError where one is not a positive finite number."""
     axes = []
     for name, given in zip(("a1", "a2", "a3"), (a1, a2, a3), strict=True):
-        a = np.asarray(given, float)
-        bad = ~(np.isfinite(a) & (a > 0))
+        a = numbers(given, f"axis {name}")
+        bad = ~((a > SHORTEST) & (a < LONGEST))
         if bad.any():
             raise DataError(
                 f"is {a[bad].flat[0]:g}, expected a positive length",
                 f"axis {name}",
-                "give semi-axes above zero",
+                "give semi-axes above zero, in a unit of their size",
             )
         axes.append(a)
     first, second, third = np.broadcast_arrays(*axes)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from forceid.pseudorigid.cofactors import inner, product, scaled, transpose
+from forceid.pseudorigid.cofactors import determinant, inner, product, scaled, transpose
 from forceid.pseudorigid.materials import HadamardGreen, MooneyRivlin, NeoHookean
 from forceid.pseudorigid.splittings import SPLITTINGS, Splitting
 from forceid.pseudorigid.system import State, System, along_basis
@@ -171,8 +171,10 @@ def newton(
     """Root (body, 3, 3) by Newton's method to rounding, and where it fails; bodies of `skip` are left."""
     Z, size = start.copy(), np.abs(start).max((-2, -1))
     last = np.full(len(Z), np.inf)
-    Z[skip] = np.eye(3)
-    done = skip.copy()
+    folded = ~(determinant(Z) > 0)  # no material is asked about them
+    last[folded] = np.nan
+    Z[skip | folded] = np.eye(3)
+    done = skip | folded
     derivative = None
     for _ in range(ITERATIONS):
         if derivative is None or (last[~done] > NEAR * size[~done]).any():
@@ -184,7 +186,7 @@ def newton(
         settled = (moved <= ROUNDING * size) | ((moved < 1e-9 * size) & (moved >= 0.5 * last))
         step[done] = 0.0
         Z = Z - step
-        lost = ~np.isfinite(moved) | ~(np.linalg.det(Z) > 0)
+        lost = ~done & ~(np.isfinite(moved) & (determinant(Z) > 0))
         Z[lost] = np.eye(3)
         last = np.where(lost, np.nan, moved)
         done |= settled | lost

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from forceid.pseudorigid.given import tensors
 from forceid.records import Array
 
 ISOTROPIC = 1e-13  # of E: what rounding leaves between the principal second moments of a ball
@@ -33,7 +34,8 @@ def kinetic_energy(dF: Array, second_moment: Array) -> Array:
     >>> float(kinetic_energy(np.eye(3), 2 * np.eye(3)))
     3.0
     """
-    return np.asarray(0.5 * np.einsum("...ij,...jk,...ik->...", dF, second_moment, dF))
+    dF, E = tensors(dF, "dF"), tensors(second_moment, "second_moment")
+    return np.asarray(0.5 * np.einsum("...ij,...jk,...ik->...", dF, E, dF))
 
 
 def energy(F: Array, dF: Array, second_moment: Array, material: Elastic) -> Array:
@@ -54,7 +56,8 @@ def angular_momentum(F: Array, dF: Array, second_moment: Array) -> Array:
     >>> angular_momentum(np.eye(3), spin, np.diag([1.0, 2, 3]))
     array([0., 0., 3.])
     """
-    return 2 * axial(dF @ second_moment @ np.swapaxes(F, -1, -2))
+    F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
+    return 2 * axial(dF @ E @ np.swapaxes(F, -1, -2))
 
 
 def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
@@ -67,7 +70,8 @@ def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     >>> circulation(np.eye(3), spin, 2 * np.eye(3))
     array([0., 0., 4.])
     """
-    return 2 * axial(np.swapaxes(F, -1, -2) @ dF @ second_moment)
+    F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
+    return 2 * axial(np.swapaxes(F, -1, -2) @ dF @ E)
 
 
 def cauchy_invariants(F: Array, dF: Array) -> Array:
@@ -79,6 +83,7 @@ def cauchy_invariants(F: Array, dF: Array) -> Array:
     >>> cauchy_invariants(np.eye(3), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]))
     array([0., 0., 2.])
     """
+    F, dF = tensors(F), tensors(dF, "dF")
     return 2 * axial(np.swapaxes(F, -1, -2) @ dF)
 
 

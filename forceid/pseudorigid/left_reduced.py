@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.decomposition import polar
+from forceid.pseudorigid.given import deformation, instants, matrix
 from forceid.pseudorigid.invariants import Elastic, axial, cross, hat
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
@@ -102,7 +103,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     >>> (2 * motion.L @ motion.m[..., None])[:, 2, 0].round(12)
     array([0.6, 0.6])
     """
-    E = checked_body(second_moment, F0, dF0, time, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
     check_unconstrained(material, HERE)
     start = left_state(F0, dF0, E)
     turned = rotation(start.q) @ material.gradient(start.U)
@@ -164,26 +165,17 @@ def integrate(
     )
 
 
-def checked_body(second_moment: Array, F0: Array, dF0: Array, time: Array, where: str) -> Array:
-    """Second moment (3, 3), once body, start and time are sound; DataError says what is not."""
-    E = np.asarray(second_moment, float)
-    if (
-        E.shape != (3, 3)
-        or not np.allclose(E, E.T, rtol=1e-12)
-        or not np.linalg.eigvalsh(E)[0] > 1e-12 * E.max()
-    ):
+def checked_body(
+    second_moment: Array, F0: Array, dF0: Array, time: Array, where: str
+) -> tuple[Array, Array, Array, Array]:
+    """Second moment, F0, dF0 (3, 3) and time, once all are sound; DataError says what is not."""
+    E = matrix(second_moment, f"{where}: second_moment")
+    if not np.allclose(E, E.T, rtol=1e-12) or not np.linalg.eigvalsh(E)[0] > 1e-12 * E.max():
         raise DataError(
             "second_moment is not symmetric positive definite (3, 3)", where, "give a body with volume"
         )
-    if np.shape(F0) != (3, 3) or np.shape(dF0) != (3, 3) or not np.isfinite([F0, dF0]).all():
-        raise DataError("F0 and dF0 are not finite (3, 3) matrices", where, "hand in one body at a time")
-    if not (J := np.linalg.det(F0)) > 0:
-        raise DataError(
-            f"F0 has det F = {J:.3g}, expected > 0", where, "a body keeps its orientation: mend F0"
-        )
-    if np.ndim(time) != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
-        raise DataError("time does not rise from a start to an end", where, "give two times or more, rising")
-    return E
+    F, V = deformation(F0, f"{where}: F0"), matrix(dF0, f"{where}: dF0")
+    return E, F, V, instants(time, f"{where}: time", least=2)
 
 
 def check_unconstrained(material: Elastic, where: str) -> None:

@@ -6,7 +6,8 @@ Source: pseudo-rigid bodies, section 3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from numbers import Real
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -38,10 +39,37 @@ class Lame:
     mu: float
 
 
+def constant(material: str, name: str, value: Any) -> float:
+    """A constant as a number. DataError where it is none."""
+    if not isinstance(value, Real):
+        what = f"{name} is {type(value).__name__}, expected one number"
+        raise DataError(what, f"{material}:", f"give {name} as a number")
+    return float(value)
+
+
 def check_range(material: str, name: str, value: float, holds: bool, wanted: str) -> None:
     """DataError where a constant is not a number in its range."""
     if not (np.isfinite(value) and holds):
         raise DataError(f"{name} = {value:g}, expected {wanted}", f"{material}:", f"choose {name} {wanted}")
+
+
+def check_material_of(body: str, material: Any) -> None:
+    """DataError where a material lacks one of the functions of `Material`."""
+    missing = [n for n in ("energy", "gradient", "hessian") if not callable(getattr(material, n, None))]
+    if missing:
+        what = f"is {type(material).__name__}, which has no {', '.join(missing)}"
+        raise DataError(what, f"material of {body}", "give a material, or a class with these functions")
+
+
+def positive(material: str, J: Array) -> Array:
+    """Determinants J (...,) of a material that resists collapse. DataError where one is not above 0."""
+    if not (J > 0).all():
+        value = float(np.asarray(J)[~(np.asarray(J) > 0)].flat[0])
+        found = f"is {value:.3g}, expected > 0" if value == value else "is not finite"
+        raise DataError(
+            found, f"{material}: det F", "a body keeps its orientation: look for what turned it over"
+        )
+    return J
 
 
 def check_volumetric(material: str, c: float, d: float, incompressible: bool) -> None:

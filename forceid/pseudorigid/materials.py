@@ -22,7 +22,8 @@ from forceid.pseudorigid.cofactors import (
     trace,
     transpose,
 )
-from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric
+from forceid.pseudorigid.given import tensors
+from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
 from forceid.pseudorigid.material_law import Material as Material
 from forceid.records import Array
 
@@ -49,6 +50,8 @@ class MooneyRivlin:
     incompressible: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("a", "b", "c", "d"):
+            constant(type(self).__name__, name, getattr(self, name))
         check_range(type(self).__name__, "a", self.a, self.a >= 0, ">= 0")
         check_range(type(self).__name__, "b", self.b, self.b >= 0, ">= 0")
         check_range(type(self).__name__, "a + b", self.a + self.b, self.a + self.b > 0, "> 0")
@@ -65,11 +68,13 @@ class MooneyRivlin:
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""
+        F = tensors(F)
         C = cofactor(F)
         return np.asarray(self.a * inner(F, F) + self.b * inner(C, C) + self._gamma(F))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): 2 (a + b I1 - b F F^T) F + Gamma'(J) cof F."""
+        F = tensors(F)
         if self.b:
             B = product(F, transpose(F))
             first = 2 * self.a + 2 * self.b * trace(B)
@@ -81,19 +86,20 @@ class MooneyRivlin:
             out = np.asarray((2 * self.a) * F)
         if not self.incompressible:
             C = cofactor(F)
-            J = inner_rows(F, C)
+            J = positive(type(self).__name__, inner_rows(F, C))
             C *= (2 * self.c * J - self.d / J)[..., None, None]
             out += C
         return out
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
+        F, H = tensors(F), tensors(H, "H")
         C, dC = cofactor(F), cross(F, H)
         out = (2 * self.a) * H
         if self.b:
             out = out + (2 * self.b) * (cross(H, C) + cross(F, dC))
         if not self.incompressible:
-            J = inner_rows(F, C)
+            J = positive(type(self).__name__, inner_rows(F, C))
             out = out + scaled(2 * self.c * J - self.d / J, dC)
             out = out + scaled((2 * self.c + self.d / J**2) * inner(C, H), C)
         return np.asarray(np.broadcast_to(out, np.broadcast_shapes(F.shape, H.shape)))
@@ -102,7 +108,7 @@ class MooneyRivlin:
         """Gamma(J) (...,)."""
         if self.incompressible:
             return np.zeros(F.shape[:-2])
-        J = determinant(F)
+        J = positive(type(self).__name__, determinant(F))
         return np.asarray(self.c * J**2 - self.d * np.log(J))
 
 
@@ -140,6 +146,8 @@ class HadamardGreen(MooneyRivlin):
     def __init__(
         self, alpha: float, beta: float, c: float = 0.0, d: float = 0.0, incompressible: bool = False
     ) -> None:
+        constant("HadamardGreen", "alpha", alpha)
+        constant("HadamardGreen", "beta", beta)
         check_range("HadamardGreen", "alpha", alpha, alpha >= 0, ">= 0")
         check_range("HadamardGreen", "beta", beta, beta >= 0, ">= 0")
         super().__init__(alpha / 2, beta, c, d, incompressible)
@@ -179,6 +187,8 @@ class StVenantKirchhoff:
     incompressible = False
 
     def __post_init__(self) -> None:
+        for name in ("lam", "mu"):
+            constant("StVenantKirchhoff", name, getattr(self, name))
         check_range("StVenantKirchhoff", "mu", self.mu, self.mu > 0, "> 0")
         bulk = 3 * self.lam + 2 * self.mu
         check_range("StVenantKirchhoff", "3 lam + 2 mu", bulk, bulk > 0, "> 0")
@@ -189,16 +199,19 @@ class StVenantKirchhoff:
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""
+        F = tensors(F)
         G = 0.5 * (product(transpose(F), F) - EYE)
         return np.asarray(0.5 * self.lam * trace(G) ** 2 + self.mu * inner(G, G))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): F (lam tr G I + 2 mu G)."""
+        F = tensors(F)
         G = 0.5 * (product(transpose(F), F) - EYE)
         return np.asarray(scaled(self.lam * trace(G), F) + 2 * self.mu * product(F, G))
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
+        F, H = tensors(F), tensors(H, "H")
         G = 0.5 * (product(transpose(F), F) - EYE)
         dG = product(transpose(F), H)
         dG = 0.5 * (dG + transpose(dG))
@@ -222,22 +235,28 @@ class PerfectGas:
     incompressible = False
 
     def __post_init__(self) -> None:
+        for name in ("K", "gamma"):
+            constant("PerfectGas", name, getattr(self, name))
         check_range("PerfectGas", "K", self.K, self.K > 0, "> 0")
         check_range("PerfectGas", "gamma", self.gamma, self.gamma > 1, "> 1")
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""
-        return np.asarray(self.K / (self.gamma - 1) * determinant(F) ** (1 - self.gamma))
+        F = tensors(F)
+        J = positive("PerfectGas", determinant(F))
+        return np.asarray(self.K / (self.gamma - 1) * J ** (1 - self.gamma))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): -K J^-gamma cof F."""
+        F = tensors(F)
         C = cofactor(F)
-        return scaled(-self.K * inner_rows(F, C) ** -self.gamma, C)
+        return scaled(-self.K * positive("PerfectGas", inner_rows(F, C)) ** -self.gamma, C)
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
+        F, H = tensors(F), tensors(H, "H")
         C = cofactor(F)
-        J = inner_rows(F, C)
+        J = positive("PerfectGas", inner_rows(F, C))
         bent = scaled(self.K * self.gamma * J ** (-self.gamma - 1) * inner(C, H), C)
         return np.asarray(bent - scaled(self.K * J**-self.gamma, cross(F, H)))
 

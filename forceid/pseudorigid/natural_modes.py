@@ -14,6 +14,8 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import deformation
+from forceid.pseudorigid.material_law import constant
 from forceid.pseudorigid.spectra import Spectrum, checked_second_moment, cofactor_change, rotating_spectrum
 from forceid.records import Array
 
@@ -47,7 +49,7 @@ def natural_modes(
     [0.  0.  0.  2.  2.  2.  2.  2.  3.2]
     """
     E = checked_second_moment(second_moment)
-    F = np.eye(3) if rest is None else np.asarray(rest, float)
+    F = np.eye(3) if rest is None else deformation(rest, "rest")
     force = np.asarray(material.gradient(F))
     cofactor = np.linalg.det(F) * np.linalg.inv(F).T
     multiplier = float((force * cofactor).sum() / (cofactor**2).sum()) if incompressible else 0.0
@@ -79,6 +81,8 @@ def lame_frequencies(lam: float, mu: float, second_moment: Array) -> Array:
     [0.         0.         0.         2.         2.         2.
      2.         2.         6.58823529]
     """
+    constant("natural modes", "lam", lam)
+    constant("natural modes", "mu", mu)
     for name, value, good in (("mu", mu, mu > 0), ("lam", lam, 3 * lam + 2 * mu > 0)):
         if not (good and isfinite(value)):
             raise DataError(
@@ -119,7 +123,7 @@ def spinning_body(
     e = np.diag(E)
     if np.abs(E - np.diag(e)).max() > 1e-12 * e.max():
         raise DataError("is not diagonal", "second_moment", "turn the body to its principal axes")
-    if not isfinite(rate):
+    if not isfinite(constant("spinning body", "rate", rate)):
         raise DataError(f"is {rate}, expected finite", "rate", "give it in rad/s")
     for steps in CONTINUED:
         a: Array | None = np.array(start, float)

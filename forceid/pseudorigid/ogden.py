@@ -13,7 +13,8 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import EYE, determinant, transpose
-from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric
+from forceid.pseudorigid.given import tensors
+from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
 from forceid.records import Array
 
 PAIRS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two of every axis
@@ -45,6 +46,14 @@ class Ogden:
     incompressible: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("alpha", "gamma", "beta", "delta"):
+            given = getattr(self, name)
+            if not isinstance(given, tuple | list):
+                what = f"{name} is {type(given).__name__}, expected numbers in a tuple"
+                raise DataError(what, "Ogden:", f"write {name}=(1.2,) for one number")
+            object.__setattr__(self, name, tuple(constant("Ogden", name, x) for x in given))
+        for name in ("c", "d"):
+            constant("Ogden", name, getattr(self, name))
         if len(self.alpha) != len(self.gamma) or len(self.beta) != len(self.delta):
             what = f"{len(self.alpha)} alpha, {len(self.gamma)} gamma, {len(self.beta)} beta, "
             what += f"{len(self.delta)} delta"
@@ -86,6 +95,8 @@ class Ogden:
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""
+        F = tensors(F)
+        J = positive("Ogden", determinant(F))
         a = np.linalg.svd(F, compute_uv=False)
         area = a[..., PAIRS[:, 0]] * a[..., PAIRS[:, 1]]
         W = np.zeros(a.shape[:-1])
@@ -94,18 +105,21 @@ class Ogden:
         for factor, exponent in self._products:
             W = W + factor * (area**exponent).sum(-1)
         if not self.incompressible:
-            J = determinant(F)
             W = W + self.c * J**2 - self.d * np.log(J)
         return np.asarray(W)
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): L diag(g) R."""
+        F = tensors(F)
+        positive("Ogden", determinant(F))
         L, a, R = np.linalg.svd(F)
         g, _, _ = self._derivatives(a)
         return np.asarray((L * g[..., None, :]) @ R)
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3), in the frame h = L^T H R^T."""
+        F, H = tensors(F), tensors(H, "H")
+        positive("Ogden", determinant(F))
         L, a, R = np.linalg.svd(F)
         g, diagonal, mixed = self._derivatives(a)
         h = transpose(L) @ H @ transpose(R)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import determinant
 from forceid.pseudorigid.constrained import constrained_acceleration
 from forceid.pseudorigid.system import System
@@ -97,5 +98,5 @@ def regular(system: System, F: Array) -> bool:
     try:
         with np.errstate(all="ignore"):
             return bool(np.isfinite(system.acceleration(F)).all() and np.isfinite(system.material.energy(F)))
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, DataError):  # no singular values, or a barrier
         return False

@@ -1,8 +1,8 @@
 """The free rigid body, U = I: the limit of an affine body that does not stretch, in closed form.
 
 J = tr(E) I - E is the usual inertia tensor, J w' = J w x w, L' = L hat(w). The rates are Jacobi elliptic
-functions of time; the rotation needs one more angle, about the angular momentum, an elliptic integral of the
-third kind. Source: pseudo-rigid bodies, sections 4 and 12.5.
+functions of time; the rotation needs one more angle, about the angular momentum, whose rate is a smooth
+function of dn. Source: pseudo-rigid bodies, sections 4 and 12.5.
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import ellipj, ellipkm1, elliprf, elliprj
+from scipy.special import ellipj, ellipkm1, elliprf
 
 from forceid.errors import DataError
+from forceid.pseudorigid.given import instants, matrix, rotation_matrix, vector
 from forceid.pseudorigid.invariants import cross, hat
 from forceid.records import Array
 
+HARMONICS = 7.0  # in units of K/K', the decay of the series: exp(-2 pi 7), below rounding
+BLOCK = 4096  # samples of the series at once
 SEPARATRIX = 1e-4  # of 1 - m: nearer, ellipj, which is told m, loses digits of cn and dn, below 1e-10 all
 
 
@@ -99,7 +102,7 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
     """Motion of a free rigid body in closed form.
 
     inertia (3, 3) kg m^2, symmetric positive definite, any axes; omega0 (3,) rad/s, body axes, at time 0;
-    time (time,) s; L0 (3, 3) rotation at time 0, I if not given. DataError if inertia is no inertia. Near
+    time (time,) s; L0 (3, 3) rotation at time 0, I if not given. DataError if one of them is none. Near
     a turn about the middle axis the motion is exact for the numbers given, and as sensitive to them as the
     body is. Source: pseudo-rigid bodies, section 4; Landau and Lifshitz, Mechanics, section 37.
 
@@ -107,10 +110,11 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
     >>> motion.omega[1].round(9)
     array([0.84595645, 0.61574637, 0.92618635])
     """
-    J, axes = principal(inertia)
-    L0, w0 = np.eye(3) if L0 is None else L0, axes.T @ omega0
-    momentum = J * w0
-    if np.abs(cross(momentum, w0)).max() <= 1e-16 * (J * w0 * w0).sum():  # steady, stable or not
+    J, axes = principal(matrix(inertia, "inertia"))
+    L0 = np.eye(3) if L0 is None else rotation_matrix(L0, "L0")
+    omega0, time = vector(omega0, "omega0"), instants(time, rising=False)
+    w0 = axes.T @ omega0
+    if not ((J - J[[1, 2, 0]]) * w0 * w0[[1, 2, 0]]).any():  # no torque: steady, stable or not
         turned = Rotation.from_rotvec(time[:, None] * omega0).as_matrix()
         return RigidMotion(time, np.broadcast_to(omega0, (len(time), 3)).copy(), L0 @ turned)
     if J[2] * (J[2] - J[1]) * w0[2] ** 2 < J[0] * (J[1] - J[0]) * w0[0] ** 2:  # circles the smallest axis
@@ -127,14 +131,12 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
 
 def principal(inertia: Array) -> tuple[Array, Array]:
     """Principal moments (3,), rising, and axes (3, 3), a rotation. DataError if inertia is none."""
-    symmetric = np.shape(inertia) == (3, 3) and np.allclose(inertia, np.transpose(inertia), rtol=1e-12)
+    symmetric = np.allclose(inertia, np.transpose(inertia), rtol=1e-12)
     if not symmetric or not (np.linalg.eigvalsh(inertia) > 0).all():
         raise DataError(
             "is not a symmetric positive definite (3, 3) matrix", "inertia", "give tr(E) I - E of a body"
         )
     J, axes = np.linalg.eigh(inertia)
-    for i in (1, 2):  # a symmetric body, told apart by rounding only
-        J[i] = J[i - 1] if J[i] - J[i - 1] <= 1e-14 * J[2] else J[i]
     return J, axes * np.linalg.det(axes)
 
 
@@ -162,33 +164,36 @@ def turning(J: Array, w0: Array) -> Turning:
 def rates_and_angle(body: Turning, time: Array) -> tuple[Array, Array]:
     """Principal rates (time, 3), and the angle (time,) from time 0 about the angular momentum.
 
-    Angle: precession minus the azimuth of the angular momentum about the last axis, both since time 0.
+    Angle: what turns besides the shortest rotation of the last axis to the unit momentum n; its rate
+    (2T/h + w_3)/(1 + n_3), w_3 with the sign of C, is never singular. As a function of dn it is even and
+    periodic in the phase, so it is integrated as a cosine series: nothing cancels where the phase goes
+    slowly, as the precession less the azimuth of n would.
     """
-    J1, J2, J3 = body.J
     A, B, C = body.coefficients
     h = np.sqrt(((body.J * body.coefficients)[[0, 2]] ** 2).sum())
-    nu, reach = J3 * (J2 - J1) / (J1 * (J3 - J2)), np.sqrt(J2 * (J3 - J1) / (J1 * (J3 - J2)))
-    tau = np.concatenate([[body.start], body.start + body.rate * time])
-    sn, cn, dn, am, integral = elliptic(tau, body.m, body.m1, nu)
-    precession = h / J1 * time - h * (1 / J1 - 1 / J3) / body.rate * (integral[1:] - integral[0])
-    azimuth = am + np.arctan2((reach - 1) * np.sin(am) * np.cos(am), 1 + (reach - 1) * np.sin(am) ** 2)
-    sense = np.sign(A * B) * np.sign(C)
-    return np.stack([A * cn, B * sn, C * dn], -1)[1:], precession - sense * (azimuth[1:] - azimuth[0])
+    twice = float((body.J * body.coefficients**2)[[0, 2]].sum())
+    period = 2 * float(ellipkm1(body.m1))
+    count = int(HARMONICS * period / float(ellipkm1(body.m))) + 8
+    even = abs(C) * elliptic(np.linspace(0, period, 2 * count, endpoint=False), body.m, body.m1)[2]
+    series = np.fft.rfft((twice / h + even) / (1 + body.J[2] * even / h)).real[:count] / count
+    n = 2 * np.pi / period * np.arange(1, count)
+    passed = body.rate * time
+    half = 0.5 * np.remainder(passed, period)  # the same sines, of arguments that are not large
+    waves = [
+        np.sin(np.outer(x, n)) * np.cos(np.outer(body.start + x, n)) @ (2 * series[1:] / n)
+        for x in np.array_split(half, len(half) // BLOCK + 1)
+    ]
+    sn, cn, dn = elliptic(body.start + passed, body.m, body.m1)
+    return np.stack([A * cn, B * sn, C * dn], -1), 0.5 * series[0] * time + np.concatenate(waves) / body.rate
 
 
-def elliptic(tau: Array, m: float, m1: float, nu: float) -> tuple[Array, Array, Array, Array, Array]:
-    """What tau (...,) gives of sn, cn, dn, amplitude, and the integral from 0 of nu sn^2 / (1 + nu sn^2).
-
-    m1 = 1 - m. The integral is what the third kind lacks to the first: n/3 sn^3 R_J(cn^2, dn^2, 1, 1 - n
-    sn^2), n = -nu.
-    """
+def elliptic(tau: Array, m: float, m1: float) -> tuple[Array, Array, Array]:
+    """sn, cn and dn of tau (...,). m1 = 1 - m."""
     half = 2 * ellipkm1(m1)
     turns = np.round(tau / half)
-    sn, cn, dn, am = ellipj(tau - turns * half, m) if m1 > SEPARATRIX else landen(tau - turns * half, m1)
-    integral = nu / 3 * sn**3 * elliprj(cn**2, dn**2, 1.0, 1 + nu * sn**2)
-    integral = integral + turns * 2 * nu / 3 * elliprj(0.0, m1, 1.0, 1 + nu)
+    sn, cn, dn = (ellipj(tau - turns * half, m) if m1 > SEPARATRIX else landen(tau - turns * half, m1))[:3]
     sign = np.where(turns % 2 == 0, 1.0, -1.0)
-    return sign * sn, sign * cn, np.asarray(dn), am + turns * np.pi, integral
+    return sign * sn, sign * cn, np.asarray(dn)
 
 
 def landen(tau: Array, m1: float) -> tuple[Array, Array, Array, Array]:
@@ -198,8 +203,9 @@ def landen(tau: Array, m1: float) -> tuple[Array, Array, Array, Array]:
     """
     steps = [(1.0, float(np.sqrt(m1)), float(np.sqrt(1 - m1)))]
     while steps[-1][2] > 1e-16 * steps[-1][0]:
-        a, b, _ = steps[-1]
-        steps.append(((a + b) / 2, float(np.sqrt(a * b)), (a - b) / 2))
+        a, b, c = steps[-1]
+        mean = (a + b) / 2
+        steps.append((mean, float(np.sqrt(a * b)), c * c / (4 * mean)))  # (a - b)/2 would stay at rounding
     quarter = ellipkm1(m1)
     far = np.abs(tau) > quarter / 2
     am = 2.0 ** (len(steps) - 1) * steps[-1][0] * np.where(far, quarter - np.abs(tau), np.abs(tau))

@@ -14,6 +14,7 @@ from scipy.linalg import null_space
 
 from forceid.errors import DataError
 from forceid.pseudorigid.ellipsoids import Ellipsoid
+from forceid.pseudorigid.given import deformation, matrix, vector
 from forceid.pseudorigid.gravity import SelfGravity
 from forceid.records import Array
 
@@ -81,7 +82,8 @@ def rotating_spectrum(
     >>> print(f"{found.growth} {found.multiplier:.6f}")
     0.0 1.171731
     """
-    E, phi = checked_second_moment(second_moment), np.asarray(equilibrium, float)
+    E, phi = checked_second_moment(second_moment), deformation(equilibrium, "equilibrium")
+    omega, lam = vector(omega, "omega"), vector(lam, "lam")
     W, Q = hat(omega), hat(lam)
     if np.abs(Q @ E - E @ Q).max() > 1e-12 * max(np.abs(E).max() * np.abs(Q).max(), 1e-300):
         raise DataError(
@@ -158,8 +160,8 @@ def ellipsoid_spectrum(ellipsoid: Ellipsoid) -> Spectrum:
 
 def checked_second_moment(second_moment: Array) -> Array:
     """E (3, 3). DataError where it is not symmetric positive definite."""
-    E = np.asarray(second_moment, float)
-    good = E.shape == (3, 3) and bool(np.isfinite(E).all()) and bool(np.allclose(E, E.T, rtol=1e-12, atol=0))
+    E = matrix(second_moment, "second_moment")
+    good = bool(np.allclose(E, E.T, rtol=1e-12, atol=0))
     if not good or not (np.linalg.eigvalsh(E) > 1e-14 * np.abs(E).max()).all():
         raise DataError(
             "is not symmetric positive definite", "second_moment", "a planar or thin body needs a thickness"

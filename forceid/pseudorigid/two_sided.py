@@ -131,7 +131,7 @@ def simulate(
     >>> np.ptp(np.linalg.norm(motion.kappa, axis=1)) < 1e-12
     np.True_
     """
-    E = checked_body(second_moment, F0, dF0, time, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
     if not is_symmetric_body(E):
         raise DataError(
             "second_moment is not mu I", HERE, "use general_reduced.simulate, or integrate F itself"

@@ -21,7 +21,7 @@ import numpy as np
 import forceid
 from forceid.errors import ForceIdError
 from forceid.kalman.engines import engine
-from forceid.study import chart_partition
+from forceid.study import chart_affine, chart_partition
 from forceid.study.cases import LOADS, Case, records
 from forceid.study.contestant import Answer, Contestant
 from forceid.study.cost import costs
@@ -70,19 +70,24 @@ def run(
     command: str,
     advance: Callable[[str, float], None],
     bodies: Sequence[str] = (),
+    affine: Sequence[str] = (),
 ) -> dict[str, Any]:
     """All numbers of the chart. advance(what, part) is told what is under way, and the part that is done.
 
-    bodies: in parts, by name. What holds of estimators in general is measured where there are recordings.
+    bodies: in parts, by name; affine: cases of affine bodies. What holds of estimators in general is measured
+    where there are recordings.
     """
     journal, stamp = Journal.opened(folder / "chart.jsonl"), version(*COUNTED)
     everyone, missing = contestants(extent) if sources else ([], [])
-    cases, width = [], 1 / (len(sources) + len(bodies) + bool(sources))
+    cases, width = [], 1 / (len(sources) + len(bodies) + len(affine) + bool(sources))
     for i, source in enumerate(sources):
         said = partial(progress, advance, i * width, width)
         cases.append(charted(source, everyone, extent, journal, stamp, said))
     parts, without = in_parts(
         bodies, extent, journal, partial(progress, advance, len(sources) * width, width)
+    )
+    moving = moving_affinely(
+        affine, extent, journal, partial(progress, advance, (len(sources) + len(bodies)) * width, width)
     )
     last = partial(progress, advance, 1 - width, width)
     more = version(*COUNTED, "cost", "simplifications")
@@ -94,7 +99,8 @@ def run(
         "forceid": forceid.__version__, "engine": engine().name, "extent": asdict(extent), "command": command,
         "date": datetime.now(UTC).strftime("%Y-%m-%d"), "python": platform.python_version(),
         "processor": processor(), "versions": versions(), "missing": missing + without,
-        "cases": cases, "bodies_in_parts": parts, "cost": cost, "simplifications": simpler,
+        "cases": cases, "bodies_in_parts": parts, "affine_bodies": moving, "cost": cost,
+        "simplifications": simpler,
     }  # fmt: skip
 
 
@@ -119,6 +125,18 @@ def in_parts(
     finally:
         gc.unfreeze()
     return found, missing
+
+
+def moving_affinely(
+    names: Sequence[str], extent: Extent, journal: Journal, said: Callable[[str, float], None]
+) -> list[dict[str, Any]]:
+    """Every case of affine bodies."""
+    stamp = version(*chart_affine.COUNTED, folders=chart_affine.FOLDERS)
+    size = extent.rounds, extent.budget, extent.full
+    return [
+        chart_affine.charted(name, *size, journal, stamp, partial(progress, said, float(i), 1.0))
+        for i, name in enumerate(names)
+    ]
 
 
 def progress(

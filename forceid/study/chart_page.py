@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from forceid.study import chart_affine_page
 from forceid.study.chart_partition_page import section
 from forceid.study.front import Point, ahead, front, most_accurate, over_best
 from forceid.study.methods import DEFAULT
@@ -50,6 +51,7 @@ def page(result: Mapping[str, Any]) -> str:
     if result["cost"]:
         parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
     parts += section(result.get("bodies_in_parts", []), timing(result["extent"]))
+    parts += chart_affine_page.section(result.get("affine_bodies", []), timing(result["extent"]))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The picture of a body in parts: error against time, each iteration a line through its tolerances."""
+"""Pictures of bodies in parts, and of affine ones: error against time, a line through tolerances or steps."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from forceid.report.style import BLUE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels
+from forceid.study.chart_affine import points_of as points_of_affine
 from forceid.study.chart_figures import around
 from forceid.study.chart_partition import QUANTITIES, RESOLVED, points_of
-from forceid.study.front import front
+from forceid.study.front import Point, front
 from forceid.study.labels import place_labels
 
 WORTHLESS = 1.0  # relative error of the answer zero: what is above is left out
@@ -22,15 +23,16 @@ WORTHLESS = 1.0  # relative error of the answer zero: what is above is left out
 
 @rc_context(STYLE)
 def draw_body(case: dict[str, Any]) -> Figure:
-    """Error of displacements above that of interface forces, over CPU time; every solver named once."""
-    figure, axes = panels(len(QUANTITIES), 1, (10.0, 0.9 + 4.6 * len(QUANTITIES)))
-    figure.legend(handles=legend(), loc="outside lower center", ncols=3)
-    for i, what in enumerate(QUANTITIES):
+    """Error of one quantity above that of another, over CPU time; every line named once."""
+    quantities = case.get("quantities", QUANTITIES)
+    figure, axes = panels(len(quantities), 1, (10.0, 0.9 + 4.6 * len(quantities)))
+    figure.legend(handles=legend(case), loc="outside lower center", ncols=3)
+    for i, what in enumerate(quantities):
         draw_lines(axes[i, 0], case, what)
-        last = i == len(QUANTITIES) - 1
-        y, x = f"relative error of {what}", "CPU time from matrices to solution (s)"
+        last = i == len(quantities) - 1
+        y, x = f"relative error of {what}", case.get("time", "CPU time from matrices to solution (s)")
         label(axes[i, 0], f"{case['title']}: {what}", y, x if last else "")
-    for i, what in enumerate(QUANTITIES):
+    for i, what in enumerate(quantities):
         names, xy, colors = names_of(case, what)
         note: Any = {"ha": "right", "va": "top", "fontsize": 7.0, "color": GRAY}
         axes[i, 0].text(1.0, 1.0, left_out(case, what), transform=axes[i, 0].transAxes, **note)
@@ -41,18 +43,23 @@ def draw_body(case: dict[str, Any]) -> Figure:
     return figure
 
 
-def legend() -> list[Line2D]:
+def legend(case: Mapping[str, Any]) -> list[Line2D]:
     """What marks and lines mean."""
     none: Any = {"ls": "none", "ms": 6}
+    through = case.get("lines", "one solver, tolerance 1e-4, 1e-7, 1e-10 downward")
+    limit = f"{case.get('resolved', RESOLVED):.0e}: errors below are rounding"
     return [
         Line2D([], [], marker="o", color=BLUE, label="forceid", **none),
         Line2D([], [], marker="s", color=VERMILION, label="peer", **none),
         Line2D([], [], color=GRAY, lw=1.2, label="front"),
-        Line2D(
-            [], [], color=INK, lw=0.8, alpha=0.5, label="one solver, tolerance 1e-4, 1e-7, 1e-10 downward"
-        ),
-        Line2D([], [], color=INK, lw=1.0, ls=DASHED, label=f"{RESOLVED:.0e}: errors below are rounding"),
+        Line2D([], [], color=INK, lw=0.8, alpha=0.5, label=through),
+        Line2D([], [], color=INK, lw=1.0, ls=DASHED, label=limit),
     ]
+
+
+def points(case: Mapping[str, Any], what: str) -> list[Point]:
+    """Points of a case of either kind."""
+    return points_of(case, what) if "quantities" not in case else points_of_affine(case, what)
 
 
 def drawn(case: Mapping[str, Any], what: str) -> list[Mapping[str, Any]]:
@@ -62,7 +69,7 @@ def drawn(case: Mapping[str, Any], what: str) -> list[Mapping[str, Any]]:
 
 def draw_lines(ax: Axes, case: dict[str, Any], what: str) -> None:
     """Every solver with the range of its rounds, a line through its tolerances, and the front."""
-    rows = drawn(case, what)
+    rows, resolved = drawn(case, what), case.get("resolved", RESOLVED)
     for line in dict.fromkeys(r["line"] for r in rows):
         own = [r for r in rows if r["line"] == line]
         x, y = [r["seconds"] for r in own], [shown(r, what) for r in own]
@@ -73,9 +80,10 @@ def draw_lines(ax: Axes, case: dict[str, Any], what: str) -> None:
             ax.plot(r["seconds_range"], [error, error], color=color, lw=0.7, alpha=0.6)
     ax.set(xscale="log", yscale="log")
     ax.set_xlim(*around([r["seconds"] for r in rows], 2.0))
-    ax.set_ylim(*around([*(shown(r, what) for r in rows), RESOLVED], 4.0))
-    ax.axhline(RESOLVED, color=INK, lw=1.0, ls=DASHED, zorder=2.5)
-    steps = front([p for p in points_of(case, what) if p.error < WORTHLESS])
+    errors = [*(shown(r, what) for r in rows), resolved]
+    ax.set_ylim(min(errors) / 4, max(errors) * 4)
+    ax.axhline(resolved, color=INK, lw=1.0, ls=DASHED, zorder=2.5)
+    steps = front([p for p in points(case, what) if p.error < WORTHLESS])
     if steps:
         along = np.repeat([p.seconds for p in steps], 2)
         down = np.repeat([p.error for p in steps], 2)

@@ -7,6 +7,8 @@ from difflib import get_close_matches
 
 from forceid.errors import ConfigError
 from forceid.study import (
+    failures_affine,
+    failures_affine_loads,
     failures_body,
     failures_length,
     failures_noise,
@@ -15,8 +17,22 @@ from forceid.study import (
 )
 from forceid.study.failures import Failure
 
-GROUPS = ("sensing", "clock", "noise", "load", "body", "deformation", "length", "partition")
-MODULES = (failures_sensing, failures_noise, failures_body, failures_length, failures_partition)
+GROUPS = (
+    "sensing",
+    "clock",
+    "noise",
+    "load",
+    "body",
+    "deformation",
+    "length",
+    "partition",
+    "affine",
+    "affine_loads",
+)
+MODULES = (
+    failures_sensing, failures_noise, failures_body, failures_length, failures_partition, failures_affine,
+    failures_affine_loads,
+)  # fmt: skip
 FAILURES: tuple[Failure, ...] = tuple(
     failure for group in GROUPS for module in MODULES for failure in module.FAILURES if failure.group == group
 )

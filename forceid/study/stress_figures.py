@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from forceid.report.style import INK, STYLE
 from forceid.study.cell import Cell
 from forceid.study.stress import Map, Row
-from forceid.study.subjects import subject_of
+from forceid.study.subjects import default_of, subject_of
 
 # told apart by lightness too, and by their marks
 COLORS = {"green": "#009E73", "pale": "#BDE3D5", "amber": "#F3C44C", "grey": "#CBCFD6", "red": "#A50F15"}
@@ -51,7 +51,7 @@ def draw_map(of: Map) -> Figure:
 def draw_overview(maps: Sequence[Map]) -> Figure:
     """All failures for the default contestant: a row for every failure, with the level in each cell."""
     names = list(dict.fromkeys(subject_of(m.failure).default for m in maps))
-    shown = [(m, row_of(m, subject_of(m.failure).default)) for m in maps]
+    shown = [(m, row_of(m, default_of(m.failure))) for m in maps]
     figure = Figure(figsize=(9.6, 1.6 + 0.31 * len(shown)), layout="constrained")
     ax = figure.subplots()
     draw_cells(ax, [row.cells for _, row in shown], [m.levels for m, _ in shown])
@@ -59,7 +59,8 @@ def draw_overview(maps: Sequence[Map]) -> Figure:
     columns = max(len(m.levels) for m, _ in shown)
     end = "hopeless" if all(m.levels == m.failure.levels for m in maps) else "worse"
     ax.set_xticks(range(columns), ["healthy", *[""] * (columns - 2), end])
-    ax.set_title(f"Where {' and '.join(names)} breaks, and what it says there: levels in the cells")
+    breaks = "break" if len(names) > 1 or names[0].startswith("functions") else "breaks"
+    ax.set_title(f"Where {' and '.join(names)} {breaks}: levels in the cells")
     groups = [m.failure.group for m, _ in shown]
     for k in range(1, len(groups)):
         if groups[k] != groups[k - 1]:

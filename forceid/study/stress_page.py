@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from forceid.study.cell import Cell
 from forceid.study.stress import Map, Row, counts, leaves_green, needless, threshold
 from forceid.study.stress_figures import MARKS, MEANING, ratio, row_of, short_number
-from forceid.study.subjects import FLIGHTS, PARTS, subject_of
+from forceid.study.subjects import SUBJECTS, default_of, subject_of
 
 INTRODUCTION = """# Where methods break
 
@@ -33,7 +33,7 @@ def page_of(maps: Sequence[Map], seeds: int) -> str:
     legend = "\n".join(
         f"| {MARKS[color]} {color} | {text} | {total[color]} |" for color, text in MEANING.items()
     )
-    subjects = [s for s in (FLIGHTS, PARTS) if any(subject_of(m.failure) is s for m in maps)]
+    subjects = [s for s in SUBJECTS if any(subject_of(m.failure) is s for m in maps)]
     head = INTRODUCTION.format(
         cells=total["cells"], seeds=seeds, legend=legend, needless=total["needless amber"],
         alone=total["red alone"], honest=total["red, honest"], told="\n\n".join(s.told for s in subjects),
@@ -57,7 +57,7 @@ def defaults(maps: Sequence[Map]) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for m in maps:
-        row = row_of(m, default)
+        row = row_of(m, default_of(m.failure))
         at = leaves_green(m.levels, row.cells)
         said = "" if at is None else row.cells[m.levels.index(at)].reason
         lines.append(

@@ -1,4 +1,4 @@
-"""What the stress study puts to the test: estimators of force on flights, solvers on bodies in parts."""
+"""What the stress study tests: estimators on flights, solvers of bodies in parts, affine bodies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,22 @@ from types import ModuleType
 from typing import Any, Protocol
 
 from forceid.scenes import drawn_loads
-from forceid.study import failures, flown_bodies, oracle, parted_bodies, partition_trial, trial
+from forceid.study import (
+    affine_bodies,
+    affine_contestants,
+    affine_fliers,
+    affine_flights,
+    affine_movers,
+    affine_problem,
+    affine_trial,
+    exact_polar,
+    failures,
+    flown_bodies,
+    oracle,
+    parted_bodies,
+    partition_trial,
+    trial,
+)
 from forceid.study.failures import Failure
 
 
@@ -30,9 +45,9 @@ class Subject:
     """One kind of trial.
 
     contestants: who meets a failure, all or the default only; attempt: a failure, a level, a seed and
-    contestants give the trials of a record, as plain numbers; default: by name; quantities: the two that are
-    judged; against: what a number in a map is relative to; told: what was done, in words; folders: of code
-    under test, and sources: what else the trials depend on.
+    contestants give the trials of a record, as plain numbers; default: what that is called of all failures;
+    quantities: the two that are judged; against: what a number in a map is relative to; told: what was done,
+    in words; folders: of code under test, and sources: what else the trials depend on.
     """
 
     contestants: Callable[[Failure, bool], tuple[Any, ...]]
@@ -55,6 +70,19 @@ Bodies in parts at rest, whose motion was written down first; loads and forces b
 out from it in extended precision. Errors and claims are of all forces between parts and of all motions,
 relative to their length, pooled over the seeds. No bound is known: rounding costs one body more than
 another."""
+TOLD_OF_AFFINE = """\
+Bodies that move affinely, F'' E = -dW/dF, whose motion has a closed form, or is known from DOP853 near
+rounding and polar factors of eighty digits. Errors are relative, pooled over the seeds: of factors and rates
+of their axes, of F and F', of rotation and rate of turn. They are put beside what an answer claims: steps of
+a fixed length claim what half the step changes, times 4/3; peers claim the tolerance that they are given; who
+says nothing claims 1e-13 of factors, 1e-6 of their rates, 1e-10 of a motion. Along a path of factors the
+first quantity is the largest unflagged turn from frame to frame over 0.3 rad. Who goes on after det F = 0 is
+wrong by 1."""
+TOLD_OF_AFFINE_LOADS = """\
+Half a second of markers on a body whose affine motion is a sum of tones, turning: force and the nine first
+moments of force follow in closed form. Errors and claims are root mean squares a component over the central
+three quarters, pooled over the seeds. Least squares frame by frame, differentiated twice, claims the noise of
+the markers that goes through."""
 FLIGHTS = Subject(
     trial.contestants,
     trial.attempt,
@@ -77,6 +105,35 @@ PARTS = Subject(
 )
 
 
+AFFINE = Subject(
+    affine_trial.takers,
+    affine_trial.attempt_affine,
+    "functions of affine bodies",
+    ("motion", "rate"),
+    "claim",
+    TOLD_OF_AFFINE,
+    ("pseudorigid", "motion"),
+    (affine_bodies, affine_contestants, affine_movers, affine_problem, affine_trial, exact_polar),
+)
+AFFINE_LOADS = Subject(
+    affine_trial.takers,
+    affine_trial.attempt_affine,
+    "affine estimate",
+    ("force", "first moment"),
+    "claim",
+    TOLD_OF_AFFINE_LOADS,
+    ("pseudorigid", "motion", "kalman", "principal", "estimation"),
+    (affine_fliers, affine_flights, affine_problem, affine_trial),
+)
+OTHERS = {"partition": PARTS, "affine": AFFINE, "affine_loads": AFFINE_LOADS}
+SUBJECTS = (FLIGHTS, *OTHERS.values())
+
+
 def subject_of(failure: Failure) -> Subject:
     """The kind of trial that a failure is met in."""
-    return PARTS if failure.group == "partition" else FLIGHTS
+    return OTHERS.get(failure.group, FLIGHTS)
+
+
+def default_of(failure: Failure) -> str:
+    """Who meets a failure when only one does."""
+    return str(subject_of(failure).contestants(failure, True)[0].name)

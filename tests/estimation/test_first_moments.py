@@ -9,6 +9,7 @@ import pytest
 from forceid.config import load_settings
 from forceid.estimation.affine_loads import MOMENT, affine_loads, moment_of
 from forceid.estimation.first_moments import with_moment
+from forceid.estimation.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 
@@ -89,3 +90,13 @@ def test_a_rejected_spike_does_not_enter_the_first_moments(block, result):
     found = estimate_recording(spiked, load_settings(model="affine"))
     assert found.verdict.level == "degraded"
     assert np.abs(found.first_moment - result.first_moment).max() < 0.1 * np.abs(result.first_moment).max()
+
+
+def test_a_body_known_as_a_whole_has_the_loads_of_the_same_body_known_by_its_masses(block, result):
+    known = inertia_of(block.body)
+    body = replace(
+        block.body, mass=None, total_mass=known.mass, mass_center=known.center, inertia=known.tensor
+    )
+    whole = estimate_recording(replace(block, body=body), load_settings(model="affine"))
+    assert np.abs(whole.moment - result.moment).max() < 1e-6 * np.abs(result.moment).max()
+    assert np.abs(whole.first_moment - result.first_moment).max() < 1e-6 * np.abs(result.first_moment).max()

@@ -140,6 +140,21 @@ def test_a_round_body_that_begins_to_stretch_takes_the_bases_of_its_stretch_from
     np.testing.assert_allclose(path.L * path.D[:, None] @ path.R, F, rtol=0, atol=1e-10)
 
 
+def test_values_that_change_places_are_told_whether_a_frame_falls_on_them_or_not():
+    for frames in (40, 41):
+        t = np.linspace(-0.2, 0.2, frames)
+        path = bipolar_path(crossing(t))
+        assert path.crossed.any()
+        assert np.abs(t[path.crossed]).max() < 1.1 * (t[1] - t[0])
+    F, _ = near_crossings(200, np.random.default_rng(4))
+    path = bipolar_path(F)
+    order = path.D[:, [0, -1]].argsort(-1)
+    swapped = (order[:, 0] != order[:, 1]).any(-1)  # though none of these cross
+    assert swapped.sum() > 100
+    assert path.crossed[swapped].any(1).all()
+    assert not path.crossed[:, 0].any()
+
+
 def test_paths_side_by_side_are_those_one_by_one():
     F, _ = near_crossings(12, np.random.default_rng(3), frames=20)
     together = bipolar_path(F.reshape(3, 4, 20, 3, 3))

@@ -169,7 +169,7 @@ def test_motions_without_a_period_are_refused_with_the_reason():
         (lambda: GasCloud(-1.0), "K is -1, expected above 0"),
         (lambda: GasCloud(1.0, 1.0), "gamma is 1, expected above 1"),
         (lambda: GasCloud(1.0, trap=-0.5), "trap is -0.5, expected 0 or above"),
-        (lambda: GasCloud(1.0).energy(np.diag([1.0, 1.0, -1.0])), "det F is -1, expected above 0"),
+        (lambda: GasCloud(1.0).energy(np.diag([1.0, 1.0, -1.0])), "det F is -1, expected > 0"),
         (lambda: GasCloud(1.0).resting_size(), "a free cloud has no size at rest"),
         (lambda: GasCloud(1.0, 4 / 3, pi_G_rho=1.0).resting_size(), "gamma is 4/3"),
         (lambda: GasCloud(1.0, 1.1, trap=0.1, pi_G_rho=5.0).resting_size(), "too little against gravity"),

@@ -38,6 +38,31 @@ def test_riemann_ellipsoid_keeps_volume_momentum_and_circulation_over_100_s():
     assert abs(np.polyfit(range(10), tenths, 1)[0]) * 9 < 0.5 * np.std(motion.energy)
 
 
+@pytest.mark.parametrize(("method", "step"), [("verlet", 0.05), ("suzuki_4", 0.1), ("kahan_li_8", 0.2)])
+def test_spinning_rubber_keeps_volume_momentum_and_circulation_and_its_energy_has_no_trend(method, step):
+    # 0.55 to 1.45 of stretch, three turns in 10 s
+    Y = np.array([[0.1, -0.9, 0.2], [1.1, 0.05, -0.3], [0.1, 0.25, -0.15]])
+    body = Body(1.7, MooneyRivlin(0.6, 0.25, incompressible=True))
+    motion = body.simulate(F0, F0 @ Y, np.linspace(0, 40, 201), method, step)
+    assert np.abs(determinant(motion.F) - 1).max() <= 1e-15
+    assert np.abs(np.einsum("tij,tij->t", cofactor(motion.F), motion.dF)).max() <= 1e-15
+    assert np.abs(motion.angular_momentum - motion.angular_momentum[0]).max() <= 1e-14
+    assert np.abs(motion.circulation - motion.circulation[0]).max() <= 1e-14
+    assert motion.event is None
+    assert motion.pressure.min() > 0
+    change = motion.energy[:-1] - motion.energy[0]
+    tenths = [part.mean() for part in np.array_split(change, 10)]
+    assert np.abs(change).max() < {"verlet": 1e-3, "suzuki_4": 1e-5, "kahan_li_8": 1e-8}[method]
+    assert abs(np.polyfit(range(10), tenths, 1)[0]) * 9 < 0.3 * np.std(change)
+
+
+def test_circulation_of_rubber_is_not_kept_where_the_second_moment_is_uneven():
+    body = Body(np.diag([1.0, 1.5, 2.2]), MooneyRivlin(0.6, 0.25, incompressible=True))
+    motion = body.simulate(F0, V0, np.linspace(0, 10, 51), "verlet", 0.05)
+    assert np.abs(motion.angular_momentum - motion.angular_momentum[0]).max() <= 1e-14
+    assert np.ptp(motion.circulation, axis=0).max() > 0.1
+
+
 @pytest.mark.parametrize("method", RATTLE)
 def test_composed_rattle_converges_with_its_nominal_order(method):
     W = Body(np.diag([1.0, 1.5, 2.2]), MooneyRivlin(0.5, 0.25, incompressible=True))

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from forceid.pseudorigid.body import Body
+from forceid.pseudorigid.gas_cloud import GasCloud
 from forceid.pseudorigid.gravity import SelfGravity
 from forceid.pseudorigid.integrators import STEPPERS
 from forceid.pseudorigid.materials import MooneyRivlin, NeoHookean, StVenantKirchhoff
@@ -41,6 +42,17 @@ def test_dust_collapses_in_free_fall_time():
         motion = dust.simulate(np.eye(3), np.zeros((3, 3)), TIME, method, 0.01)
         assert str(motion.event.kind) == "collapse"
         assert float(motion.event.time) == pytest.approx(fall, abs=tolerance)
+
+
+@pytest.mark.parametrize("method", ["verlet", "implicit_midpoint", "energy", "dop853"])
+def test_a_cold_cloud_collapses_under_its_own_gravity_and_a_warm_one_of_its_batch_does_not(method):
+    cold = Body(1.0, GasCloud(1e-6, 1.2, pi_G_rho=1.0))
+    V = np.stack([np.zeros((3, 3)), 2.5 * np.eye(3)])  # the other flies apart
+    motion = cold.simulate(np.eye(3), V, TIME[:31], method, 0.01)
+    assert motion.event.kind.tolist() == ["collapse", ""]
+    fall = np.pi / 2 / np.sqrt(2 * 4 / 3)
+    assert float(motion.event.time[0]) == pytest.approx(fall, abs=1e-3)
+    assert np.isfinite(motion.F[:, 1]).all()
 
 
 def test_a_step_that_jumps_over_the_barrier_is_told_from_a_collapse():

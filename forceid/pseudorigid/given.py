@@ -1,0 +1,114 @@
+"""What is handed in, as arrays of finite numbers of the right shape, or one line that says what is wrong.
+
+Source: pseudo-rigid bodies, sections 0 and 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.records import Array
+
+TURNED = 1e-6  # of L^T L = I, that rounding of a rotation written to few digits may miss
+
+
+def numbers(value: Any, name: str, advice: str = "give real numbers") -> Array:
+    """An array of floats. DataError for text, None, complex numbers, lists that are no arrays.
+
+    >>> numbers([[1, 2]], "F").shape
+    (1, 2)
+    """
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind not in "biuf":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise DataError(f"is {type(value).__name__} without real numbers", name, advice) from None
+    return np.asarray(found, float)
+
+
+def tensors(value: Any, name: str = "F") -> Array:
+    """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already.
+
+    >>> tensors([[1, 0, 0], [0, 1, 0], [0, 0, 1]]).dtype
+    dtype('float64')
+    """
+    A = value
+    if not isinstance(A, np.ndarray) or A.dtype != np.float64:
+        A = numbers(value, name, "give matrices")
+    if A.shape[-2:] != (3, 3):
+        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, "give matrices")
+    return np.asarray(A)
+
+
+def matrices(value: Any, name: str, advice: str = "give matrices") -> Array:
+    """Finite matrices (..., 3, 3). DataError for any other shape, or what is not finite.
+
+    >>> matrices(np.eye(2), "F0")
+    Traceback (most recent call last):
+    ...
+    forceid.errors.DataError: F0 has shape (2, 2), expected (..., 3, 3); give matrices
+    """
+    A = numbers(value, name, advice)
+    if A.shape[-2:] != (3, 3):
+        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
+    if not np.isfinite(A).all():
+        raise DataError("holds values that are not finite", name, "leave those frames out or fill them")
+    return A
+
+
+def matrix(value: Any, name: str) -> Array:
+    """One finite matrix (3, 3)."""
+    A = matrices(value, name, "give one matrix")
+    if A.ndim != 2:
+        raise DataError(f"has shape {A.shape}, expected (3, 3)", name, "hand in one at a time")
+    return A
+
+
+def vector(value: Any, name: str) -> Array:
+    """One finite vector (3,)."""
+    v = numbers(value, name)
+    if v.shape != (3,) or not np.isfinite(v).all():
+        what = f"has shape {v.shape}, expected (3,)" if v.shape != (3,) else "is not finite"
+        raise DataError(what, name, "give three finite numbers")
+    return v
+
+
+def deformation(value: Any, name: str) -> Array:
+    """One finite matrix (3, 3) of det > 0."""
+    F = matrix(value, name)
+    J = float(np.linalg.det(F))
+    if not J > 0:
+        raise DataError(f"has determinant {J:.3g}, expected > 0", name, "exchange two columns")
+    return F
+
+
+def rotation_matrix(value: Any, name: str) -> Array:
+    """One rotation (3, 3)."""
+    L = matrix(value, name)
+    off = float(np.abs(L.T @ L - np.eye(3)).max())
+    if off > TURNED or not np.linalg.det(L) > 0:
+        what = f"is no rotation: L^T L is off I by {off:.2g}, det L = {np.linalg.det(L):.3g}"
+        raise DataError(what, name, "give its polar rotation, polar(L)[0]")
+    return L
+
+
+def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1) -> Array:
+    """Finite instants (time,), s, growing if `rising`. DataError for any other.
+
+    >>> instants([0.0, 1.0, 1.0])
+    Traceback (most recent call last):
+    ...
+    forceid.errors.DataError: time is not a growing list of finite numbers; sort it and drop repeated samples
+    """
+    t = numbers(value, name, "give instants in s")
+    if t.ndim != 1 or len(t) < least or not np.isfinite(t).all():
+        what = f"is not a list of {least} or more finite numbers"
+        raise DataError(what, name, "give instants in s")
+    if rising and (np.diff(t) <= 0).any():
+        what = "is not a growing list of finite numbers"
+        raise DataError(what, name, "sort it and drop repeated samples")
+    return t

@@ -1,0 +1,70 @@
+"""A problem of an affine body with its truth, an answer to it, and who answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from forceid.records import Array
+
+UNKNOWN = (float("nan"), float("nan"))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a contestant gets, and the truth of it.
+
+    given: the input, of a kind that its contestants know; motion, rate (sample, ...): the truth of the first
+    and of the second quantity, NaN where there is none, as after a collapse; promised: relative errors that
+    an answer without a word is held to.
+    """
+
+    given: Any
+    motion: Array
+    rate: Array
+    promised: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """motion, rate (sample, ...): as in a `Problem`, NaN where none is given.
+
+    claimed: relative errors of both as they are told, None where nothing is; off: both errors, where they are
+    of another kind than distances from the truth.
+    """
+
+    motion: Array
+    rate: Array
+    claimed: tuple[float, float] | None = None
+    verdict: str = "ok"
+    reason: str = ""
+    off: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """Who takes a problem on. coarse: whether it may honestly be worse than twice the bound."""
+
+    name: str
+    answer: Callable[[Problem], Answer]
+    coarse: bool = False
+
+
+def relative(found: Array, true: Array) -> float:
+    """Length of the difference over that of the truth, of what both give; 1 where there was none to give.
+
+    >>> relative(np.array([[3.0, 4.5], [np.nan, 1.0]]), np.array([[3.0, 4.0], [0.0, 0.0]]))
+    0.1
+    >>> relative(np.array([[3.0], [4.0]]), np.array([[3.0], [np.nan]]))
+    1.0
+    """
+    known, given = (np.isfinite(x.reshape(len(x), -1)).all(1) for x in (true, found))
+    both = known & given
+    if (given & ~known).any():
+        return 1.0
+    if not both.any():
+        return 0.0
+    return float(np.linalg.norm(found[both] - true[both]) / np.linalg.norm(true[both]))
