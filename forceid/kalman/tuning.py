@@ -20,6 +20,7 @@ from forceid.records import Array
 
 ORDERS = (1, 2, 3, 4, 6)
 ASKED = 1.0  # log-likelihood by which a record asks for an order above that
+MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
@@ -95,9 +96,12 @@ def tune_loads(
     if limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
         _, level, _ = search(2, limits)
     found: dict[int, tuple[Array, float, float]] = {}
+    worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         found[order] = search(order, (level, level))
-        if order <= FREE and found[order][2] < max(value for _, _, value in found.values()) - ASKED:
+        pays = found[order][2] > max(value for _, _, value in found.values()) - ASKED
+        worse = 0 if pays else worse + (order <= FREE)
+        if worse == MISSED:
             break
     order = smoothest({order: value for order, (_, _, value) in found.items()})
     at, level, value = (

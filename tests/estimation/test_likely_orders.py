@@ -15,11 +15,11 @@ from forceid.kalman.process import discretize, integrate, matern
 STEP, SIGMA, MASS = 2e-3, 3e-4, 0.5
 
 
-def drawn(order, seed, samples=600):
+def drawn(order, seed, samples=600, step=STEP, rate=30.0, mass=MASS, sigma=SIGMA):
     """A channel that a Matern load of that order drives, and the load (time, 3)."""
     rng = np.random.default_rng(seed)
-    process = integrate(integrate(matern(order, 1.0, 30.0), 0.0), 0.0)
-    F, Q = discretize(process, STEP)
+    process = integrate(integrate(matern(order, 1.0, rate), 0.0), 0.0)
+    F, Q = discretize(process, step)
     F, root = np.squeeze(F), np.linalg.cholesky(np.squeeze(Q) + 1e-18 * np.eye(order + 2))
     start = np.zeros((order + 2, 3))
     start[2:] = np.linalg.cholesky(np.squeeze(process.P0)[2:, 2:]) @ rng.standard_normal((order, 3))
@@ -27,9 +27,9 @@ def drawn(order, seed, samples=600):
     for _ in range(samples - 1):
         states.append(F @ states[-1] + root @ rng.standard_normal((order + 2, 3)))
     states = np.array(states)
-    z = states[:, 0] / MASS + SIGMA * rng.standard_normal((samples, 3))
-    cov = np.broadcast_to(SIGMA**2 * np.eye(3), (samples, 3, 3))
-    return Channel(STEP * np.arange(samples), z, 1 / MASS, cov, np.zeros((3, 3))), states[:, 2]
+    z = states[:, 0] / mass + sigma * rng.standard_normal((samples, 3))
+    cov = np.broadcast_to(sigma**2 * np.eye(3), (samples, 3, 3))
+    return Channel(step * np.arange(samples), z, 1 / mass, cov, np.zeros((3, 3))), states[:, 2]
 
 
 def claims(channel, prior, factor):
@@ -86,3 +86,9 @@ def test_long_records_are_looked_at_in_their_middle(samples):
     channel, _ = drawn(2, 1, samples)
     prior = tune_channel(channel, (1.0, 1.0), ())
     assert np.isfinite(growth(channel, prior, engine())).all()
+
+
+def test_a_search_that_misses_the_peak_of_one_order_hides_no_rougher_one():
+    for seed in (0, 2, 4, 13):
+        channel, _ = drawn(2, seed, samples=480, step=1 / 120, rate=20.0, mass=0.1, sigma=1.5e-4)
+        assert tune_channel(channel, (1.0, 1.0), ()).tuned.order <= 3
