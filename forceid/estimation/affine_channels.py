@@ -1,4 +1,9 @@
-"""The channels of an affine motion that loads drive, and priors of those loads along axes of the body."""
+"""The channels of an affine motion that loads drive, as far as markers and mass show them.
+
+m c'' = f + m g and (F E)'' = K, with the second moment E. Markers in a plane show F in that plane only, and
+so K v where E v lies in it; a body without breadth across has no arm there: K v = 0. Source: pseudo-rigid
+bodies, section 1; principal equations 4e.
+"""
 
 from __future__ import annotations
 
@@ -6,74 +11,74 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
+from scipy.linalg import null_space, qr
 
 from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
-from forceid.estimation.affine_fit import fit_affine
+from forceid.estimation.affine_fit import AffineFit, fit_affine
 from forceid.estimation.inertia import inertia_of
 from forceid.estimation.kinematics import marker_noise
-from forceid.estimation.load_channels import tune_channel
-from forceid.kalman.channels import Channel, driven, load_axes, load_chain, start_of, stretch
-from forceid.kalman.engines import Engine, for_tuning
+from forceid.kalman.channels import Channel, start_of
 from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import ORDERS, OUTLIER, Tuned, smoothest, tune_loads
 from forceid.pseudorigid.decomposition import polar
-from forceid.records import Array, Recording
+from forceid.records import Array, Flags, Recording
 
 FEWEST = 12  # frames that a load on a turning body needs
 THIN = 1e-8  # of the largest: a second moment so small is none
+LEVEL = 1e-9  # cosine below which a direction is off an axis
 STIFFNESSES = 14  # of a spline that are tried
-GRID, REACH, REFINED = (
-    9,
-    8.0,
-    2,
-)  # values tried of a rate or std, factor on a std either way, times looked closer
 
 
 @dataclass(frozen=True)
 class AffineChannels:
-    """Four groups of three channels, world axes: the mass center with the fall removed, and F E V by columns.
+    """Groups of three channels, world axes: the mass center with the fall removed, and F E V by columns.
 
-    axes V (3, 3): reference axes in which the errors of the columns are independent while all markers are
-    seen; second_moment E (3, 3) kg m2; rotation (time, 3, 3): a smooth path of the body's own axes, exact by
-    definition; noise (time, 12, 12): of all channels, group by group; linked: their largest correlation
-    between groups.
+    center: None where the markers do not show it; columns: as many as axes V (3, column) has, reference
+    directions in which their errors are independent while all markers are seen; second_moment E (3, 3) kg m2;
+    span (3, column): orthonormal directions of E V, along which F is known. rotation (time, 3, 3): a smooth
+    path of the body's own axes, exact by definition; noise (time, channel, channel): of all channels, group
+    by group; linked: their largest correlation between groups. reasons: sentences on what is open; whole:
+    whether the columns hold all of the first moments.
     """
 
     time: Array
-    groups: tuple[Channel, ...]
+    center: Channel | None
+    columns: tuple[Channel, ...]
     axes: Array
     second_moment: Array
+    span: Array
     rotation: Array
     noise: Array
     linked: float
+    reasons: tuple[str, ...] = ()
+    whole: bool = True
+
+    @property
+    def groups(self) -> tuple[Channel, ...]:
+        """All groups, the center first."""
+        return self.columns if self.center is None else (self.center, *self.columns)
 
 
 def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
-    """Channels of a recording of markers. DataError where they do not fix F, or the body has no breadth."""
+    """Channels of a recording of markers. DataError where they do not show the motion of a plane at least."""
     body, motion = recording.body, recording.motion
     if motion.position is None or body.position is None:
         raise DataError("holds no markers", "/motion/position", "an affine motion shows in markers only")
     inertia = inertia_of(body)
     E = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
-    size = np.linalg.eigvalsh(E)
-    if not size[0] > THIN * size[-1]:
-        raise DataError(
-            f"has second moments {', '.join(f'{s:.2g}' for s in size)} kg m2, expected three above zero",
-            "/body",
-            "a body without breadth has no affine load across; use --model modal or rigid",
-        )
     x, time = motion.position, motion.time - motion.time[0]
     stated = motion.noise_std | settings.noise_std
     sigma = stated.get("position") or marker_noise(motion.time, x)
     fit = fit_affine(x, body.position - inertia.center, sigma**2)
-    if fit.plane:
+    shown, whole = shown_arms(E, fit.span)
+    if shown.shape[1] < 2:
         raise DataError(
-            f"holds markers that spread along {fit.span.shape[1]} directions: F is known in their plane only",
+            f"holds markers that spread along {fit.span.shape[1]} directions, which show first moments of "
+            f"force about {shown.shape[1]}, expected two at least",
             "/body/position",
-            "give a marker off the plane, or use --model modal or rigid",
+            "give a marker off the line, or use --model modal or rigid",
         )
-    known = np.asarray(np.isfinite(fit.F).all((1, 2)))
+    known = np.asarray(np.isfinite(fit.columns).all((1, 2)))
     if known.sum() < FEWEST:
         raise EstimationError(
             f"shows the affine map in {known.sum()} frames, fewer than {FEWEST}",
@@ -82,19 +87,90 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
         )
     # of the frame that sees best
     best = int(np.nanargmin(np.where(known, np.trace(fit.cov[:, 1:, 1:], axis1=1, axis2=2), np.nan)))
-    V = np.linalg.eigh(E @ fit.cov[best, 1:, 1:] @ E)[1]
-    turn = np.zeros((4, 4))
-    turn[0, 0], turn[1:, 1:] = 1.0, E @ V
+    by = fit.span.T @ E
+    V = shown @ np.linalg.eigh(shown.T @ by.T @ fit.cov[best, 1:, 1:] @ by @ shown)[1]
+    n, r = V.shape[1], fit.span.shape[1]
+    turn = np.zeros((1 + r, 1 + n))
+    turn[0, 0], turn[1:, 1:] = 1.0, by @ V
     cov = np.where(known[:, None, None], turn.T @ fit.cov @ turn, np.diag(np.diag(turn.T @ turn)))
-    z = np.concatenate([fit.center[..., None], fit.F @ E @ V], 2)
+    z = np.concatenate([fit.center[..., None], fit.columns @ by @ V], 2)
     z[..., 0] -= 0.5 * time[:, None] ** 2 * motion.gravity
-    gain = (1 / inertia.mass, 1.0, 1.0, 1.0)
+    gain = (1 / inertia.mass, *n * (1.0,))
     eye, still = np.eye(3), np.zeros((3, 3))
-    groups = tuple(Channel(time, z[..., B], gain[B], cov[:, B, B, None, None] * eye, still) for B in range(4))
+    center, *columns = (
+        Channel(time, z[..., B], gain[B], cov[:, B, B, None, None] * eye, still) for B in range(1 + n)
+    )
+    first = int(fit.off)  # the center is no channel where it is not shown
+    cov = cov[:, first:, first:]
     std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    linked = np.abs(cov / std[:, None] / std[..., None] - np.eye(4))[known].max()
-    noise = np.einsum("tBC,ab->tBaCb", cov, eye).reshape(len(time), 12, 12)
-    return AffineChannels(time, groups, V, E, smooth_axes(time, fit.F), noise, float(linked))
+    linked = np.abs(cov / std[:, None] / std[..., None] - np.eye(len(std[0])))[known].max()
+    noise = np.einsum("tBC,ab->tBaCb", cov, eye).reshape(len(time), 3 * len(std[0]), -1)
+    return AffineChannels(
+        time, None if fit.off else center, tuple(columns), V, E, aligned(E @ V),
+        smooth_axes(time, completed(fit)), noise, float(linked), open_reasons(fit, n, whole), whole,
+    )  # fmt: skip
+
+
+def shown_arms(E: Array, span: Array) -> tuple[Array, bool]:
+    """Reference directions v (3, n) with K v shown and not zero, and whether they hold all of K.
+
+    E (3, 3) kg m2; span (3, r): directions along which F is known. K v = F'' E v is shown where E v lies in
+    the span.
+
+    >>> shown_arms(np.diag([1.0, 2.0, 3.0]), np.eye(3)[:, :2])[0].round(9).tolist()
+    [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
+    >>> shown_arms(np.diag([1.0, 2.0, 0.0]), np.eye(3))[0].shape
+    (3, 2)
+    """
+    size, axes = np.linalg.eigh(E)
+    wide = size > THIN * size[-1]
+    none = axes[:, ~wide].T
+    across = null_space(span.T).T @ E
+    across = across[np.linalg.norm(across, axis=1) > np.sqrt(THIN) * size[-1]]
+    closed = np.concatenate([none, across / np.linalg.norm(across, axis=1, keepdims=True)])
+    shown = aligned(null_space(closed)) if len(closed) else np.eye(3)
+    return shown, shown.shape[1] == int(wide.sum())
+
+
+def aligned(directions: Array) -> Array:
+    """Orthonormal basis (3, n) of the same space: reference axes first, as far as they lie in it."""
+    basis = np.linalg.qr(directions)[0]
+    if basis.shape[1] == 3:
+        return np.eye(3)
+    Q, R, order = qr(basis @ basis.T, pivoting=True)
+    found = Q[:, : basis.shape[1]] * np.sign(np.diag(R)[: basis.shape[1]])
+    return np.asarray(found[:, np.argsort(order[: basis.shape[1]])] + 0.0)  # no minus zero
+
+
+def along_axes(span: Array) -> Flags:
+    """Which reference axes (3,) lie in a space with orthonormal basis span (3, n)."""
+    return np.asarray(np.linalg.norm(np.eye(3) - span @ span.T, axis=0) < LEVEL)
+
+
+def open_reasons(fit: AffineFit, shown: int, whole: bool) -> tuple[str, ...]:
+    """Sentences on what markers and mass leave open of stretch, force and first moments."""
+    reasons = []
+    if fit.plane:
+        reasons.append("the markers lie in a plane: the stretch across it is open")
+    elif shown < 3:
+        reasons.append("the body has no breadth across a plane: its stretch across is not told")
+    if fit.off:
+        reasons.append("the mass center lies off the plane of the markers: the force is open")
+    if not whole:
+        reasons.append(
+            "the markers lie in a plane and the body has breadth across it: first moments are told for arms "
+            f"along {shown} reference directions, the others are open; give a marker off the plane"
+        )
+    return tuple(reasons)
+
+
+def completed(fit: AffineFit) -> Array:
+    """F (time, 3, 3) of every frame, in a plane completed by its unit normal: enough for axes of the body."""
+    if not fit.plane:
+        return fit.F
+    normals = (np.cross(*np.moveaxis(c, -1, 0))[..., None] for c in (fit.columns, fit.span))
+    across, along = (n / np.linalg.norm(n, axis=-2, keepdims=True) for n in normals)
+    return np.asarray(fit.columns @ fit.span.T + across @ along.T)
 
 
 def smooth_axes(time: Array, F: Array) -> Array:
@@ -118,67 +194,6 @@ def smooth_axes(time: Array, F: Array) -> Array:
     lam = min(stiffness, key=missed)
     smooth = np.stack([make_smoothing_spline(t, column, lam=lam)(time) for column in entries.T], 1)
     return polar(smooth.reshape(-1, 3, 3))[0]
-
-
-def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
-    """Priors of the force, along world axes, and of the three columns of K along axes of the body.
-
-    The columns are one body's: one order and one rate for all nine of their entries.
-    """
-    force, *columns = channels.groups
-    priors = [tune_channel(force, (1.0, 1.0), (), engine=engine)]
-    bodily = [in_body(column, channels.rotation) for column in columns]
-    seen = np.isfinite(bodily[0].z).all(1)
-    axes = [load_axes(w.time[seen], w.z[seen]) for w in bodily]
-    z = np.concatenate([w.moved @ a for w, a in zip(bodily, axes, strict=True)], 1)
-    var = np.concatenate([w.var(a) for w, a in zip(bodily, axes, strict=True)], 1)
-    drift = np.concatenate([np.diagonal(a.T @ w.drift @ a) for w, a in zip(bodily, axes, strict=True)])
-    tuned = tune_loads(channels.time, z, 1.0, var, drift, engine=engine)
-    tuned = one_rate(tuned, channels.time, z, var, drift, engine)
-    for B, column in enumerate(columns):
-        own = slice(3 * B, 3 * B + 3)
-        part = replace(tuned, std=tuned.std[own], rate=tuned.rate[own])
-        priors.append(on_body(LoadPrior(part, axes[B], start_of(column.time, column.moved, 1.0)), column))
-    return priors
-
-
-def one_rate(tuned: Tuned, time: Array, z: Array, var: Array, drift: Array, engine: Engine) -> Tuned:
-    """The prior with one rate for all axes of z (time, axis), as likely as can be; its order by evidence.
-
-    Nine rates that a short record tells apart by chance cost more error than one that is not quite right
-    for each.
-    """
-    axes, runs, likelihood = z.shape[1], stretch(z), for_tuning(engine).log_likelihood
-
-    def values(order: int, rate: Array, std: Array) -> Array:
-        """Log-likelihoods (rate, std, axis) of rates (rate,) and std (rate, std, axis)."""
-        r, _, axis = (i.ravel() for i in np.indices(std.shape))
-        total = np.zeros(std.size)
-        for run in runs:
-            y, t = z[run] - z[run][np.isfinite(z[run]).all(1)][0], time[run]
-            chain = load_chain(order, std.ravel(), rate[r], start_of(t, y, 1.0))
-            model = driven(chain, 1.0, var[run][:, axis], drift[axis], np.diff(t))
-            total += likelihood(model, y[:, axis, None], OUTLIER)
-        return total.reshape(std.shape)
-
-    def searched(order: int) -> Tuned:
-        rates = tuned.rate * np.sqrt(order / tuned.order)  # of as much power above as before
-        ends = np.log([0.5 * rates.min(), 2 * rates.max()])
-        at, level, value = float(ends.mean()), np.log(tuned.std), -np.inf
-        wide, reach, ridge = 0.5 * np.ptp(ends), np.log(REACH), 0.0
-        for _ in range(REFINED):
-            grid = np.linspace(-1, 1, GRID)
-            # likely are those of one level at high frequency: the faster, the smaller
-            std = level + reach * grid[:, None] - ridge * wide * grid[:, None, None]
-            found = values(order, np.exp(at + wide * grid), np.exp(std))
-            k = int(found.max(1).sum(1).argmax())
-            at, level = at + wide * grid[k], std[k][found[k].argmax(0), np.arange(axes)]
-            value = float(found[k].max(0).sum())
-            wide, reach, ridge = 0.35 * wide, 0.5 * reach, 0.7 * (order - 0.5)
-        return Tuned(order, np.exp(level), np.full(axes, np.exp(at)), tuned.noise, False, value)
-
-    tried = {order: searched(order) for order in ORDERS if order > 1}
-    return tried[smoothest({order: found.log_likelihood for order, found in tried.items()})]
 
 
 def on_body(prior: LoadPrior, channel: Channel) -> LoadPrior:
@@ -207,7 +222,7 @@ def in_body(channel: Channel, rotation: Array) -> Channel:
 
     w = turned(0, z) - 2 * summed(turned(1, filled)) + summed(summed(turned(2, filled)))
     rate = path(time, 1)
-    var = np.trace(channel.noise_cov, axis1=1, axis2=2) / 3
+    var = np.where(seen, np.trace(channel.noise_cov, axis1=1, axis2=2) / 3, 0.0)
     step = float(np.median(np.diff(time)))
-    drift = 4 * step * np.einsum("t,tba,tbc->ac", var, rate, rate) / len(time)
+    drift = 4 * step * np.einsum("t,tba,tbc->ac", var, rate, rate) / seen.sum()
     return Channel(time, w, channel.gain, channel.noise_cov, drift)

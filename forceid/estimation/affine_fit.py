@@ -22,7 +22,8 @@ class AffineFit:
     center (time, 3) m: where the mass center went; F (time, 3, 3); span (3, r): orthonormal reference
     directions that the markers spread along, columns (time, 3, r) = F span, known where F itself is not, in
     the plane of a plane marker set; cov (time, 1 + r, 1 + r) of center and columns along one world axis,
-    alike for all three and independent between them.
+    alike for all three and independent between them; off: whether the mass center lies off a plane marker
+    set, and so is not known.
     """
 
     center: Array
@@ -30,6 +31,7 @@ class AffineFit:
     span: Array
     columns: Array
     cov: Array
+    off: bool = False
 
     @property
     def plane(self) -> bool:
@@ -69,7 +71,7 @@ def fit_affine(position: Array, shape: Array, noise_var: float) -> AffineFit:
     if off:
         center = np.full_like(center, np.nan)
     F = columns @ span.T if r == 3 else np.full((T, 3, 3), np.nan)
-    return AffineFit(center, F, span, columns, cov)
+    return AffineFit(center, F, span, columns, cov, off)
 
 
 def spread(shape: Array) -> tuple[Array, bool]:

@@ -29,7 +29,7 @@ def told_first_moments(
         return None, ()
     try:
         loads = flight_first_moments(recording, settings, solution)
-        return loads, unclear_map(recording, solution)
+        return loads, (*loads.reasons, *unclear_map(recording, solution, loads))
     except ForceIdError as e:
         return None, (f"first moments of force are not told: {e}",)
 
@@ -50,11 +50,12 @@ def flight_first_moments(recording: Recording, settings: Settings, solution: Sol
     return with_moment(loads, state.moment, state.wrench_cov[:, 3:, 3:])
 
 
-def unclear_map(recording: Recording, solution: Solution) -> tuple[str, ...]:
+def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) -> tuple[str, ...]:
     """What to say where the markers of a frame hardly show F, so that nothing stands out of their noise."""
     x, noise = recording.body.position, solution.kinematics.noise["position"]
     assert x is not None
-    off = noise / max(float(np.linalg.svd(x - x.mean(0), compute_uv=False)[-1]), 1e-300)
+    shown = 3 if loads.span is None else loads.span.shape[1]  # directions in which F is looked at
+    off = noise / float(np.linalg.svd(x - x.mean(0), compute_uv=False)[shown - 1])
     if off < UNCLEAR:
         return ()
     return (

@@ -8,12 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.errors import DataError
 from forceid.estimation.affine_channels import affine_channels, in_body
 from forceid.estimation.affine_fit import fit_affine
-from forceid.estimation.affine_loads import affine_loads
+from forceid.estimation.affine_loads import affine_loads, smooth_affine
+from forceid.estimation.affine_priors import tune_channels
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
+from forceid.kalman.engines import engine
 from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
 from forceid.scenes.spinning_block import CORNERS, Parameters, rest_shape
@@ -72,19 +73,23 @@ def test_rigid_rotation_shows_the_moment_of_the_rigid_formula_and_its_centripeta
     rate, turning = 6.0 + amplitude * w * np.cos(w * TIME), -amplitude * w**2 * np.sin(w * TIME)
     tilt = Rotation.from_rotvec([0.4, 0.2, 0.0]).as_matrix()
     R = tilt @ Rotation.from_rotvec(np.outer(angle, [0.0, 0.0, 1.0])).as_matrix()
-    found = affine_loads(filmed(R))
     moment = np.outer((E[0, 0] + E[1, 1]) * turning, tilt[:, 2])
     Z, plane = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]), np.diag([1.0, 1.0, 0.0])
     rates = turning[:, None, None] * Z - rate[:, None, None] ** 2 * plane
-    tensor = R @ rates @ E @ R.mT
-    middle = slice(38, -38)
-    for got, truth, std in (
-        (found.moment, moment, std_of(found.moment_cov)),
-        (found.first_moment.reshape(-1, 9), tensor.reshape(-1, 9), std_of(found.first_moment_cov)),
-    ):
-        assert np.abs(got - truth)[middle].max() < 0.1 * np.abs(truth).max()
-        assert (np.abs(got - truth) < 1.96 * std)[middle].mean() > 0.9
-    np.testing.assert_allclose(found.stretch[middle], np.tile(np.eye(3), (224, 1, 1)), atol=3e-3)
+    tensor = (R @ rates @ E @ R.mT).reshape(-1, 9)
+    middle, inside = slice(38, -38), []
+    for seed in range(3):
+        found = affine_loads(filmed(R, seed))
+        for got, truth, std in (
+            (found.moment, moment, std_of(found.moment_cov)),
+            (found.first_moment.reshape(-1, 9), tensor, std_of(found.first_moment_cov)),
+        ):
+            assert np.abs(got - truth)[middle].max() < 0.1 * np.abs(truth).max()
+            inside.append((np.abs(got - truth) < 1.96 * std)[middle].mean())
+        np.testing.assert_allclose(found.stretch[middle], np.tile(np.eye(3), (224, 1, 1)), atol=3e-3)
+    assert np.mean(inside[1::2]) > 0.92
+    # so smooth a moment has few errors: of three records, six of seven within are chance enough
+    assert np.mean(inside[::2]) > 0.86
 
 
 def test_intervals_hold_the_first_moments_of_the_scene(stored, loads):
@@ -92,13 +97,13 @@ def test_intervals_hold_the_first_moments_of_the_scene(stored, loads):
     for name in ("first_moment", "applied_first_moment"):
         error = (getattr(loads, name) - stored.truth[name])[middle].reshape(-1, 9)
         std = std_of(getattr(loads, f"{name}_cov"))[middle]
-        assert 0.92 < (np.abs(error) < 1.96 * std).mean() <= 0.995
+        assert 0.92 < (np.abs(error) < 1.96 * std).mean() < 0.98
         assert np.sqrt(np.mean(error**2)) < 0.15 * np.sqrt(np.mean(stored.truth[name] ** 2))
     error = (loads.moment - stored.truth["moment"])[middle]
     assert (np.abs(error) < 1.96 * std_of(loads.moment_cov)[middle]).mean() > 0.9
-    # the errors of one record's force are few: two thirds within is chance enough
+    # the errors of one record's force are few: four fifths within is chance enough
     error = (loads.force - stored.truth["force"])[middle]
-    assert (np.abs(error) < 1.96 * std_of(loads.force_cov)[middle]).mean() > 0.67
+    assert (np.abs(error) < 1.96 * std_of(loads.force_cov)[middle]).mean() > 0.8
     assert error.std() < 0.1 * stored.truth["force"].std()
 
 
@@ -169,19 +174,9 @@ def test_markers_in_a_plane_show_the_map_in_that_plane_only():
     assert np.isnan(fit_affine((flat @ F.T)[None], flat + np.array([0, 0, 0.1]), SIGMA**2).center).all()
 
 
-def test_body_without_breadth_and_markers_in_a_plane_are_refused_with_the_reason():
-    R = np.tile(np.eye(3), (300, 1, 1))
-    flat = replace(BODY, position=X * [1.0, 1.0, 0.0])
-    with pytest.raises(DataError, match=r"second moments .* expected three above zero"):
-        affine_loads(filmed(R, body=flat))
-    whole = replace(flat, mass=None, total_mass=0.5, mass_center=np.zeros(3), inertia=np.eye(3) * 1e-3)
-    with pytest.raises(DataError, match="spread along 2 directions: F is known in their plane only"):
-        affine_loads(filmed(R, body=whole))
-
-
 def test_channel_in_the_body_moves_as_the_turned_load_drives_it(stored):
     channels = affine_channels(stored, load_settings())
-    t, column = channels.time, channels.groups[1]
+    t, column = channels.time, channels.columns[0]
     path = Rotation.from_rotvec(np.outer(9.0 * t, [0.0, 0.6, 0.8])).as_matrix()
     bodily = np.stack([np.sin(7 * t), np.cos(11 * t), 0 * t + 1], 1)
     fine = np.linspace(0, t[-1], 16 * (len(t) - 1) + 1)
@@ -191,3 +186,21 @@ def test_channel_in_the_body_moves_as_the_turned_load_drives_it(stored):
     w = in_body(replace(column, z=z), path).z
     seconds = np.diff(w, 2, axis=0) / np.diff(t)[0] ** 2
     assert np.abs(seconds - bodily[1:-1]).max() < 3e-3
+
+
+def test_a_swing_above_the_smooth_prior_is_found_and_its_first_moments_with_it():
+    w, depth = 2 * np.pi * 24.0, 6e-4
+    slow = 1 + 0.06 * np.sin(2 * np.pi * 2.0 * TIME) + depth * np.sin(w * TIME)
+    bend = -0.06 * (4 * np.pi) ** 2 * np.sin(4 * np.pi * TIME) - depth * w**2 * np.sin(w * TIME)
+    R = Rotation.from_rotvec(np.outer(4.0 * TIME, [0.0, 0.6, 0.8])).as_matrix()
+    recording, settings, passes = filmed(R * slow[:, None, None]), load_settings(), engine()
+    channels = affine_channels(recording, settings)
+    priors = tune_channels(channels, passes)
+    assert any(abs(line.frequency - 24.0) < 1.0 for line in priors[1].lines)
+    found = smooth_affine(channels, priors, passes).first_moment
+    without = smooth_affine(channels, [replace(p, lines=()) for p in priors], passes).first_moment
+    W = 4.0 * np.array([[0.0, -0.8, 0.6], [0.8, 0.0, 0.0], [-0.6, 0.0, 0.0]])
+    d_slow = np.gradient(slow, TIME[1], edge_order=2)
+    ddF = R @ (bend[:, None, None] * np.eye(3) + 2 * d_slow[:, None, None] * W + slow[:, None, None] * W @ W)
+    truth = ddF @ E @ (R * slow[:, None, None]).mT
+    assert np.std((found - truth)[38:-38]) < 0.7 * np.std((without - truth)[38:-38])

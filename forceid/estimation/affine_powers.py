@@ -1,0 +1,98 @@
+"""What a record shows of load and noise at every frequency, from innovations whitened under a rough prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import lgamma, pi
+
+import numpy as np
+
+from forceid.kalman.channels import driven, load_chain, start_of
+from forceid.kalman.engines import Engine
+from forceid.kalman.model import StateSpace
+from forceid.kalman.process import Process, resonator
+from forceid.kalman.tuning import OUTLIER, Tuned
+from forceid.records import Array
+
+LONGEST = 4096  # samples that are looked at
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What loads drive, z'' = load: z (time, axis), with noise_var (time, axis) and drift (axis,)."""
+
+    time: Array
+    z: Array
+    noise_var: Array
+    drift: Array
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A line of std (axis,) N m at frequency w rad/s, whose phase is forgotten at bandwidth 1/s."""
+
+    w: float
+    bandwidth: float
+    std: Array
+
+
+def richest(seen: Axes) -> Axes:
+    """Of a long record, the LONGEST samples in a row of which most are seen; a shorter one as it is."""
+    if len(seen.time) <= LONGEST:
+        return seen
+    count = np.concatenate([[0], np.cumsum(np.isfinite(seen.z).all(1))])
+    first = int((count[LONGEST:] - count[:-LONGEST]).argmax())
+    part = slice(first, first + LONGEST)
+    return Axes(seen.time[part], seen.z[part], seen.noise_var[part], seen.drift)
+
+
+@dataclass(frozen=True)
+class Powers:
+    """Two-sided power of total, noise and prior (frequency, axis) of loads, per rad/s, at w rad/s."""
+
+    w: Array
+    total: Array
+    noise: Array
+    prior: Array
+
+
+def powers(tuned: Tuned, seen: Axes, engine: Engine, swings: Sequence[Swing] = ()) -> Powers:
+    """What a record shows of load and noise at every frequency, under a prior that whitens it roughly."""
+    time, step = seen.time, float(np.median(np.diff(seen.time)))
+    w: Array = 2 * np.pi * np.fft.rfftfreq(len(time), step)[1:].astype(float)
+    lines = [resonator(s.w / (2 * pi), s.std, s.bandwidth) for s in swings]
+    chain = load_chain(tuned.order, tuned.std, tuned.rate, start_of(time, seen.z, 1.0), lines)
+    white = np.empty((len(w), seen.z.shape[1]))
+    for a in range(seen.z.shape[1]):
+        own = Process(chain.A[a][None], chain.Qc[a][None], chain.P0[a][None], chain.output)
+        m = driven(own, 1.0, seen.noise_var[:, a, None], seen.drift[a, None], np.diff(time))
+        m = StateSpace(m.F[:, 0], m.Q[:, 0], m.H[:, 0], m.R[:, 0], m.x0[0], m.P0[0])
+        innovation = engine.filter(m, seen.z[:, a, None]).innovation[:, 0]
+        v = np.clip(np.nan_to_num(innovation), -OUTLIER, OUTLIER)
+        white[:, a] = np.abs(np.fft.rfft(v)[1:]) ** 2 / np.isfinite(innovation).sum()
+    swing = (2 * np.sin(0.5 * w * step) / step)[:, None]
+    known = np.isfinite(seen.z)
+    var = known.sum(0) / np.where(known, 1 / seen.noise_var, 0.0).sum(0)  # of frames that show the most
+    noise = step * var * swing**4 + seen.drift * swing**2
+    rates = np.broadcast_to(tuned.rate, tuned.std.shape)
+    prior = np.stack(
+        [s**2 * spectrum(tuned.order, r, w) for s, r in zip(tuned.std, map(float, rates), strict=True)], 1
+    )
+    for s in swings:
+        near, far = (s.bandwidth / (s.bandwidth**2 + (w + sign * s.w) ** 2) for sign in (-1, 1))
+        prior += s.std**2 * (near + far)[:, None]
+    return Powers(w, white * (prior + noise), np.asarray(noise), np.asarray(prior))
+
+
+def spectrum(order: int, rate: float, w: Array) -> Array:
+    """Two-sided power per Hz (frequency,) of a Matern load of unit variance at w rad/s.
+
+    Source: principal equations 4e.
+
+    >>> w = np.linspace(-4000.0, 4000.0, 200001)
+    >>> bool(np.isclose(spectrum(2, 10.0, w).mean() * 8000.0 / (2 * np.pi), 1.0, rtol=1e-4))
+    True
+    """
+    scale = 2 * np.sqrt(pi) * np.exp(lgamma(order) - lgamma(order - 0.5))
+    return np.asarray(scale * rate ** (2 * order - 1) / (w**2 + rate**2) ** order)
