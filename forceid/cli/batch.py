@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from forceid.cli.estimate import Config, Engine, Json, Method, Model
 from forceid.cli.output import to_json, worst, wrap
-from forceid.errors import ConfigError, DataError
+from forceid.errors import ConfigError, ForceIdError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
-    from forceid.cli.pool import Job
+    from forceid.cli.pool import Crew, Job, Record, Work
     from forceid.config import Settings
+
+PAGE = "index.html"
 
 
 def run(
@@ -30,8 +30,15 @@ def run(
     model: Model = None,
     engine: Engine = None,
     jobs: Annotated[
-        int, typer.Option("-j", "--jobs", metavar="N", min=1, help="Processes at a time.")
-    ] = os.cpu_count() or 1,
+        int | None,
+        typer.Option(
+            "-j", "--jobs", metavar="N", min=1, help="Processes at a time; one a core if not given."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A dask.distributed cluster that runs: tcp://HOST:PORT."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep results that are still current.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace results that exist.")] = False,
     dry_run: Annotated[
@@ -39,43 +46,36 @@ def run(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Estimate every one of FILES into DIR/NAME.result.h5.
+    """Estimate every one of FILES into DIR/NAME.result.h5, and sum them up in DIR/index.html.
 
     Exit code 1 when any estimate failed or was refused, forces between parts too; the others are finished all
-    the same.
+    the same. What was interrupted or killed goes on with --resume.
 
     Example: forceid batch trials/*.h5 -o results -j 4 --resume
     """
-    from forceid.cli.pool import run_jobs
     from forceid.config import load_settings
 
+    if jobs is not None and scheduler is not None:
+        raise ConfigError(
+            "are given both", "-j and --scheduler", "leave one out: the cluster has its workers"
+        )
     settings = load_settings(config, method=method, model=model, engine=engine)
     plan = plan_jobs(files, output)
-    kept = {job: current(job, settings) for job in plan} if resume and not force else {}
-    existing = [job for job in plan if job[1].exists()]
-    if existing and not (resume or force):
-        what = f"exists already, as do {len(existing) - 1} more" if len(existing) > 1 else "exists already"
-        raise ConfigError(
-            what, str(existing[0][1]), "give --resume to keep current results or --force to replace"
-        )
-    todo = [job for job in plan if not kept.get(job)]
-    skipped = [record for record in kept.values() if record]
+    keep = resume and not force
     if dry_run:
-        show([*skipped, *({"status": "planned", "file": str(a), "output": str(b)} for a, b in todo)], json)
+        show([foretold(job, settings, keep, force) for job in plan], json)
+        refuse_existing(plan, resume or force)
         return
-    output.mkdir(parents=True, exist_ok=True)
-    records = list(skipped)
-    if json:
-        show(skipped, json)
-    with progress() as bar:
-        task = bar.add_task("estimate", total=len(todo))
-        for done in run_jobs(todo, settings, jobs):
-            record = done if done["status"] == "failed" else {**done, "status": worst(done)}
-            records.append(record)
-            bar.advance(task)
-            if json:
-                print(to_json(record), flush=True)
-    print(table(records), file=sys.stderr if json else sys.stdout)
+    from forceid.cli.claim import claimed
+
+    with claimed(output), crew_of(jobs, scheduler, len(plan)) as crew:
+        refuse_existing(plan, resume or force)
+        records, stopped = work_through(plan, settings, crew, keep, scheduler is not None, json)
+        said = sys.stderr if json else sys.stdout
+        print(table(records), file=said)
+        print(f"summary  {write_page(records, output, len(plan) - len(records))}", file=said)
+    if stopped:
+        raise KeyboardInterrupt
     if any(record["status"] == "failed" or worst(record) == "refused" for record in records):
         raise typer.Exit(1)
 
@@ -90,69 +90,102 @@ def plan_jobs(files: Sequence[Path], folder: Path) -> list[Job]:
     return plan
 
 
-def current(job: Job, settings: Settings) -> dict[str, Any] | None:
-    """What is to say of a result that has the same input, settings and version; None when it has not."""
-    import hashlib
+def refuse_existing(plan: Sequence[Job], allowed: bool) -> None:
+    """A ConfigError where results exist, and nothing says what to do with them."""
+    existing = [] if allowed else [output for _, output in plan if output.exists()]
+    if existing:
+        what = f"exists already, as do {len(existing) - 1} more" if len(existing) > 1 else "exists already"
+        raise ConfigError(
+            what, str(existing[0]), "give --resume to keep current results or --force to replace"
+        )
 
-    from forceid import __version__
-    from forceid.config import to_toml
-    from forceid.files.hdf5 import open_hdf5
 
-    source, output = job
+def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractContextManager[Crew]:
+    """Processes here, or the workers of a cluster."""
+    import os
+
+    from forceid.cli.pool import processes
+
+    if scheduler is None:
+        return nullcontext(processes(min(jobs or os.cpu_count() or 1, files)))
+    from forceid.cli.cluster import cluster
+
+    return cluster(scheduler)
+
+
+def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
+    """What would become of a file: skipped, planned, exists (so that the batch is refused) or failed."""
+    from forceid.cli.pool import failure
+    from forceid.cli.resume import current
+    from forceid.errors import DataError
+    from forceid.files.hdf5 import stamp
+
     try:
-        with open_hdf5(output) as result, open(source, "rb") as data:
-            made = [str(result.attrs[key]) for key in ("input_sha256", "config", "forceid_version")]
-            known = verdict_of(result["estimate"])
-            if "interface" in result:
-                known["interface"] = verdict_of(result["interface"])
-            wanted = [hashlib.file_digest(data, "sha256").hexdigest(), to_toml(settings), __version__]
-    except (DataError, KeyError, OSError):
-        return None
-    if made != wanted:
-        return None
-    return {"status": "skipped", "file": str(source), "output": str(output), **known}
+        stamp(job[0])
+    except DataError as e:
+        return failure(*job, str(e))
+    known = current(*job, settings) if keep else None
+    status = "exists" if job[1].exists() and not (keep or force) else "planned"
+    return known or {"status": status, "file": str(job[0]), "output": str(job[1])}
 
 
-def verdict_of(group: Any) -> dict[str, Any]:
-    """Verdict and reasons of a group of a result file."""
-    return {"verdict": str(group.attrs["verdict"]), "reasons": str(group.attrs["reasons"]).splitlines()}
+def work_through(
+    plan: Sequence[Job], settings: Settings, crew: Crew, keep: bool, remote: bool, json: bool
+) -> tuple[list[Record], bool]:
+    """The record of every file that was done, and whether an interrupt left others undone."""
+    from forceid.cli.pool import run_job, run_jobs
+    from forceid.cli.progress import progress
+    from forceid.cli.resume import resume_job
+    from forceid.files.atomic import sweep
+
+    work: Work = resume_job if keep else run_job
+    if remote:
+        from forceid.cli.cluster import on_workers
+
+        work = on_workers(work)
+    records: list[Record] = []
+    folder, names = plan[0][1].parent, {output.name for _, output in plan}
+    sweep(folder, names)
+    with progress(len(plan)) as advance:
+        try:
+            for done in run_jobs(plan, settings, crew, work):
+                judged = done["status"] in ("failed", "skipped")
+                record = done if judged else {**done, "status": worst(done)}
+                records.append(record)
+                advance()
+                if json:
+                    print(to_json(record), flush=True)
+        except KeyboardInterrupt:
+            return records, True
+        finally:
+            sweep(folder, names)
+    return records, False
 
 
-def show(records: Sequence[dict[str, Any]], json: bool) -> None:
+def write_page(records: Sequence[Record], folder: Path, undone: int) -> str:
+    """The page over all files, beside the results; its path, or why it is not there."""
+    from forceid.files.atomic import atomic
+    from forceid.report.batch_page import render_batch
+
+    try:
+        with atomic(folder / PAGE) as partial:
+            partial.write_text(render_batch(records, folder, undone), encoding="utf-8")
+    except ForceIdError as error:
+        return str(error)
+    return str(folder / PAGE)
+
+
+def show(records: Sequence[Record], json: bool) -> None:
     """One line a record."""
     for record in records:
-        print(to_json(record) if json else f"{record['status']:8} {record['file']} -> {record['output']}")
+        line = f"{record['status']:8} {record['file']} -> {record['output']}"
+        print(to_json(record) if json else line + (f": {record['error']}" if "error" in record else ""))
 
 
-def progress() -> Progress:
-    """A bar on stderr with count, rate and time left."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
+def table(records: Sequence[Record]) -> str:
+    """The outcome: a line for every file that is not accurate, and why, those far off, then the counts."""
+    from forceid.report.outliers import find_outliers
 
-    class Rate(ProgressColumn):
-        def render(self, task: Task) -> Text:
-            return Text(f"{task.speed or 0:.2g} files/s")
-
-    return Progress(
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-
-
-def table(records: Sequence[dict[str, Any]]) -> str:
-    """The outcome: a line for every file that is not accurate, and why, then the counts."""
     lines = []
     for record in sorted(records, key=lambda r: str(r["file"])):
         reasons = [record["error"]] if "error" in record else list(record.get("reasons", ()))
@@ -162,6 +195,7 @@ def table(records: Sequence[dict[str, Any]]) -> str:
         if reasons:
             lines.append(f"{record['status']:8} {record['file']}")
             lines += [wrap(f"       - {reason}") for reason in reasons]
+    lines += [wrap(f"far off  {outlier.file}: {outlier}") for outlier in find_outliers(records)]
     counts = Counter(record["status"] for record in records)
     lines.append(
         f"{len(records)} files: " + ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))

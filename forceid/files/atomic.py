@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,7 +15,8 @@ from forceid.errors import ConfigError
 def atomic(path: str | Path) -> Iterator[Path]:
     """A hidden path beside `path` to write to; it replaces `path` on success and is removed on any error.
 
-    ConfigError: the folder is missing, full or not writable.
+    On the disk before it has its name, so that a power cut leaves the old file or the new one; where `path`
+    is a link, the link is replaced. ConfigError: the folder is missing, full or not writable.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -25,9 +26,11 @@ def atomic(path: str | Path) -> Iterator[Path]:
     'whole'
     """
     path = Path(path)
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
     try:
         yield partial
+        with open(partial, "rb") as f:
+            os.fsync(f.fileno())
         os.replace(partial, path)
     except OSError as e:
         raise ConfigError(
@@ -37,3 +40,30 @@ def atomic(path: str | Path) -> Iterator[Path]:
         ) from e
     finally:
         partial.unlink(missing_ok=True)
+
+
+def sweep(folder: Path, names: Collection[str]) -> None:
+    """Remove what processes that were killed have left of the files of those names in the folder.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, ".a.h5.4194305.0a1b2c3d.partial").write_text("half")
+    ...     sweep(Path(folder), {"a.h5"})
+    ...     list(Path(folder).iterdir())
+    []
+    """
+    for path in folder.glob(".*.partial"):
+        name, process, *_ = [*path.name.removeprefix(".").rsplit(".", 3), ""]
+        if name in names and process.isdecimal() and not runs(int(process)):
+            path.unlink(missing_ok=True)
+
+
+def runs(process: int) -> bool:
+    """Whether a process of that number is alive on this machine."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        pass
+    return True

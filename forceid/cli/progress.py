@@ -1,0 +1,85 @@
+"""How far a batch is: a bar where people look on, plain lines now and then where a log is kept."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+STEPS = 10  # lines at least, over a whole batch
+SILENCE = 60.0  # s without a line at most, while files finish
+
+
+@contextmanager
+def progress(total: int) -> Iterator[Callable[[], None]]:
+    """What to call after every file; stderr then shows count, rate and time left."""
+    if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+        with bar(total) as advance:
+            yield advance
+    else:
+        yield plain_lines(total)
+
+
+def plain_lines(
+    total: int,
+    write: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True),
+    clock: Callable[[], float] = time.monotonic,
+) -> Callable[[], None]:
+    """What to call after every file; a line at every tenth of them, and after a minute without one.
+
+    >>> seconds = iter(range(100))
+    >>> advance = plain_lines(20, print, lambda: next(seconds))
+    >>> for _ in range(5):
+    ...     advance()
+    forceid: 2 of 20 files, 1 files/s, 18 s left
+    forceid: 4 of 20 files, 1 files/s, 16 s left
+    """
+    began = said = clock()
+    done = 0
+
+    def advance() -> None:
+        nonlocal done, said
+        done, now = done + 1, clock()
+        if done == total or (done * STEPS // total == (done - 1) * STEPS // total and now - said < SILENCE):
+            return
+        said, rate = now, done / max(now - began, 1e-9)
+        write(f"forceid: {done} of {total} files, {rate:.2g} files/s, {span((total - done) / rate)} left")
+
+    return advance
+
+
+def span(seconds: float) -> str:
+    """A time in the unit that one would say it in.
+
+    >>> span(42.1), span(600), span(9000)
+    ('42 s', '10 min', '2.5 h')
+    """
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def bar(total: int) -> Iterator[Callable[[], None]]:
+    """The same as a bar; without color where NO_COLOR is set."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.speed or 0:.2g} files/s")
+
+    columns = BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("estimate", total=total)
+        yield lambda: shown.advance(task)

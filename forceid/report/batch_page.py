@@ -1,0 +1,195 @@
+"""One self-contained HTML page over the files of a batch: who failed and why, who is far off, all results."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+
+from forceid import __version__
+from forceid.report.numbers import digits, plus_minus, typeset
+from forceid.report.outliers import Outlier, find_outliers, size
+from forceid.report.picture import Picture, embed
+from forceid.report.style import BLUE, STYLE, VERMILION, label, panels
+
+ORDER = ("failed", "refused", "degraded", "ok")
+HEADLINE = {
+    "failed": "Some files have no result.",
+    "refused": "Some estimates are refused: nothing can be defended from their data.",
+    "degraded": "All files have a result, some of them with cautions.",
+    "ok": "All files have an accurate result.",
+}
+NAMED = 12  # marks that get a name in the picture
+
+
+@dataclass(frozen=True)
+class Row:
+    """One file of the table: its standing and what the page says of it; links relative to the folder."""
+
+    file: str
+    level: str
+    kept: bool
+    result: str
+    page: str
+    numbers: tuple[str, ...]
+    far: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One reason, and the files that give it, numbers in it apart; failed: no result came of it."""
+
+    level: str
+    text: str
+    files: tuple[str, ...]
+
+
+def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int = 0) -> str:
+    """The page as HTML text, for DIR/index.html; it refers to no host. undone: files not reached."""
+    environment = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+    )
+    template = environment.from_string(files("forceid.report").joinpath("batch.html.j2").read_text("utf-8"))
+    outliers = find_outliers(records)
+    rows = sorted(
+        (row_of(record, folder, outliers) for record in records), key=lambda r: (ORDER.index(r.level), r.file)
+    )
+    counts = Counter(row.level for row in rows)
+    level = next((name for name in ORDER if counts[name]), "ok")
+    page: str = template.render(
+        version=__version__,
+        rows=rows,
+        counts=[(name, counts[name]) for name in reversed(ORDER) if counts[name]],
+        kept=sum(row.kept for row in rows),
+        undone=undone,
+        level=level if not undone else "failed",
+        headline=HEADLINE[level] if rows else "No file was done.",
+        causes=causes(records),
+        outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
+        picture=picture(records, outliers),
+    )
+    return page
+
+
+def level_of(record: Mapping[str, Any]) -> str:
+    """Failed, or the verdict of the estimate or of its joints, whichever is worse."""
+    if record["status"] == "failed":
+        return "failed"
+    found: tuple[str, ...] = (record["verdict"], record.get("interface", {}).get("verdict", "ok"))
+    return min(found, key=ORDER.index)
+
+
+def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> Row:
+    """What the table says of one file."""
+    output = Path(record["output"])
+    page = output.with_suffix(".html")
+    known = record["status"] != "failed"
+    numbers: tuple[str, ...] = ("", "", "", "", "")
+    if known:
+        numbers = (
+            *(
+                typeset(plus_minus(vector(record, f"{name}_rms"), vector(record, f"{name}_std"), unit))
+                for name, unit in (("force", "N"), ("moment", "N m"))
+            ),
+            digits(number(record, "nis_mean")),
+            f"{record.get('samples', '–')}",
+            f"{number(record, 'runtime_s'):.2g} s",
+        )
+    return Row(
+        file=str(record["file"]),
+        level=level_of(record),
+        kept=record["status"] == "skipped",
+        result=link(output, folder) if known else "",
+        page=link(page, folder) if page.exists() else "",
+        numbers=numbers,
+        far=tuple(str(outlier) for outlier in outliers if outlier.file == record["file"]),
+    )
+
+
+def link(path: Path, folder: Path) -> str:
+    """A relative address of a file of the folder."""
+    return quote(os.path.relpath(path, folder).replace(os.sep, "/"))
+
+
+def vector(record: Mapping[str, Any], name: str) -> Any:
+    """Three numbers of a record, NaN where they are not known."""
+    found = record.get(name)
+    return np.full(3, np.nan) if found is None else np.array([np.nan if v is None else v for v in found])
+
+
+def number(record: Mapping[str, Any], name: str) -> float:
+    """One number of a record, NaN where it is not known."""
+    found = record.get(name)
+    return float("nan") if found is None else float(found)
+
+
+def causes(records: Sequence[Mapping[str, Any]]) -> list[Cause]:
+    """Reasons for failures and verdicts, worst and most frequent first; the first wording stands for all."""
+    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for record in records:
+        name = os.path.basename(str(record["file"]))
+        for level, reason in reasons_of(record):
+            plain = reason.replace(str(record["file"]), name)
+            mask = re.sub(r"[-+]?\d[\d.e+-]*", "#", plain.replace(name, "@"))
+            found.setdefault((level, mask), []).append((name, plain))
+    listed = [Cause(level, told[0][1], tuple(n for n, _ in told)) for (level, _), told in found.items()]
+    return sorted(listed, key=lambda cause: (ORDER.index(cause.level), -len(cause.files)))
+
+
+def reasons_of(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Level and text of every reason that a record gives."""
+    if "error" in record:
+        return [("failed", record["error"])]
+    joints = record.get("interface", {"verdict": "ok", "reasons": ()})
+    told = [(record["verdict"], reason) for reason in record.get("reasons", ())]
+    return told + [(joints["verdict"], f"joints: {reason}") for reason in joints["reasons"]]
+
+
+def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -> Picture | None:
+    """NIS and run time of every file, those far off named; None where fewer than two have any."""
+    from matplotlib import rc_context
+    from matplotlib.ticker import LogFormatter
+
+    known = [record for record in records if record["status"] != "failed"]
+    names = [str(record["file"]) for record in sorted(known, key=lambda r: str(r["file"]))]
+    drawn = []
+    for quantity, title, unit in (("nis_mean", "Mean NIS", "1"), ("runtime_s", "Run time", "s")):
+        by_file = {str(record["file"]): size(record.get(quantity)) for record in known}
+        values = np.array([by_file[name] for name in names])
+        if np.isfinite(values).sum() > 1:
+            drawn.append((quantity, title, unit, values))
+    if not drawn:
+        return None
+    with rc_context(STYLE):
+        figure, axes = panels(1, len(drawn), (4.6 * len(drawn), 2.8))
+        for ax, (quantity, title, unit, values) in zip(axes[0], drawn, strict=True):
+            far = {o.file for o in outliers if o.quantity == quantity}
+            odd = np.array([name in far for name in names])
+            at = np.arange(1, len(names) + 1)
+            ax.plot(at[~odd], values[~odd], "o", ms=3, color=BLUE, alpha=0.7)
+            ax.plot(at[odd], values[odd], "D", ms=5, color=VERMILION)
+            ax.set_yscale("log")
+            for axis_part in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
+                axis_part(LogFormatter(minor_thresholds=(1.0, 0.4)))
+            for k in np.flatnonzero(odd)[:NAMED]:
+                ax.annotate(
+                    os.path.basename(names[k]),
+                    (at[k], values[k]),
+                    xytext=(5 if k < len(names) / 2 else -5, 4),
+                    textcoords="offset points",
+                    ha="left" if k < len(names) / 2 else "right",
+                    fontsize=7,
+                    color=VERMILION,
+                )
+            label(ax, title, f"({unit})", "file, in the order of the names")
+    caption = "A dot a file; diamonds with a name stand far from the others, on a logarithmic scale."
+    return Picture(embed(figure), "NIS and run time of every file", caption)
