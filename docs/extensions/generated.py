@@ -176,17 +176,17 @@ def api(wanted: str) -> str:
                 page += [f".. autoclass:: {name}", "   :members:", ""]
             elif callable(thing):
                 page += [f".. autofunction:: {name}", ""]
-            elif isinstance(thing, str | dict):
+            elif isinstance(thing, str | dict | tuple):
                 page += [f".. py:data:: {name}", "", f"   {told(thing)}", ""]
     return "\n".join(page)
 
 
-def told(thing: str | dict[str, Any]) -> str:
+def told(thing: str | tuple[str, ...] | dict[str, Any]) -> str:
     """A constant in words: its value, or what can be looked up in it."""
     return (
         f"``{thing!r}``"
         if isinstance(thing, str)
-        else "By name: " + ", ".join(f"``{k}``" for k in thing) + "."
+        else ("" if isinstance(thing, tuple) else "By name: ") + ", ".join(f"``{k}``" for k in thing) + "."
     )
 
 

@@ -174,10 +174,10 @@ def estimate_flight(
         for name, channel in told_by.items():
             tuned |= unshown_lines(name, channel, priors[name], spin)
         reasons = (*reasons, *hidden_lines(tuned, state, kin.inertia.mass, gravity))
+    smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     if kin.attitude and settings.load_axes != "body":
         state = allow_for_orders(state, told_by, priors, engine)
     deformation = as_smoothed(kin, deformation, state)
-    smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing)
 
 

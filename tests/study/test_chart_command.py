@@ -28,7 +28,7 @@ def few(monkeypatch):
     sweep = {"over": "samples", "sizes": [10, 100], "seconds": {"smoother": [0.1, 1.0]}}
     monkeypatch.setattr(chart, "costs", lambda *a: [sweep | {"exponents": {"smoother": 1.0}}])
     monkeypatch.setattr(chart, "simplifications", lambda *a: [])
-    monkeypatch.setattr(chart, "version", lambda *modules: "as it is")
+    monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
     return asked
 
 
