@@ -1,0 +1,130 @@
+"""Recordings of very many frames, estimated a stretch at a time: memory stays that of one stretch.
+
+Each stretch is smoothed with a margin of its neighbors on either side, which is longer than what a smoother
+remembers, and then cut off; its priors are tuned on it alone, so that a load which changes its character on
+the way is followed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.run import estimate_recording
+from forceid.records import Estimate, Loads, Recording, Verdict
+
+CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
+NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
+
+
+def estimate_stretches(recording: Recording, settings: Settings) -> Estimate:
+    """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording."""
+    frames = len(recording.motion.time)
+    if frames <= CORE + 2 * MARGIN:
+        return estimate_recording(recording, settings)
+    edges = np.linspace(0, frames, -(-frames // CORE) + 1).astype(int).tolist()
+    pieces = []
+    for a, b in pairwise(edges):
+        first, last = max(0, a - MARGIN), min(frames, b + MARGIN)
+        part = replace(recording, motion=cut(recording.motion, first, last, frames), truth={})
+        pieces.append(cut(estimate_recording(part, settings), a - first, b - first, last - first))
+    return joined(pieces)
+
+
+def cut(record: Any, first: int, last: int, frames: int) -> Any:
+    """A record with those of `frames` samples, in every array that has one a frame."""
+    kept = {}
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if isinstance(value, np.ndarray) and value.ndim and len(value) == frames:
+            kept[f.name] = value[first:last].copy()
+        elif f.name in RECORDS and value is not None:
+            kept[f.name] = cut(value, first, last, frames)
+    return replace(record, **kept)
+
+
+RECORDS = ("loads",)  # records in an estimate that have samples of their own
+
+
+def joined(pieces: Sequence[Estimate]) -> Estimate:
+    """Stretches as one estimate: worst verdict, every reason once, sums and medians of the numbers."""
+    numbers: dict[str, Any] = {name: medians([getattr(p, name) for p in pieces]) for name in NUMBERS}
+    known = [p for p in pieces if p.engine != "none"] or list(pieces)
+    if loads := next((p.loads for p in pieces if p.loads is not None), None):
+        pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
+    whole: Estimate = chained(pieces)
+    return replace(
+        whole,
+        engine=known[0].engine,
+        mass=known[0].mass,
+        model_choice=known[0].model_choice,
+        log_likelihood=float(sum(p.log_likelihood for p in pieces)),
+        runtime_s=sum(p.runtime_s for p in pieces),
+        verdict=worst_of(pieces),
+        **numbers,
+    )
+
+
+def chained(records: Sequence[Any]) -> Any:
+    """Records with their samples one after the other; None where one of them has none."""
+    lengths = [len(samples_of(r)) for r in records]
+    joint: dict[str, Any] = {}
+    for f in fields(records[0]):
+        values = [getattr(r, f.name) for r in records]
+        if any(v is None for v in values):
+            joint[f.name] = None
+        elif f.name in RECORDS:
+            joint[f.name] = chained(values)
+        elif isinstance(values[0], np.ndarray) and all(
+            v.ndim and len(v) == n for v, n in zip(values, lengths, strict=True)
+        ):
+            wide = max(v.shape[1:] for v in values)
+            joint[f.name] = np.concatenate([v if v.shape[1:] == wide else unknown(v, wide) for v in values])
+    return replace(records[0], **joint)
+
+
+def emptied(loads: Loads, frames: int) -> Loads:
+    """The same loads, of which a stretch that is refused knows nothing."""
+    names = len(loads.name)
+    shapes: dict[str, tuple[int, ...]] = {"load": (names,), "load_cov": (names, names), "chi_square": ()}
+    empty: dict[str, Any] = {key: np.full((frames, *shape), np.nan) for key, shape in shapes.items()}
+    return replace(loads, **empty)
+
+
+def samples_of(record: Any) -> Any:
+    """An array of a record that has one entry a frame."""
+    return record.time if isinstance(record, Estimate) else record.load
+
+
+def unknown(values: Any, shape: tuple[int, ...]) -> Any:
+    """NaN for the samples of a stretch that has nothing of that kind."""
+    return np.full((len(values), *shape), np.nan)
+
+
+def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:
+    """The median of every number over the stretches that have it."""
+    names = dict.fromkeys(name for numbers in found for name in numbers)
+    return {name: float(np.median([n[name] for n in found if name in n])) for name in names}
+
+
+def worst_of(pieces: Sequence[Estimate]) -> Verdict:
+    """The worst verdict; a reason that several stretches give is told once, since when and how often."""
+    told: dict[str, list[tuple[float, str]]] = {}
+    for piece in pieces:
+        for reason in piece.verdict.reasons:
+            told.setdefault(re.sub(r"[-+]?\d[\d.e+-]*", "#", reason), []).append((piece.time[0], reason))
+    reasons = tuple(
+        f"from {times[0][0]:.6g} s on, {times[0][1]}"
+        + (f" (so do {len(times) - 1} more of {len(pieces)} stretches)" if len(times) > 1 else "")
+        for times in told.values()
+    )
+    return Verdict(max((p.verdict.level for p in pieces), key=LEVELS.index), reasons)
+
+
+LEVELS = ("ok", "degraded", "refused")

@@ -1,0 +1,70 @@
+"""Very long recordings, a stretch at a time: what comes out is what the whole says, without seams."""
+
+import numpy as np
+import pytest
+
+from forceid.config import load_settings
+from forceid.estimation import stretches
+from forceid.estimation.run import estimate_recording
+from forceid.estimation.stretches import estimate_stretches
+from forceid.records import Body, Motion, Recording
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    monkeypatch.setattr(stretches, "CORE", 150)
+    monkeypatch.setattr(stretches, "MARGIN", 60)
+
+
+def flight(frames=400, lost=None):
+    """A mass center under a slow force, the body without turning."""
+    rng, t = np.random.default_rng(0), np.arange(frames) / 100
+    center = np.stack([np.sin(t), t, -4.905 * t**2], 1) + 1e-4 * rng.standard_normal((frames, 3))
+    orientation = np.concatenate([1e-4 * rng.standard_normal((frames, 3)), np.ones((frames, 1))], 1)
+    orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
+    if lost:
+        center[lost], orientation[lost] = np.nan, np.nan
+    body = Body(total_mass=2.0, mass_center=np.zeros(3), inertia=np.diag([0.1, 0.2, 0.25]))
+    noise = {"center": 1e-4, "orientation": 1e-4}
+    gravity = np.array([0.0, 0.0, -9.81])
+    return Recording(
+        body, Motion(t, center=center, orientation=orientation, gravity=gravity, noise_std=noise)
+    )
+
+
+def test_a_short_recording_is_estimated_at_once():
+    recording, settings = flight(120), load_settings(method="difference")
+    assert np.array_equal(
+        estimate_stretches(recording, settings).force, estimate_recording(recording, settings).force
+    )
+
+
+def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
+    recording, settings = flight(), load_settings(lines="none")
+    whole, pieces = estimate_recording(recording, settings), estimate_stretches(recording, settings)
+    for name, value in vars(whole).items():
+        if isinstance(value, np.ndarray):
+            assert getattr(pieces, name).shape == value.shape
+    assert np.array_equal(pieces.time, whole.time)
+    truth = np.stack([-2 * np.sin(whole.time), 0 * whole.time, 0 * whole.time], 1)
+    score = ((pieces.force - truth) / pieces.force_std)[30:-30]
+    assert np.sqrt((score**2).mean(0)).max() < 1.5
+    assert np.abs(score[80:290]).max() < 4.0  # the seams lie in there
+    assert pieces.log_likelihood > whole.log_likelihood  # margins count twice
+    assert pieces.verdict.level in ("ok", "degraded")
+
+
+def test_a_stretch_that_shows_nothing_is_unknown_and_the_others_stay():
+    settings = load_settings(method="difference")
+    found = estimate_stretches(flight(lost=slice(140, 400)), settings)
+    assert np.isfinite(found.force[20:100]).all()
+    assert np.isnan(found.force[270:]).all()
+    assert found.verdict.level == "refused"
+    assert any(reason.startswith("from ") for reason in found.verdict.reasons)
+
+
+def test_a_reason_of_several_stretches_is_told_once():
+    found = estimate_stretches(flight(), load_settings(method="difference", noise_std={"center": 1e-3}))
+    masked = [reason.split(", ", 1)[1] for reason in found.verdict.reasons]
+    assert len(masked) == len(set(masked))
+    assert any("more of 3 stretches" in reason for reason in found.verdict.reasons)
