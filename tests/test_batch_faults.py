@@ -256,7 +256,7 @@ def interrupting(source, output, _settings):
 
 def test_an_interrupt_finishes_and_tells_what_is_under_way_and_begins_no_more(tmp_path, capfd):
     jobs = [(Path(f"{k}.h5"), tmp_path / f"{k}.result.h5") for k in range(60)]
-    told = []
+    told, before = [], signal.getsignal(signal.SIGINT)
     records = pool.run_jobs(jobs, load_settings(), pool.processes(2), interrupting)
     with pytest.raises(KeyboardInterrupt):
         told.extend(record["output"] for record in records)
@@ -264,7 +264,7 @@ def test_an_interrupt_finishes_and_tells_what_is_under_way_and_begins_no_more(tm
     assert str(tmp_path / "0.result.h5") in told
     assert len(told) < 60
     assert "finishing the files under way" in capfd.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def deadly(source, output, _settings):

@@ -273,7 +273,7 @@ def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, 
     assert records["bad"]["status"] == "failed"
     assert "bad.h5" in str(records["bad"]["error"])
     assert {records[k]["status"] for k in ("one", "two")} <= {"ok", "degraded"}
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["one.result.h5", "two.result.h5"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["index.html", "one.result.h5", "two.result.h5"]
 
     code = main(["batch", str(shelf / "one.h5"), "-o", str(tmp_path)])
     assert code == 2  # there already, and neither --resume nor --force
@@ -300,7 +300,7 @@ def die_on_bad(source: Path, output: Path, _settings: object) -> dict[str, objec
 def test_file_that_kills_its_process_fails_alone(monkeypatch):
     monkeypatch.setattr(pool, "run_job", die_on_bad)
     jobs = [(Path(f"{name}.h5"), Path(f"{name}.result.h5")) for name in ("one", "bad", "two")]
-    records = {r["file"]: r for r in pool.run_jobs(jobs, load_settings(), 2)}
+    records = {r["file"]: r for r in pool.run_jobs(jobs, load_settings(), pool.processes(2))}
     assert {name: r["status"] for name, r in records.items()} == {
         "one.h5": "ok",
         "two.h5": "ok",
@@ -331,13 +331,14 @@ def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_
         text=True,
         start_new_session=True,
     )
-    while not (out.is_dir() and any(out.iterdir())) and run.poll() is None:
+    while not (out.is_dir() and any(out.glob("*.result.h5"))) and run.poll() is None:
         time.sleep(0.02)
     os.killpg(run.pid, signal.SIGINT)
     _, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "Traceback" not in err
-    left = list(out.iterdir())
+    left = list(out.glob("*.result.h5"))
+    assert {path.name for path in out.iterdir()} - {path.name for path in left} <= {"index.html"}
     assert len(left) < 12
     for path in left:
         with h5py.File(path) as f:
