@@ -246,22 +246,28 @@ def test_every_input_that_cannot_be_read_fails_by_itself(shelf, tmp_path, capsys
 
 
 def interrupting(source, output, _settings):
-    """The first job interrupts the batch, and takes its time."""
+    """The first job interrupts the batch, and takes its time; the others wait until it has."""
+    flag = output.parent.with_suffix(".begun")
     if source.stem == "0":
         os.kill(os.getppid(), signal.SIGINT)
+        flag.touch()
         time.sleep(0.5)
+    until(flag.exists)
+    time.sleep(0.02)
     output.write_text("whole")
     return {"status": "ok", "file": str(source), "output": str(output)}
 
 
 def test_an_interrupt_finishes_and_tells_what_is_under_way_and_begins_no_more(tmp_path, capfd):
-    jobs = [(Path(f"{k}.h5"), tmp_path / f"{k}.result.h5") for k in range(60)]
+    out = tmp_path / "out"
+    out.mkdir()
+    jobs = [(Path(f"{k}.h5"), out / f"{k}.result.h5") for k in range(60)]
     told, before = [], signal.getsignal(signal.SIGINT)
     records = pool.run_jobs(jobs, load_settings(), pool.processes(2), interrupting)
     with pytest.raises(KeyboardInterrupt):
         told.extend(record["output"] for record in records)
-    assert sorted(told) == sorted(map(str, tmp_path.iterdir()))
-    assert str(tmp_path / "0.result.h5") in told
+    assert sorted(told) == sorted(map(str, out.iterdir()))
+    assert str(out / "0.result.h5") in told
     assert len(told) < 60
     assert "finishing the files under way" in capfd.readouterr().err
     assert signal.getsignal(signal.SIGINT) is before
@@ -282,6 +288,29 @@ def test_only_files_that_kill_their_process_fail(tmp_path):
     assert len(records) == 8
     assert {r["file"] for r in records if r["status"] == "failed"} == {"3.h5", "4.h5"}
     assert len(list(tmp_path.iterdir())) == 6
+
+
+def test_a_record_that_is_lost_on_its_way_costs_no_file(tmp_path, monkeypatch):
+    from concurrent.futures import Future, ThreadPoolExecutor
+
+    asked = []
+
+    class Forgetful(ThreadPoolExecutor):
+        """The first time, the record of the fourth file never comes back."""
+
+        def submit(self, work, source, *rest):
+            asked.append(source.stem)
+            done = super().submit(work, source, *rest)
+            return Future() if asked.count("3") == 1 and source.stem == "3" else done
+
+    monkeypatch.setattr(pool, "LOOK", 0.05)
+    jobs = [(Path(f"{k}.h5"), tmp_path / f"{k}.result.h5") for k in range(6)]
+    crew = pool.Crew(lambda: Forgetful(1), 2, idle=lambda: True)
+    done = {"status": "ok"}
+    records = list(pool.run_jobs(jobs, load_settings(), crew, lambda *job: {**done, "file": job[0].stem}))
+    assert sorted(r["file"] for r in records) == list("012345")
+    assert {r["status"] for r in records} == {"ok"}
+    assert sorted(asked) == list("0123345")
 
 
 def test_a_crew_that_is_gone_for_good_fails_every_file_and_ends():

@@ -65,7 +65,8 @@ def cluster(address: str) -> Iterator[Crew]:
             yield client.get_executor(pure=False)  # nothing is shared between two runs of one file
 
         gone = distributed.KilledWorker, CancelledError, FutureCancelledError, ClosedClientError
-        yield Crew(open_executor, 2 * sum(threads), gone, watch(lambda: len(workers_of(client))))
+        deserted = watch(lambda: len(workers_of(client)))
+        yield Crew(open_executor, 2 * sum(threads), gone, deserted, lambda: not tasks_of(client))
 
 
 def workers_of(client: Any) -> list[dict[str, Any]]:
@@ -74,6 +75,16 @@ def workers_of(client: Any) -> list[dict[str, Any]]:
         return list(client.scheduler_info(n_workers=-1)["workers"].values())
     except (OSError, KeyError, RuntimeError):
         return []
+
+
+def tasks_of(client: Any) -> list[str]:
+    """Our tasks that workers are at, and one that stands for them where nobody can tell."""
+    try:
+        at_work = client.processing()
+    except (OSError, RuntimeError):
+        at_work = {}
+    ours = [str(key) for keys in at_work.values() for key in keys if str(key).startswith(remotely.__name__)]
+    return ours if at_work else ["unknown"]
 
 
 def watch(count: Callable[[], int], clock: Callable[[], float] = time.monotonic) -> Callable[[], bool]:

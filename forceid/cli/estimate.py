@@ -15,6 +15,7 @@ from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from forceid.config import Settings
+    from forceid.estimation.stretches import Progress
 
 Config = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
@@ -65,14 +66,19 @@ def run(
 ) -> None:
     """Estimate the applied force and moment of FILE, with covariance.
 
-    Exit code 1 when the estimate is refused; the result is still written, with NaN where nothing is known.
+    Exit code 1 when the estimate is refused; the result is still written, with NaN where nothing is known. A
+    recording that takes long, over 1 GB or 50000 frames, goes on where it was stopped.
 
     Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
     """
+    from forceid.cli.progress import progress
     from forceid.config import load_settings
+    from forceid.files.atomic import sweep
 
     settings = load_settings(config, method=method, model=model, engine=engine)
-    record = estimate_file(file, output or file.with_suffix(".result.h5"), settings)
+    output = output or file.with_suffix(".result.h5")
+    sweep(output.parent, {output.name})
+    record = estimate_file(file, output, settings, progress)
     print(to_json(record) if json else summary(record))
     if "refused" in (record["verdict"], record.get("interface", {}).get("verdict")):
         raise typer.Exit(1)
@@ -89,16 +95,29 @@ def naming(source: Path) -> Iterator[None]:
         raise
 
 
-def estimate_file(source: Path, output: Path, settings: Settings) -> dict[str, Any]:
-    """Read, estimate, write; return what there is to say of it."""
-    from forceid.estimation.run import estimate_recording
-    from forceid.files.hdf5 import read_motion
+def kept_of(output: Path) -> Path:
+    """The folder beside a result for what is done of one that takes long: what was killed goes on there."""
+    return output.with_name(f".{output.name}.kept")
+
+
+def estimate_file(
+    source: Path, output: Path, settings: Settings, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Read, estimate, write; return what there is to say of it. progress: of a recording that takes long."""
+    from shutil import rmtree
+
+    from forceid.estimation.streaming import estimate_source
+    from forceid.estimation.stretches import unwatched
     from forceid.files.result import write_result
 
     if output.resolve() == source.resolve():
         raise ConfigError("is both input and output", str(output), "name another output with -o")
-    recording = read_motion(source, settings.gravity)
-    with naming(source):
-        estimate = estimate_recording(recording, settings)
+    try:
+        with naming(source):
+            estimate, recording = estimate_source(source, settings, kept_of(output), progress or unwatched)
+    except DataError:
+        rmtree(kept_of(output), ignore_errors=True)
+        raise
     write_result(output, estimate, recording)
+    rmtree(kept_of(output), ignore_errors=True)
     return describe(estimate, source, output, recording.truth)

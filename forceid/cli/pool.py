@@ -25,19 +25,22 @@ Record: TypeAlias = dict[str, Any]
 Work: TypeAlias = "Callable[[Path, Path, Settings], Record]"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 LOOK = 2.0  # s between looks at whether the crew is still there
+STILL = 8  # looks in a row at a crew that does nothing, until what it says it does is lost
 
 
 @dataclass(frozen=True)
 class Crew:
     """Who does the jobs. open() starts an executor and ends it; `hands` jobs are under way at a time.
 
-    gone: what a job raises whose process died; deserted(): whether nobody is left who could do a job.
+    gone: what a job raises whose process died; deserted(): whether nobody is left who could do a job;
+    idle(): whether those who are there do none of ours, which happens where a record was lost on its way.
     """
 
     open: Callable[[], AbstractContextManager[Executor]]
     hands: int
     gone: tuple[type[BaseException], ...] = (BrokenExecutor,)
     deserted: Callable[[], bool] = lambda: False
+    idle: Callable[[], bool] = lambda: False
 
 
 def processes(workers: int) -> Crew:
@@ -96,7 +99,7 @@ def hand_out(
 ) -> Iterator[Record]:
     """Records of the jobs that wait, as many under way as there are hands; `lost`: their process died."""
     under_way: dict[Future[Record], Job] = {}
-    broken, idle = False, True
+    broken, idle, still = False, True, 0
     while under_way or (waiting and not broken and not asked):
         while waiting and len(under_way) < crew.hands and not broken and not asked:
             try:
@@ -119,6 +122,10 @@ def hand_out(
         if not done and crew.deserted():
             waiting.extend(under_way.values())
             yield from left(waiting)
+            return
+        still = still + 1 if not done and crew.idle() else 0
+        if still == STILL:
+            lost.extend(under_way.values())
             return
 
 

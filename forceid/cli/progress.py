@@ -13,19 +13,20 @@ SILENCE = 60.0  # s without a line at most, while files finish
 
 
 @contextmanager
-def progress(total: int) -> Iterator[Callable[[], None]]:
-    """What to call after every file; stderr then shows count, rate and time left."""
+def progress(total: int, unit: str = "files") -> Iterator[Callable[[], None]]:
+    """What to call after every file, or other unit; stderr then shows count, rate and time left."""
     if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        with bar(total) as advance:
+        with bar(total, unit) as advance:
             yield advance
     else:
-        yield plain_lines(total)
+        yield plain_lines(total, unit=unit)
 
 
 def plain_lines(
     total: int,
     write: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True),
     clock: Callable[[], float] = time.monotonic,
+    unit: str = "files",
 ) -> Callable[[], None]:
     """What to call after every file; a line at every tenth of them, and after a minute without one.
 
@@ -45,7 +46,7 @@ def plain_lines(
         if done == total or (done * STEPS // total == (done - 1) * STEPS // total and now - said < SILENCE):
             return
         said, rate = now, done / max(now - began, 1e-9)
-        write(f"forceid: {done} of {total} files, {rate:.2g} files/s, {span((total - done) / rate)} left")
+        write(f"forceid: {done} of {total} {unit}, {rate:.2g} {unit}/s, {span((total - done) / rate)} left")
 
     return advance
 
@@ -62,7 +63,7 @@ def span(seconds: float) -> str:
 
 
 @contextmanager
-def bar(total: int) -> Iterator[Callable[[], None]]:
+def bar(total: int, unit: str) -> Iterator[Callable[[], None]]:
     """The same as a bar; without color where NO_COLOR is set."""
     from rich.console import Console
     from rich.progress import (
@@ -77,7 +78,7 @@ def bar(total: int) -> Iterator[Callable[[], None]]:
 
     class Rate(ProgressColumn):
         def render(self, task: Task) -> Text:
-            return Text(f"{task.speed or 0:.2g} files/s")
+            return Text(f"{task.speed or 0:.2g} {unit}/s")
 
     columns = BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:

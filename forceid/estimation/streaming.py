@@ -21,15 +21,17 @@ from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.inertia import Inertia, inertia_of
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.stretches import estimate_stretches
+from forceid.estimation.stretches import Progress, estimate_stretches, unwatched
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
-from forceid.files.hdf5 import read_motion, stamp
+from forceid.files.hdf5 import read_checked, stamp
 from forceid.files.heap import fingerprint
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Estimate, Level, Recording, Verdict
 
 REDUCED = "mean motion of"  # in the history of a recording that was reduced here
+SUMS = "sums.npz"
+LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
 FEW = 256  # frames at the start that the noise is told from
 LOOKED = 64  # frames among them of which every node is compared with the rigid body
@@ -47,43 +49,69 @@ class Sums:
 
 
 def estimate_source(
-    path: Path, settings: Settings, checkpoint: Path | None = None
+    path: Path, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
 ) -> tuple[Estimate, Recording]:
-    """The estimate of a motion file of any size, and its recording as it was used: see read_recording."""
-    recording, left_out = read_recording(path, settings, checkpoint)
-    if recording.motion.position is None and REDUCED in recording.history:
-        return with_left_out(estimate_stretches(recording, settings), left_out), recording
-    return estimate_recording(recording, settings), recording
+    """The estimate of a motion file of any size, and its recording as it was used: see read_recording.
+
+    kept: a folder for what is done of one that takes long, removed in the end; one that was stopped goes on
+    from there.
+    """
+    recording, left_out = read_recording(path, settings, kept, progress)
+    whole = len(recording.motion.time) <= LONG or bool(settings.part or settings.joint)
+    if whole and REDUCED not in recording.history:
+        return estimate_recording(recording, settings), recording
+    estimate = estimate_stretches(recording, settings, made(kept), progress)
+    return with_left_out(estimate, left_out), recording
 
 
 def read_recording(
-    path: Path, settings: Settings, checkpoint: Path | None = None
+    path: Path, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
 ) -> tuple[Recording, str | None]:
     """The recording in a motion file, and what is left out of it, if that matters.
 
-    One too large to hold comes as its mean motion, of a rigid body; the pass over it goes on from
-    `checkpoint` where that was left by an earlier one, and leaves its end there. DataError: see read_motion.
-    ConfigError: settings that need every node.
+    One too large to hold comes as its mean motion, of a rigid body; the pass over it goes on from what an
+    earlier one left in the folder `kept`. DataError: see read_motion. ConfigError: settings that need every
+    node.
     """
-    stamp(path)
+    before, sha256 = stamp(path), fingerprint(path)
     if not is_large(path):
-        return read_motion(path, settings.gravity), None
+        return read_checked(path, before, sha256, settings.gravity), None
     if settings.model in ("affine", "modal") or settings.part or settings.joint:
         what = "is too large to be held, and only its mean motion is estimated, expected model auto or rigid"
         raise ConfigError(what, str(path), "leave out nodes or frames for a model that deforms")
-    return reduced(path, settings, checkpoint)
+    return reduced(path, before, sha256, settings, made(kept), progress)
 
 
-def reduced(path: Path, settings: Settings, checkpoint: Path | None = None) -> tuple[Recording, str | None]:
-    """The mean motion in a motion file as a recording of a rigid body, and what the nodes do beside it."""
-    before = stamp(path)
-    sha256 = fingerprint(path)
+def made(kept: Path | None) -> Path | None:
+    """The folder for what is done, made where there is one to be."""
+    try:
+        if kept is not None:
+            kept.mkdir(exist_ok=True)
+    except OSError as e:
+        what = f"cannot be made ({e.strerror})"
+        raise ConfigError(what, str(kept), "give an existing folder with room and write permission") from e
+    return kept
+
+
+def reduced(
+    path: Path,
+    before: tuple[int, int, int],
+    sha256: str,
+    settings: Settings,
+    kept: Path | None = None,
+    progress: Progress = unwatched,
+) -> tuple[Recording, str | None]:
+    """The mean motion in a motion file as a recording of a rigid body, and what the nodes do beside it.
+
+    The file is that of the stamp `before`, and of the fingerprint.
+    """
     with opened(path, settings.gravity) as (recording, positions):
         inertia = inertia_of(recording.body)
         assert recording.body.position is not None
         X = recording.body.position - inertia.center
         w = inertia.weight if inertia.weight.any() else np.ones(len(X))
-        sums = summed(positions, w, X, checkpoint, f"{before} {__version__}")
+        checkpoint = None if kept is None else kept / SUMS
+        sums = summed(positions, w, X, checkpoint, f"{before} {__version__}", progress)
         center, R = mean_motion(sums)
         if not np.isfinite(center).any():
             raise DataError("shows no frame whole enough for a mean motion", positions.where, "check it")
@@ -101,19 +129,28 @@ def reduced(path: Path, settings: Settings, checkpoint: Path | None = None) -> t
     return found, said(positions.noise_std or noise, beside)
 
 
-def summed(positions: Positions, w: Array, X: Array, checkpoint: Path | None, key: str) -> Sums:
+def summed(
+    positions: Positions,
+    w: Array,
+    X: Array,
+    checkpoint: Path | None = None,
+    key: str = "",
+    progress: Progress = unwatched,
+) -> Sums:
     """The sums over all blocks, from where a checkpoint of the same key ends."""
     blocks = positions.blocks()
     first, sums = restored(checkpoint, key, positions.shape[0])
     weight = w[:, None] * np.concatenate([np.ones((len(X), 1)), X], axis=1)  # (node, 4)
     room = np.empty(3 * max((a.stop - a.start) * (b.stop - b.start) for a, b in blocks))
     kept = clock.monotonic()
-    for k in range(first, len(blocks)):
-        frames, nodes = blocks[k]
-        add(sums, frames, positions.read(frames, nodes, room), weight[nodes], positions)
-        if checkpoint is not None and clock.monotonic() - kept > KEEP:
-            keep(checkpoint, key, k + 1, sums)
-            kept = clock.monotonic()
+    with progress(len(blocks) - first, "blocks") as advance:
+        for k in range(first, len(blocks)):
+            frames, nodes = blocks[k]
+            add(sums, frames, positions.read(frames, nodes, room), weight[nodes], positions)
+            if checkpoint is not None and clock.monotonic() - kept > KEEP:
+                keep(checkpoint, key, k + 1, sums)
+                kept = clock.monotonic()
+            advance()
     if checkpoint is not None and first < len(blocks):
         keep(checkpoint, key, len(blocks), sums)
     return sums

@@ -8,33 +8,69 @@ the way is followed.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, replace
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from forceid.config import Settings
+from forceid import __version__
+from forceid.config import Settings, to_toml
+from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
+from forceid.files.result import read_result, read_version, write_result
 from forceid.records import Estimate, Loads, Recording, Verdict
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
+Progress: TypeAlias = "Callable[[int, str], AbstractContextManager[Callable[[], None]]]"
 
 
-def estimate_stretches(recording: Recording, settings: Settings) -> Estimate:
-    """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording."""
+@contextmanager
+def unwatched(total: int, unit: str) -> Iterator[Callable[[], None]]:
+    """Nobody looks on: what to call after every one of `total` units does nothing."""
+    yield lambda: None
+
+
+def estimate_stretches(
+    recording: Recording, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
+) -> Estimate:
+    """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording.
+
+    kept: a folder for the results of stretches that are done, from which an estimate that was stopped goes
+    on; they are of use for the same input, settings and version.
+    """
     frames = len(recording.motion.time)
     if frames <= CORE + 2 * MARGIN:
         return estimate_recording(recording, settings)
     edges = np.linspace(0, frames, -(-frames // CORE) + 1).astype(int).tolist()
     pieces = []
-    for a, b in pairwise(edges):
-        first, last = max(0, a - MARGIN), min(frames, b + MARGIN)
-        part = replace(recording, motion=cut(recording.motion, first, last, frames), truth={})
-        pieces.append(cut(estimate_recording(part, settings), a - first, b - first, last - first))
+    with progress(len(edges) - 1, "stretches") as advance:
+        for a, b in pairwise(edges):
+            first, last = max(0, a - MARGIN), min(frames, b + MARGIN)
+            path = None if kept is None else kept / f"{a}-{b}.h5"
+            piece = None if path is None else restored(path, recording, settings)
+            if piece is None:
+                part = replace(recording, motion=cut(recording.motion, first, last, frames), truth={})
+                piece = cut(estimate_recording(part, settings), a - first, b - first, last - first)
+                if path is not None:
+                    write_result(path, piece)
+            pieces.append(piece)
+            advance()
     return joined(pieces)
+
+
+def restored(path: Path, recording: Recording, settings: Settings) -> Estimate | None:
+    """What an earlier run found in a stretch of the same recording, with the same settings and version."""
+    try:
+        piece, by = read_result(path), read_version(path)
+    except DataError:
+        return None
+    same = (piece.settings, piece.input_sha256, by) == (to_toml(settings), recording.sha256, __version__)
+    return piece if same else None
 
 
 def cut(record: Any, first: int, last: int, frames: int) -> Any:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.hdf5 import open_hdf5, source_group
+from forceid.files.hdf5 import guarded, open_hdf5, source_group
 from forceid.files.parse import Source, parse_recording, read_real, real_attr, text, unpack
 from forceid.files.schema import BODY, MOTION, TRUTH
 from forceid.files.units import si_factor
@@ -72,9 +73,11 @@ class Positions:
 
 
 def is_large(path: str | Path) -> bool:
-    """Whether the positions of a motion file are too many to be held at once."""
+    """Whether the positions of a motion file, known to be whole, are too many to be held at once."""
     with open_hdf5(path, checked=True) as f:
-        item = f.get("motion/position")
+        group = guarded(f, "motion", f"{path}:") if "motion" in f else None
+        known = isinstance(group, h5py.Group) and "position" in group
+        item = guarded(group, "position", f"{path}:/motion") if known else None
         shape = getattr(item, "shape", None)
     return shape is not None and len(shape) == 3 and (8 * math.prod(shape) > LARGE or shape[1] > MANY)
 

@@ -36,8 +36,13 @@ def read_motion(path: str | Path, gravity: Sequence[float] | None = None) -> Rec
     `gravity` (3,) m/s2, world axes, overrides the attribute of /motion. DataError: not a readable file of the
     contract; the message names file and variable.
     """
-    before = stamp(path)
-    sha256 = fingerprint(path)
+    return read_checked(path, stamp(path), fingerprint(path), gravity)
+
+
+def read_checked(
+    path: str | Path, before: tuple[int, int, int], sha256: str, gravity: Sequence[float] | None = None
+) -> Recording:
+    """The recording in a motion file of that fingerprint. DataError also if its stamp is not `before`."""
     with open_hdf5(path, checked=True) as f:
         groups = {
             name: source_group(f, name, tables, f"{path}:") for name, tables in _TABLES.items() if name in f

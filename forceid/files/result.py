@@ -95,6 +95,12 @@ def read_title(path: str | Path) -> str:
         return text(f.attrs.get("title", ""))
 
 
+def read_version(path: str | Path) -> str:
+    """The version of forceid that made a result file; nothing where it does not say."""
+    with open_hdf5(path) as f:
+        return text(f.attrs.get("forceid_version", ""))
+
+
 def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
     """The group /load of a result file."""
     names = read_names(group, "load_name")

@@ -129,7 +129,7 @@ def test_force_by_blocks_is_that_of_the_whole_within_its_claim(tmp_path, monkeyp
 
 
 def test_a_pass_that_was_stopped_goes_on_from_its_checkpoint_to_the_same_bits(tmp_path, monkeypatch):
-    path, kept = written(tmp_path / "a.h5", throw()), tmp_path / ".a.checkpoint"
+    path, kept = written(tmp_path / "a.h5", throw()), tmp_path / ".a.kept"
     at_once, _ = read_recording(path, load_settings())
     monkeypatch.setattr(streaming, "KEEP", 0.0)
     calls, plain = [], streaming.add
@@ -143,7 +143,7 @@ def test_a_pass_that_was_stopped_goes_on_from_its_checkpoint_to_the_same_bits(tm
     monkeypatch.setattr(streaming, "add", stopped)
     with pytest.raises(KeyboardInterrupt):
         read_recording(path, load_settings(), kept)
-    assert kept.exists()
+    assert (kept / streaming.SUMS).exists()
     later, _ = read_recording(path, load_settings(), kept)
     again, _ = read_recording(path, load_settings(), kept)  # nothing is left to do
     assert calls[20] == calls[19]  # the block that was not finished
@@ -154,14 +154,15 @@ def test_a_pass_that_was_stopped_goes_on_from_its_checkpoint_to_the_same_bits(tm
 
 
 def test_a_checkpoint_of_another_file_or_a_torn_one_is_not_used(tmp_path):
-    path, kept = written(tmp_path / "a.h5", throw()), tmp_path / ".a.checkpoint"
+    path, kept = written(tmp_path / "a.h5", throw()), tmp_path / ".a.kept" / streaming.SUMS
+    kept.parent.mkdir()
     sums = streaming.Sums(np.ones((FRAMES, 4, 3)), np.ones((FRAMES, 4)))
     streaming.keep(kept, "another", 5, sums)
     assert streaming.restored(kept, "another", FRAMES)[0] == 5
     at_once, _ = read_recording(path, load_settings())
     for spoil in (lambda: None, lambda: kept.write_bytes(b"PK torn")):
         spoil()
-        found, _ = read_recording(path, load_settings(), kept)
+        found, _ = read_recording(path, load_settings(), kept.parent)
         assert np.array_equal(found.motion.center, at_once.motion.center, equal_nan=True)
 
 

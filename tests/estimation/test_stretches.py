@@ -1,8 +1,11 @@
 """Very long recordings, a stretch at a time: what comes out is what the whole says, without seams."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from forceid import __version__
 from forceid.config import load_settings
 from forceid.estimation import stretches
 from forceid.estimation.run import estimate_recording
@@ -68,3 +71,53 @@ def test_a_reason_of_several_stretches_is_told_once():
     masked = [reason.split(", ", 1)[1] for reason in found.verdict.reasons]
     assert len(masked) == len(set(masked))
     assert any("more of 3 stretches" in reason for reason in found.verdict.reasons)
+
+
+def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bits(tmp_path, monkeypatch):
+    recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
+    at_once = estimate_stretches(recording, settings)
+    calls = []
+
+    def stopped(part, settings):
+        calls.append(part.motion.time[0])
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return estimate_recording(part, settings)
+
+    monkeypatch.setattr(stretches, "estimate_recording", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        estimate_stretches(recording, settings, tmp_path)
+    later = estimate_stretches(recording, settings, tmp_path)
+    assert calls[2] == calls[1]  # the stretch that was not finished
+    assert len(calls) == 4
+    assert later.verdict == at_once.verdict
+    assert later.tuned == at_once.tuned
+    for name, value in vars(at_once).items():
+        if isinstance(value, np.ndarray):
+            assert np.array_equal(getattr(later, name), value, equal_nan=True), name
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"sha256": "b"}, {"settings": load_settings(method="savgol")}, {"version": "another"}, {"torn": True}],
+    ids=lambda other: next(iter(other)),
+)
+def test_stretches_of_another_input_settings_or_version_are_not_used(tmp_path, monkeypatch, other):
+    recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
+    estimate_stretches(recording, settings, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 3
+    calls = []
+
+    def counted(part, settings):
+        calls.append(part)
+        return estimate_recording(part, settings)
+
+    monkeypatch.setattr(stretches, "estimate_recording", counted)
+    estimate_stretches(recording, settings, tmp_path)
+    assert not calls
+    monkeypatch.setattr(stretches, "__version__", other.get("version", __version__))
+    for path in tmp_path.iterdir():
+        path.write_bytes(b"torn" if "torn" in other else path.read_bytes())
+    asked = replace(recording, sha256=other.get("sha256", "a")), other.get("settings", settings)
+    estimate_stretches(*asked, tmp_path)
+    assert len(calls) == 3
