@@ -46,7 +46,7 @@ def test_it_is_estimated_by_the_same_command_and_says_how_far_it_is(large, capsy
     assert "forceid: 2 of 3 stretches" in said.err
     with h5py.File(large.with_suffix(".result.h5")) as f:
         force = f["estimate/force"][...]
-        assert "mean motion of 30 nodes, in blocks" in f.attrs["history"]
+        assert "first moments of 30 nodes, in blocks" in f.attrs["history"]
     assert np.nanmean(force, axis=0) == pytest.approx(FORCE, abs=0.05)
     assert sorted(p.name for p in large.parent.iterdir()) == ["long.h5", "long.result.h5"]
 

@@ -10,6 +10,7 @@ from forceid.records import Array
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 RARE = 0.01  # records in which the largest innovation is called wild by chance
+BY_CHANCE = "as by chance in one record of a hundred"
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
 MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
@@ -35,9 +36,8 @@ def judge_innovations(
     size, when = wildest(time, innovation)
     if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
         found.append(
-            f"an innovation reaches {size:.1f} sigma, at {when:.4g} s, as by chance in one record of a "
-            "hundred: there the load changes faster than the prior, or a marker is off, and claimed errors "
-            "are too small"
+            f"an innovation reaches {size:.1f} sigma, at {when:.4g} s, {BY_CHANCE}: there the load "
+            "changes faster than the prior, or a marker is off, and claimed errors are too small"
         )
     color, channel = colored(innovation)
     if color:

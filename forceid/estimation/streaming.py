@@ -1,51 +1,45 @@
-"""Recordings too large to hold, reduced to their mean motion in one pass over blocks of the positions.
+"""Recordings too large to hold, reduced in one pass over blocks of the positions to four markers.
 
-Center and rotation of a frame follow from sums over its nodes that are linear in the positions, sum w x and
-sum w x X^T (the resultants S^T M x of the nodal masses, and the attitude profile of the weighted fit), so
-they are taken block by block, in time and in nodes, and kept on disk on the way. What the smoother then sees
-is the mean motion; the body is the rigid whole. Source: principal equations 2.5, 4b, item 2.
+Mean motion and affine deformation of a frame follow from sums over its nodes that are linear in the
+positions, sum m x [1, X]^T (the resultants S^T M x of the nodal masses, and the first moments), so they are
+taken block by block, in time and in nodes, and kept on disk on the way. Four markers carry the same sums: the
+estimator sees a small recording. What nodes do beside an affine motion is left out, and told. Source:
+principal equations 2.5, 4b, item 2.
 """
 
 from __future__ import annotations
 
 import time as clock
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
-from forceid.estimation.inertia import Inertia, inertia_of
+from forceid.estimation.four_markers import Sums, affine_maps, four_nodes, tetrahedron, whitened
+from forceid.estimation.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.stretches import Progress, estimate_stretches, unwatched
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
 from forceid.files.hdf5 import read_checked, stamp
 from forceid.files.heap import fingerprint
+from forceid.files.schema import TRUTH
 from forceid.motion.window import noise_variance
-from forceid.records import Array, Body, Estimate, Level, Recording, Verdict
+from forceid.records import Array, Estimate, Level, Recording, Verdict
 
-REDUCED = "mean motion of"  # in the history of a recording that was reduced here
+REDUCED = "first moments of"  # in the history of a recording that was reduced here
 SUMS = "sums.npz"
 LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
 FEW = 256  # frames at the start that the noise is told from
-LOOKED = 64  # frames among them of which every node is compared with the rigid body
-SEEN = 1e-6  # second singular value of the attitude profile over the first, below which no turn is seen
+LOOKED = 64  # frames among them of which every node is compared with the affine body
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
 BESIDE = 1.5  # times the noise, above which a body is said to deform
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Over the nodes a frame sees: moved (time, 4, 3) = sum w [1, X] x, rest (time, 4) = sum w [1, X]."""
-
-    moved: Array
-    rest: Array
+SENSORS = ("specific_force", "angular_velocity")  # which stay what they are
 
 
 def estimate_source(
@@ -69,16 +63,15 @@ def read_recording(
 ) -> tuple[Recording, str | None]:
     """The recording in a motion file, and what is left out of it, if that matters.
 
-    One too large to hold comes as its mean motion, of a rigid body; the pass over it goes on from what an
-    earlier one left in the folder `kept`. DataError: see read_motion. ConfigError: settings that need every
-    node.
+    One too large to hold comes as four markers; the pass over it goes on from what an earlier one left in
+    the folder `kept`. DataError: see read_motion. ConfigError: settings that need every node.
     """
     before, sha256 = stamp(path), fingerprint(path)
     if not is_large(path):
         return read_checked(path, before, sha256, settings.gravity), None
-    if settings.model in ("affine", "modal") or settings.part or settings.joint:
-        what = "is too large to be held, and only its mean motion is estimated, expected model auto or rigid"
-        raise ConfigError(what, str(path), "leave out nodes or frames for a model that deforms")
+    if settings.model == "modal" or settings.part or settings.joint:
+        what = "is too large to be held as single nodes, expected model auto, rigid or affine, and no parts"
+        raise ConfigError(what, str(path), "leave out nodes or frames")
     return reduced(path, before, sha256, settings, made(kept), progress)
 
 
@@ -101,38 +94,45 @@ def reduced(
     kept: Path | None = None,
     progress: Progress = unwatched,
 ) -> tuple[Recording, str | None]:
-    """The mean motion in a motion file as a recording of a rigid body, and what the nodes do beside it.
+    """A motion file as a recording of four markers, and what its nodes do beside them.
 
     The file is that of the stamp `before`, and of the fingerprint.
     """
     with opened(path, settings.gravity) as (recording, positions):
-        inertia = inertia_of(recording.body)
-        assert recording.body.position is not None
-        X = recording.body.position - inertia.center
-        w = inertia.weight if inertia.weight.any() else np.ones(len(X))
+        body, inertia = recording.body, inertia_of(recording.body)
+        assert body.position is not None
+        w = inertia.weight if inertia.weight.any() else np.ones(len(body.node))
+        Z = np.hstack([np.ones((len(w), 1)), body.position - inertia.center])
         checkpoint = None if kept is None else kept / SUMS
-        sums = summed(positions, w, X, checkpoint, f"{before} {__version__}", progress)
-        center, R = mean_motion(sums)
-        if not np.isfinite(center).any():
+        sums = summed(positions, w, Z, checkpoint, f"{before} {__version__}", progress)
+        S = (w[:, None] * Z).T @ Z
+        maps = affine_maps(sums, S)
+        if not np.isfinite(maps).any():
             raise DataError("shows no frame whole enough for a mean motion", positions.where, "check it")
-        noise, beside = compared(positions, recording.motion.time, center, R, X)
+        noise, beside = compared(positions, recording.motion.time, maps, Z)
     if stamp(path) != before:
         raise DataError("changed while it was read", str(path), "wait until it is complete and try again")
-    stated = {} if positions.noise_std is None else fit_noise(positions.noise_std, w, X)
-    orientation = np.full((len(R), 4), np.nan)
-    whole = np.isfinite(R).all((1, 2))
-    orientation[whole] = Rotation.from_matrix(R[whole]).as_quat(canonical=True)
-    motion = replace(recording.motion, center=center, orientation=orientation, noise_std=stated)
+    corners, Q = np.hstack([np.ones((4, 1)), tetrahedron(S)]), whitened(S)
+    stated = {k: v for k, v in recording.motion.noise_std.items() if k in SENSORS}
+    if positions.noise_std is not None:
+        spread = w[:, None] * (Z @ Q @ (Q.T @ corners.T))  # of every node in every corner
+        stated["position"] = positions.noise_std * float(np.sqrt((spread**2).sum() / 4))
+    motion = replace(
+        recording.motion, position=np.einsum("tai,ka->tki", maps, corners), center=None, orientation=None,
+        strain=None, noise_std=stated,
+    )  # fmt: skip
+    truth = {k: v for k, v in recording.truth.items() if "node" not in TRUTH[k].dims}
     line = f"forceid {__version__} {REDUCED} {positions.shape[1]} nodes, in blocks"
     history = "\n".join(filter(None, (recording.history, line)))
-    found = replace(recording, body=whole_body(inertia), motion=motion, sha256=sha256, history=history)
+    four = four_nodes(body, inertia, corners[:, 1:])
+    found = replace(recording, body=four, motion=motion, truth=truth, sha256=sha256, history=history)
     return found, said(positions.noise_std or noise, beside)
 
 
 def summed(
     positions: Positions,
     w: Array,
-    X: Array,
+    Z: Array,
     checkpoint: Path | None = None,
     key: str = "",
     progress: Progress = unwatched,
@@ -140,13 +140,14 @@ def summed(
     """The sums over all blocks, from where a checkpoint of the same key ends."""
     blocks = positions.blocks()
     first, sums = restored(checkpoint, key, positions.shape[0])
-    weight = w[:, None] * np.concatenate([np.ones((len(X), 1)), X], axis=1)  # (node, 4)
+    wZ = w[:, None] * Z
     room = np.empty(3 * max((a.stop - a.start) * (b.stop - b.start) for a, b in blocks))
     kept = clock.monotonic()
     with progress(len(blocks) - first, "blocks") as advance:
         for k in range(first, len(blocks)):
             frames, nodes = blocks[k]
-            add(sums, frames, positions.read(frames, nodes, room), weight[nodes], positions)
+            x = positions.read(frames, nodes, room)
+            add(sums, frames, x, wZ[nodes], Z[nodes], positions)
             if checkpoint is not None and clock.monotonic() - kept > KEEP:
                 keep(checkpoint, key, k + 1, sums)
                 kept = clock.monotonic()
@@ -156,11 +157,11 @@ def summed(
     return sums
 
 
-def add(sums: Sums, frames: slice, x: Array, weight: Array, positions: Positions) -> None:
-    """Add a block x (time, node, 3) of nodes with weight (node, 4); frames with gaps count what they see."""
+def add(sums: Sums, frames: slice, x: Array, wZ: Array, Z: Array, positions: Positions) -> None:
+    """Add a block x (time, node, 3) of nodes with wZ and Z (node, 4); frames count what they see."""
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is looked at below
-        moved = np.matmul(weight.T, x)
-    rest = np.broadcast_to(weight.sum(0), (len(x), 4)).copy()
+        moved = np.matmul(wZ.T, x)
+    rest = np.broadcast_to(wZ.T @ Z, (len(x), 4, 4)).copy()
     gaps = np.flatnonzero(~(np.abs(moved[:, 0]) < ABSURD).all(1))
     for k in gaps:
         x[k][x[k] == positions.unwritten] = np.nan
@@ -168,26 +169,12 @@ def add(sums: Sums, frames: slice, x: Array, weight: Array, positions: Positions
             what = "holds infinite values, expected finite ones or NaN"
             raise DataError(what, positions.where, "write NaN where nothing was measured")
         seen = np.isfinite(x[k]).all(1)
-        moved[k], rest[k] = weight[seen].T @ x[k][seen], weight[seen].sum(0)
+        moved[k], rest[k] = wZ[seen].T @ x[k][seen], wZ[seen].T @ Z[seen]
     sums.moved[frames] += moved
     sums.rest[frames] += rest
 
 
-def mean_motion(sums: Sums) -> tuple[Array, Array]:
-    """Center (time, 3) m and rotation (time, 3, 3) of every frame, NaN where it does not fix them."""
-    total = np.where(sums.rest[:, 0] > 0, sums.rest[:, 0], np.nan)[:, None]
-    x, X = sums.moved[:, 0] / total, sums.rest[:, 1:] / total
-    G = sums.moved[:, 1:].swapaxes(1, 2) - total[..., None] * x[:, :, None] * X[:, None]
-    R = np.full_like(G, np.nan)
-    whole = np.flatnonzero(np.isfinite(G).all((1, 2)))
-    U, s, Vt = np.linalg.svd(G[whole])
-    U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-    fixed = s[:, 1] > SEEN * s[:, 0]
-    R[whole[fixed]] = (U @ Vt)[fixed]
-    return x - np.einsum("tab,tb->ta", R, X), R
-
-
-def compared(positions: Positions, time: Array, center: Array, R: Array, X: Array) -> tuple[float, float]:
+def compared(positions: Positions, time: Array, maps: Array, Z: Array) -> tuple[float, float]:
     """Noise of a marker (m) as differences of neighboring frames show it, and rms of what is beside (m)."""
     frames, nodes = slice(0, min(len(time), FEW)), positions.blocks()[0][1]
     x = positions.read(frames, nodes, np.empty(3 * (frames.stop - frames.start) * (nodes.stop - nodes.start)))
@@ -197,33 +184,17 @@ def compared(positions: Positions, time: Array, center: Array, R: Array, X: Arra
     if len(x) > 8 and len(whole):
         noise = float(np.sqrt(noise_variance(time[frames], x[:, whole].reshape(len(x), -1))))
     at = np.linspace(0, len(x) - 1, min(len(x), LOOKED)).astype(int)
-    turned = center[at, None] + np.einsum("tab,nb->tna", R[at], X[nodes])
-    return noise, float(np.sqrt(np.nanmean((x[at] - turned) ** 2)))
-
-
-def fit_noise(noise: float, w: Array, X: Array) -> dict[str, float]:
-    """Deviation of center (m) and orientation (rad, mean over axes) that white noise of the nodes leaves."""
-    arm = (X**2).sum(1)[:, None, None] * np.eye(3) - X[:, :, None] * X[:, None]
-    J, spread = np.einsum("n,nab->ab", w, arm), np.einsum("n,nab->ab", w**2, arm)
-    turn = np.linalg.solve(J, np.linalg.solve(J, spread).T)
-    return {
-        "center": noise * float(np.sqrt((w**2).sum()) / w.sum()),
-        "orientation": noise * float(np.sqrt(np.trace(turn) / 3)),
-    }
-
-
-def whole_body(inertia: Inertia) -> Body:
-    """The body as a rigid whole."""
-    return Body(total_mass=inertia.mass, mass_center=inertia.center, inertia=inertia.tensor)
+    return noise, float(np.sqrt(np.nanmean((x[at] - Z[nodes] @ maps[at]) ** 2)))
 
 
 def said(noise: float, beside: float) -> str | None:
-    """What the verdict says of nodes that do more than a rigid body and noise; nothing where they do not."""
+    """What the verdict says of nodes that do more than an affine body and noise; nothing if they do not."""
     if not beside > BESIDE * noise:
         return None
     return (
-        f"the nodes are {1e3 * beside:.2g} mm rms beside a rigid body, their noise is {1e3 * noise:.2g} mm: "
-        "the momentum of the deformation is left out of so large a file; check with fewer frames"
+        f"the nodes are {1e3 * beside:.2g} mm rms beside an affine body, with noise of {1e3 * noise:.2g} mm: "
+        "in so large a file mean motion and first moments are exact, and modes are left out; check with fewer "
+        "frames"
     )
 
 
@@ -243,7 +214,7 @@ def keep(checkpoint: Path, key: str, done: int, sums: Sums) -> None:
 
 def restored(checkpoint: Path | None, key: str, frames: int) -> tuple[int, Sums]:
     """Where to begin, and the sums until there."""
-    fresh = 0, Sums(np.zeros((frames, 4, 3)), np.zeros((frames, 4)))
+    fresh = 0, Sums(np.zeros((frames, 4, 3)), np.zeros((frames, 4, 4)))
     if checkpoint is None or not checkpoint.is_file():
         return fresh
     try:

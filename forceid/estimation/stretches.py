@@ -20,6 +20,7 @@ import numpy as np
 from forceid import __version__
 from forceid.config import Settings, to_toml
 from forceid.errors import DataError
+from forceid.estimation.innovations import BY_CHANCE, chance_limit, wildest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, read_version, write_result
 from forceid.records import Estimate, Loads, Recording, Verdict
@@ -95,6 +96,8 @@ def joined(pieces: Sequence[Estimate]) -> Estimate:
     if loads := next((p.loads for p in pieces if p.loads is not None), None):
         pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
     whole: Estimate = chained(pieces)
+    if not is_wild(whole):
+        pieces = [without_chance(piece) for piece in pieces]
     return replace(
         whole,
         engine=known[0].engine,
@@ -105,6 +108,21 @@ def joined(pieces: Sequence[Estimate]) -> Estimate:
         verdict=worst_of(pieces),
         **numbers,
     )
+
+
+def is_wild(whole: Estimate) -> bool:
+    """Whether the largest innovation is more than chance in so long a record."""
+    if not np.isfinite(whole.innovation).any():
+        return False
+    size, _ = wildest(whole.time, whole.innovation)
+    return bool(size > chance_limit(whole.innovation) * max(np.sqrt(np.nanmean(whole.nis)), 1.0))
+
+
+def without_chance(piece: Estimate) -> Estimate:
+    """A stretch without what chance does in one of a hundred, of which a long record has many."""
+    reasons = tuple(reason for reason in piece.verdict.reasons if BY_CHANCE not in reason)
+    level = piece.verdict.level if reasons or piece.verdict.level == "refused" else "ok"
+    return replace(piece, verdict=Verdict(level, reasons))
 
 
 def chained(records: Sequence[Any]) -> Any:
