@@ -336,7 +336,7 @@ def page(found: Found, command: str) -> str:
             f"{large['wall_s']:.0f} s, CPU time {large['cpu_s']:.0f} s, verdict {large['verdict']}"
             f"{''.join(f'; {reason}' for reason in large['reasons'])}.", "",
             f"Reading and projecting takes {project[0] / read[0]:.2f} times the wall time of reading with "
-            f"h5py, {project[1] / read[1]:.2f} times its CPU time (asked: at most 2). Every stage begins with "
+            f"h5py, {project[1] / read[1]:.2f} times its CPU time (asked: at most 2). Each stage begins with "
             "the file on the disk, none of it in memory.", "",
             table(rows, ["stage", "wall, s", "CPU, s"]), "",
         ]  # fmt: skip

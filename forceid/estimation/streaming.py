@@ -192,8 +192,8 @@ def said(noise: float, beside: float) -> str | None:
     if not beside > BESIDE * noise:
         return None
     return (
-        f"the nodes are {1e3 * beside:.2g} mm rms beside an affine body, with noise of {1e3 * noise:.2g} mm: "
-        "in so large a file mean motion and first moments are exact, and modes are left out; check with fewer "
+        f"the nodes are {1e3 * beside:.2g} mm rms beside an affine body, with noise of {1e3 * noise:.2g} mm; "
+        "of so large a file mean motion and first moments are exact, modes are left out; check with fewer "
         "frames"
     )
 
