@@ -7,19 +7,17 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 
-from forceid import __version__
 from forceid.report.numbers import digits, plus_minus, typeset
 from forceid.report.outliers import Outlier, find_outliers, size
-from forceid.report.picture import Picture, embed
+from forceid.report.picture import Picture, pictured
 from forceid.report.style import BLUE, STYLE, VERMILION, label, panels
+from forceid.report.template import render
 
 ORDER = ("failed", "refused", "degraded", "ok")
 HEADLINE = {
@@ -55,18 +53,14 @@ class Cause:
 
 def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int = 0) -> str:
     """The page as HTML text, for DIR/index.html; it refers to no host. undone: files not reached."""
-    environment = Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
-    template = environment.from_string(files("forceid.report").joinpath("batch.html.j2").read_text("utf-8"))
     outliers = find_outliers(records)
     rows = sorted(
         (row_of(record, folder, outliers) for record in records), key=lambda r: (ORDER.index(r.level), r.file)
     )
     counts = Counter(row.level for row in rows)
     level = next((name for name in ORDER if counts[name]), "ok")
-    page: str = template.render(
-        version=__version__,
+    return render(
+        "batch.html.j2",
         rows=rows,
         counts=[(name, counts[name]) for name in reversed(ORDER) if counts[name]],
         kept=sum(row.kept for row in rows),
@@ -77,7 +71,6 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
         outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
         picture=picture(records, outliers),
     )
-    return page
 
 
 def level_of(record: Mapping[str, Any]) -> str:
@@ -192,4 +185,4 @@ def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -
                 )
             label(ax, title, f"({unit})", "file, in the order of the names")
     caption = "A dot a file; diamonds with a name stand far from the others, on a logarithmic scale."
-    return Picture(embed(figure), "NIS and run time of every file", caption)
+    return pictured(figure, "NIS and run time of every file", caption)

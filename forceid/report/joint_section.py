@@ -11,7 +11,7 @@ from forceid.estimation.open_wrenches import listed, open_components, trading_jo
 from forceid.records import Array, Estimate, Interface
 from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive, rms, typeset
-from forceid.report.picture import Picture, embed
+from forceid.report.picture import Picture, pictured
 
 HEADLINE = {
     "ok": "Accurate: forces between the parts and their sigma can be believed.",
@@ -112,7 +112,7 @@ def joint_pictures(time: Array, found: Interface, truth: Mapping[str, Array]) ->
     """A figure for every joint of which something is told, MOST at most."""
     told = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
     return [
-        Picture(embed(draw_joint(time, found, k, truth)), f"Joint {found.name[k]}", caption(found, k))
+        pictured(draw_joint(time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
         for k in told[:MOST]
     ]
 

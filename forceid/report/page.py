@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.resources import files
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 
 from forceid import __version__
 from forceid.records import Array, Estimate
@@ -15,7 +13,8 @@ from forceid.report.first_moment_figure import draw_first_moments
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, plain, plus_minus, summarize, typeset
 from forceid.report.path import draw_path
-from forceid.report.picture import Picture, embed
+from forceid.report.picture import Picture, pictured
+from forceid.report.template import render
 from forceid.report.whiteness import draw_innovations
 
 HEADLINE = {
@@ -29,16 +28,12 @@ def render_page(
     estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "", source: str = ""
 ) -> str:
     """The page as HTML text; it refers to no other file and no host. source: the name of the result file."""
-    environment = Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
-    template = environment.from_string(files("forceid.report").joinpath("page.html.j2").read_text("utf-8"))
     quoted = summarize(estimate, truth)
-    return template.render(
+    return render(
+        "page.html.j2",
         title=title or "forceid result",
         source=source,
         e=estimate,
-        version=__version__,
         headline=HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
         rows=table(quoted),
@@ -89,7 +84,7 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
             "points lie within two sigma, and the NIS is near one."
         )
         drawn.append((draw_innovations(estimate), "Innovations", caption))
-    return [Picture(embed(figure), name, caption) for figure, name, caption in drawn]
+    return [pictured(figure, name, caption) for figure, name, caption in drawn]
 
 
 def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
