@@ -45,9 +45,9 @@ def body(rng: np.random.Generator, nodes: int) -> Body:
 
 
 def pose(t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """A throw that turns, with a drag and a wobble that are to be found."""
+    """A body that is swung about in a room, turning all the while."""
     spin = rng.uniform(2, 6, 3)
-    c = np.stack([3 * t - 0.2 * t**2, 0.3 * np.sin(7 * t), 5 * t - 4.905 * t**2], 1)
+    c = np.stack([2 * np.sin(2 * t), 0.3 * np.sin(7 * t), 1.5 + np.cos(3 * t)], 1)
     return c, Rotation.from_rotvec(np.outer(t, spin)).as_matrix()
 
 

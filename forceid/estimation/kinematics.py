@@ -91,7 +91,7 @@ def from_markers(
     check_scale(x, X)
     seen = np.any(np.isfinite(x).all(2), axis=0)
     sigma = noise.get("position") or marker_noise(motion.time, x)
-    sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x)])))
+    sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
     level, known = {"position": sigma}, {"position": "position" in stated}
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)

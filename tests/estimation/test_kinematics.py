@@ -1,5 +1,7 @@
 """From markers or a measured mean motion to mass center, rotation, shape and deformation."""
 
+from dataclasses import replace
+
 import closed_forms as cf
 import numpy as np
 import pytest
@@ -29,6 +31,16 @@ def test_pose_is_known_to_what_its_covariance_says():
     assert turned == pytest.approx(1.0, abs=0.25)
     assert kin.attitude
     assert len(kin.shapes) == 0
+
+
+def test_a_body_far_from_the_origin_is_known_as_well_as_one_at_it():
+    recording = cf.toss()
+    away = np.array([5e5, 4e6, 100.0])  # map coordinates
+    far = replace(recording, motion=replace(recording.motion, position=recording.motion.position + away))
+    near, kin = seen(recording), seen(far)
+    assert kin.noise == pytest.approx(near.noise, rel=1e-6)
+    assert np.abs(kin.pose.center - away - near.pose.center).max() < 1e-8
+    assert kin.pose.cov == pytest.approx(near.pose.cov, rel=1e-6)
 
 
 def test_three_ways_to_state_the_mass_agree():
