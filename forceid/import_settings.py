@@ -124,7 +124,7 @@ class ImportSettings(Section):
     start and stop (s) keep a window of time, both ends included. noise_std by variable of /motion, SI.
     """
 
-    gravity: Vector
+    gravity: Vector = Field(examples=["gravity = [0.0, 0.0, -9.81], m/s2 in world axes"])
     title: str = ""
     source: str = ""
     start: float | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,14 +23,17 @@ def run(
 
     Example: forceid inspect toss.h5
     """
+    from forceid.cli.progress import progress
     from forceid.config import load_settings
     from forceid.estimation.inspection import inspect_recording
-    from forceid.files.hdf5 import read_motion
+    from forceid.estimation.streaming import read_recording
 
     settings = load_settings(config)
-    recording = read_motion(file, settings.gravity)
     with naming(file):
+        recording, left_out = read_recording(file, settings, progress=progress)
         inspection = inspect_recording(recording, settings)
+    if left_out is not None:
+        inspection = replace(inspection, warnings=(*inspection.warnings, left_out))
     if json:
         print(to_json({"file": str(file), **inspection.as_dict()}))
     else:

@@ -17,7 +17,7 @@ from forceid.estimation.leakage import Leakage, leakage
 from forceid.estimation.linkage_inspection import inspect_linkage
 from forceid.estimation.run import check_stiffness, with_gravity
 from forceid.estimation.sensitivity import Budget, sensitivity
-from forceid.estimation.shape_checks import judge_shape
+from forceid.estimation.shape_checks import judge_shape, judge_size
 from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
 from forceid.estimation.unmarked_prospects import sensed_bandwidths
 from forceid.estimation.verdict import judge_leakage, judge_recording
@@ -28,6 +28,7 @@ from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
 from forceid.records import Body, Motion, Recording
 
+ROUNDED = 1e-9  # percent that rounding leaves of nothing
 UNITS = {"orientation": "rad", "angular_velocity": "rad/s", "specific_force": "m/s2"}
 
 
@@ -113,15 +114,20 @@ def leaking(found: Leakage | None) -> list[str]:
             f"{', '.join(f'{s:.2g}' for s in found.rotation_sigma)} degrees about x, y, z in one frame"
         ]
     for k, name in enumerate(found.name):
-        beside = f", {found.to_rigid_worst[k]:.2g} % in the worst frame"
+        mean, worst = percent(found.to_rigid[k]), percent(found.to_rigid_worst[k])
+        beside = "" if worst == mean else f", {worst} in the worst frame"
         lines.append(
-            f"leakage  {name}: {found.to_rigid[k]:.2g} % of it is taken for rigid motion"
-            f"{beside if found.to_rigid_worst[k] > found.to_rigid[k] else ''}; sine of its angle with "
-            f"rigid motion {found.sine[k]:.3g}"
+            f"leakage  {name}: {mean} of it is taken for rigid motion{beside}; sine of its angle with rigid "
+            f"motion {found.sine[k]:.3g}"
         )
     if found.name:
-        lines.append(f"leakage  {found.to_shape:.2g} % of a rigid motion is taken for deformation")
+        lines.append(f"leakage  {percent(found.to_shape)} of a rigid motion is taken for deformation")
     return lines
+
+
+def percent(value: float) -> str:
+    """A part in percent, without what rounding leaves of nothing."""
+    return f"{value if value > ROUNDED else 0.0:.2g} %"
 
 
 def wording(identifiable: bool, bandwidth: float | None) -> str:
@@ -145,6 +151,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     kin = kinematics(body, motion, settings)
     findings = judge_recording(kin, motion)
     leaks = leakage(body, kin)
+    findings += [*judge_size(kin), *judge_leakage(leaks), *judge_shape(kin, motion, body)]
     step = np.diff(motion.time)
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
@@ -162,7 +169,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         force=bool(force), moment=kin.attitude, force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
         has_truth="force" in recording.truth, leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
-        warnings=tuple(f.text for f in [*findings, *judge_leakage(leaks), *judge_shape(kin, motion, body)]),
+        warnings=tuple(f.text for f in findings),
     )  # fmt: skip
 
 

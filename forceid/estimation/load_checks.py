@@ -17,6 +17,7 @@ from forceid.records import Array, Loads
 
 COARSE = 0.5  # rad a frame, of a body that spins fast
 KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
+HASTE = 3000.0  # m/s2 that half of a record exceeds: meters where millimeters are meant fall at 9810
 CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
 
@@ -51,6 +52,20 @@ def judge_overlap(
         )
         for k in range(len(kin.shapes))
         if at[k] < 2 * np.pi * band and false[k] > claimed
+    ]
+
+
+def judge_haste(kin: Kinematics, force: Array) -> list[Finding]:
+    """Accelerations that a body bears for moments at most: positions or times in other units."""
+    size = np.linalg.norm(force, axis=1) / kin.inertia.mass
+    typical = float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else 0.0
+    if not typical > HASTE:
+        return []
+    return [
+        Finding(
+            f"half of the record shows a force of over {typical / 9.81:.0f} times the weight: positions, "
+            "times or mass are in other units than they say, unless it is a blow; check the attribute units"
+        )
     ]
 
 

@@ -21,10 +21,16 @@ from forceid.estimation.joints import joint_forces
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
-from forceid.estimation.load_checks import judge_loads, judge_momentum, judge_overlap, judge_roughness
+from forceid.estimation.load_checks import (
+    judge_haste,
+    judge_loads,
+    judge_momentum,
+    judge_overlap,
+    judge_roughness,
+)
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
-from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape
+from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape, judge_size
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
@@ -157,6 +163,8 @@ def assemble(
         *findings,
         *judge_leakage(leaks),
         *judge_overlap(kin, solution.deformation.amplitude, solution.tuned, force_std),
+        *judge_size(kin),
+        *judge_haste(kin, state.force),
         *judge_reference(recording.body, kin),
         *([] if compared else judge_shape(kin, motion, recording.body)),
         *judge_common(kin),

@@ -13,6 +13,7 @@ from forceid.records import Body, Motion
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
 AGREE, SURE = 0.85, 5.0  # chi-square of a shape quieter than stated, and standard deviations below one
+AIRY = 1e-5  # kg/m3 in a cube of the length of the body; the long wires of a satellite come near
 LIMIT = 1.3  # chi-square per degree of freedom of what a model leaves
 
 
@@ -31,6 +32,22 @@ def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
             f"the mean shape leaves the reference shape by {1e3 * off[k]:.2g} mm at {body.node[k]}, on a "
             f"body of {1e3 * size:.2g} mm: labels or /body/position are wrong, and with them mass center and "
             "inertia, or the body bends that far; check both"
+        )
+    ]
+
+
+def judge_size(kin: Kinematics) -> list[Finding]:
+    """A body lighter than any of its length: positions in other units than they say."""
+    if not kin.seen.any():
+        return []
+    length, mass = float(np.ptp(kin.shape[kin.seen], axis=0).max()), kin.inertia.mass
+    if not mass < AIRY * length**3:
+        return []
+    return [
+        Finding(
+            f"a body of {mass:.3g} kg that is {length:.3g} m long is lighter than any: positions are in "
+            "other units than they say, or the mass is wrong; set the attribute units of the positions and "
+            "of /body/position"
         )
     ]
 

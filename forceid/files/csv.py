@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.channels import Channels
+from forceid.files.parse import nearest
 from forceid.import_settings import CsvSetting
 from forceid.records import Array
 
@@ -47,8 +47,8 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
     )
     for name in wanted:
         if name not in labels:
-            near = difflib.get_close_matches(name, sorted(set(labels)), n=1, cutoff=0.0)[0]
-            raise DataError(f"has no {setting.group} {name!r}", where, f"did you mean {near!r}?")
+            step = nearest(name, sorted(set(labels)), "name one that it has")
+            raise DataError(f"has no {setting.group} {name!r}", where, step)
     return [
         (
             name,
@@ -97,6 +97,5 @@ def numbers(table: Table, name: str, where: str) -> Array:
 def column(table: Table, name: str, where: str) -> list[str]:
     """The cells of one column."""
     if name not in table:
-        near = difflib.get_close_matches(name, table, n=1, cutoff=0.0)
-        raise DataError(f"has no column {name!r}", where, f"did you mean {near[0]!r}?")
+        raise DataError(f"has no column {name!r}", where, nearest(name, list(table), "name one that it has"))
     return table[name]

@@ -16,6 +16,7 @@ from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
 from forceid.records import Array, Body, Motion, Recording
 
+_SHOWN = 12  # names in a line
 _ATTRS = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")
 _NC_FILL = 9.969209968386869e36  # what netCDF leaves where nothing was written
 
@@ -228,10 +229,11 @@ def kind_of(dtype: np.dtype[Any]) -> str:
     return words.get(dtype.kind, str(dtype))
 
 
-def nearest(name: str, found: Sequence[str]) -> str:
+def nearest(name: str, found: Sequence[str], otherwise: str = "add it") -> str:
     """The next step when a variable is missing: the likeliest misspelling, or what is there."""
     near = difflib.get_close_matches(name, found, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"add it; found {', '.join(found) or 'nothing'}"
+    there = ", ".join(found[:_SHOWN]) + (f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else "")
+    return f"did you mean {near[0]!r}?" if near else f"{otherwise}; found {there or 'nothing'}"
 
 
 def memory_limit() -> int:

@@ -9,12 +9,13 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
+from forceid.errors import DataError
 from forceid.estimation.innovations import chance_limit, colored, judge_innovations, strongest_line, wildest
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import leakage
-from forceid.estimation.load_checks import judge_loads, judge_overlap, judge_roughness
+from forceid.estimation.load_checks import judge_haste, judge_loads, judge_overlap, judge_roughness
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.shape_checks import judge_reference, judge_shape
+from forceid.estimation.shape_checks import judge_reference, judge_shape, judge_size
 from forceid.estimation.verdict import (
     Finding,
     judge,
@@ -138,6 +139,35 @@ def test_markers_that_stand_elsewhere_than_on_the_body_are_said():
     (found,) = judge_reference(body, seen(replace(recording, body=body)))
     assert "leaves the reference shape" in found.text
     assert "/body/position" in found.text
+
+
+@pytest.mark.parametrize("reference", [True, False], ids=["too", "not"])
+def test_millimeters_read_as_meters_are_said_whether_the_reference_is_in_them_or(reference):
+    recording = cf.toss()
+    assert judge_size(seen(recording)) == []
+    motion = replace(recording.motion, position=1e3 * recording.motion.position, noise_std={})
+    body = recording.body
+    if reference:
+        body = replace(body, position=1e3 * body.position)
+        (found,) = judge_size(seen(replace(recording, body=body, motion=motion)))
+        assert "is lighter than any" in found.text
+        assert "set the attribute units" in found.text
+        estimate = estimate_recording(replace(recording, body=body, motion=motion), load_settings())
+        assert estimate.verdict.level == "degraded"
+        assert found.text in estimate.verdict.reasons
+    else:
+        with pytest.raises(DataError, match="units"):
+            seen(replace(recording, body=body, motion=motion))
+
+
+def test_a_force_of_hundreds_of_weights_all_the_time_is_said():
+    recording = cf.toss()
+    kin, force = seen(recording), np.zeros((len(recording.motion.time), 3))
+    force[::3] = 1e5  # blows
+    assert judge_haste(kin, force) == []
+    force[:, 2] = kin.inertia.mass * 9810.0
+    (found,) = judge_haste(kin, force)
+    assert "over 1000 times the weight" in found.text
 
 
 def test_records_too_short_to_show_how_a_load_varies_are_said():
