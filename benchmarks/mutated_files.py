@@ -28,12 +28,15 @@ import h5py
 import numpy as np
 
 from benchmarks.partition import table
+from forceid.config import Settings
 from forceid.errors import DataError, ForceIdError
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.estimation.streaming import read_recording
+from forceid.files.hdf5 import write_motion
 from forceid.files.result import read_result, write_result
 from forceid.records import Body, Motion, Recording
 
 PATIENCE = 60  # s of wall time that one file may take
+SETTINGS = Settings()
 BATCH = 2000  # files a process reads
 
 
@@ -115,7 +118,7 @@ def example(number: int, whole: dict[str, bytes]) -> tuple[str, str, bytes]:
 def outcome(path: Path, layout: str) -> str:
     """What a reader makes of the file: `read`, `refused`, or what escaped."""
     try:
-        read_result(path) if layout == "result" else read_motion(path)
+        read_result(path) if layout == "result" else read_recording(path, SETTINGS)
     except DataError as e:
         line = str(e)
         return "refused" if "\n" not in line and str(path) in line else f"unclear line: {line[:100]!r}"

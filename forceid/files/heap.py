@@ -71,7 +71,7 @@ def check_heap(file: int, start: int, where: str) -> None:
 
 def objects(file: int, start: int, where: str) -> dict[int, int]:
     """Index and size in bytes of every object of a heap. DataError: the walk stands still or leaves it."""
-    head = os.pread(file, _HEAD, start)
+    head = os.pread(file, _HEAD, start) if start < os.fstat(file).st_size else b""
     if len(head) < _HEAD or not head.startswith(_SIGNATURE):
         raise DataError(f"is damaged (no text at {start}), expected readable HDF5", where, "copy it again")
     size, room = int.from_bytes(head[8:], "little"), os.fstat(file).st_size - start

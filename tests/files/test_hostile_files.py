@@ -174,6 +174,19 @@ def test_blank_bytes_among_the_texts_do_not_stop_the_reader(tmp_path, kind):
         read_motion(path) if kind == "motion" else read_result(path)
 
 
+@pytest.mark.parametrize("address", [2**62, 2**63, 2**64 - 2])
+def test_a_text_said_to_lie_beyond_all_files_is_refused(tmp_path, address):
+    path = tmp_path / "a.h5"
+    write_motion(path, markers())
+    with h5py.File(path) as f:
+        at = f["body/node"].id.get_offset()
+    data = bytearray(path.read_bytes())
+    data[at + 4 : at + 12] = address.to_bytes(8, "little")
+    path.write_bytes(data)
+    with pytest.raises(DataError, match="is damaged .no text at"):
+        read_motion(path)
+
+
 def test_a_heap_across_two_blocks_is_found_and_the_hash_is_of_all_bytes(tmp_path, monkeypatch):
     import hashlib
 
