@@ -24,6 +24,8 @@ Job: TypeAlias = tuple[Path, Path]
 Record: TypeAlias = dict[str, Any]
 Work: TypeAlias = "Callable[[Path, Path, Settings], Record]"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+KEPT = ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_")  # glibc: below that, freed memory stays at hand
+ENVIRONMENT = dict.fromkeys(THREADS, "1") | dict.fromkeys(KEPT, str(1 << 28))
 LOOK = 2.0  # s between looks at whether the crew is still there
 STILL = 8  # looks in a row at a crew that does nothing, until what it says it does is lost
 
@@ -51,8 +53,8 @@ def processes(workers: int) -> Crew:
 @contextmanager
 def open_pool(workers: int) -> Iterator[Executor]:
     """A pool whose processes leave the interrupt to the parent, and end when the parent is killed."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # read by BLAS when the spawned process imports numpy
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    os.environ.update(ENVIRONMENT)  # read by the spawned process, as it starts and as it imports numpy
     try:
         with ProcessPoolExecutor(workers, get_context("spawn"), initializer=attend) as pool:
             yield pool
