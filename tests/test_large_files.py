@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from forceid.cli.app import main
 from forceid.cli.estimate import kept_of
 from forceid.estimation import streaming, stretches
-from forceid.files import blocks
+from forceid.files import blocks, heap
 from forceid.files.hdf5 import write_motion
 from forceid.records import Body, Motion, Recording
 
@@ -39,9 +39,14 @@ def large(tmp_path, monkeypatch):
     return path
 
 
-def test_it_is_estimated_by_the_same_command_and_says_how_far_it_is(large, capsys):
+def test_it_is_estimated_by_the_same_command_and_says_how_far_it_is(large, monkeypatch, capsys):
+    monkeypatch.setattr(heap, "GIGABYTE", 20_000)
+    monkeypatch.setattr(streaming, "GIGABYTE", 20_000)
+    monkeypatch.setattr(heap, "_BLOCK", 5_000)
     assert main(["estimate", str(large), *QUICK]) == 0
     said = capsys.readouterr()
+    gigabytes = large.stat().st_size // 20_000
+    assert f"forceid: {gigabytes - 1} of {gigabytes} GB checked" in said.err
     assert "forceid: 7 of 8 blocks" in said.err
     assert "forceid: 2 of 3 stretches" in said.err
     with h5py.File(large.with_suffix(".result.h5")) as f:

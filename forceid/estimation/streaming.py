@@ -26,7 +26,7 @@ from forceid.estimation.stretches import Progress, estimate_stretches, unwatched
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
 from forceid.files.hdf5 import read_checked, stamp
-from forceid.files.heap import fingerprint
+from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Estimate, Level, Recording, Verdict
@@ -66,7 +66,10 @@ def read_recording(
     One too large to hold comes as four markers; the pass over it goes on from what an earlier one left in
     the folder `kept`. DataError: see read_motion. ConfigError: settings that need every node.
     """
-    before, sha256 = stamp(path), fingerprint(path)
+    before = stamp(path)
+    gigabytes = before[1] // GIGABYTE
+    with (progress if gigabytes else unwatched)(gigabytes, "GB checked") as advance:
+        sha256 = fingerprint(path, advance)
     if not is_large(path):
         return read_checked(path, before, sha256, settings.gravity), None
     if settings.model == "modal" or settings.part or settings.joint:

@@ -20,12 +20,24 @@ _HEAD = 16  # bytes before the first object
 _OBJECT = struct.Struct("<HHIQ")  # index, references, reserved, size
 _REFERENCE = struct.Struct("<IQI")  # length, address of the heap, index of the object
 _BLOCK = 1 << 20
+GIGABYTE = 10**9
 
 
-def fingerprint(path: str | Path) -> str:
-    """SHA-256 of the bytes of an HDF5 file, its heaps checked on the way. DataError: see check_heaps."""
-    digest = hashlib.sha256()
-    check_heaps(path, digest.update)
+def fingerprint(path: str | Path, passed: Callable[[], None] | None = None) -> str:
+    """SHA-256 of the bytes of an HDF5 file, its heaps checked on the way. DataError: see check_heaps.
+
+    passed() is called after every gigabyte.
+    """
+    digest, read = hashlib.sha256(), 0
+
+    def use(block: memoryview) -> None:
+        nonlocal read
+        digest.update(block)
+        before, read = read, read + len(block)
+        if passed is not None and read // GIGABYTE > before // GIGABYTE:
+            passed()
+
+    check_heaps(path, use)
     return digest.hexdigest()
 
 
