@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from pathlib import Path
 
 import h5py
@@ -89,6 +90,31 @@ def test_a_lost_worker_costs_no_file_but_the_one_that_kills_it(local, tmp_path):
     assert [r["file"] for r in records if r["status"] == "failed"] == ["4.h5"]
     assert len(list(tmp_path.glob("*.result.h5"))) == 7
     assert (tmp_path / "2.result.h5.begun").exists()
+
+
+def waits(source, output, _settings):
+    """A job that lasts until there is a file of the name of its output."""
+    while not output.exists():
+        time.sleep(0.02)
+    return {"status": "ok", "file": str(source), "output": str(output)}
+
+
+def comes(true, seconds=60):
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
+
+
+def test_a_crew_says_whether_it_is_at_work(local, tmp_path):
+    done = tmp_path / "a.result.h5"
+    with crews.cluster(local.scheduler_address) as crew, crew.open() as executor:
+        assert crew.idle()
+        job = executor.submit(crews.on_workers(waits), Path("a.h5"), done, load_settings())
+        assert comes(lambda: not crew.idle())
+        done.touch()
+        assert job.result()["status"] == "ok"
+        assert comes(crew.idle)
 
 
 def test_a_worker_of_another_version_fails_its_files(tmp_path):
