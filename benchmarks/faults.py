@@ -160,7 +160,10 @@ def one_round(
         assert cluster.stdout is not None
         words = [*files, "-o", str(out), "--scheduler", cluster.stdout.readline().strip()]
     run = batch(own, words, before.format(dice.randrange(10_000, 60_000)))
-    time.sleep(dice.uniform(0.3, 4.0))
+    some, late = dice.randrange(len(files)), time.monotonic() + 8
+    while run.poll() is None and time.monotonic() < late and len(list(out.glob("*.result.h5"))) < some:
+        time.sleep(0.01)
+    time.sleep(dice.uniform(0, 0.3))
     if "second" in fault:
         (folder / "other").mkdir()
         ended(batch(folder / "other", words), found, fault)
@@ -222,10 +225,10 @@ def page(found: dict[str, Counter[str]], count: int, command: str) -> str:
     ]
     return "\n".join([
         "# Faults, done to batches", "",
-        f"`{command}`: batches of {count} files; at a random moment something is done to each, then it is "
-        "resumed. *Lost*: without result in the end; *half-written*: a result by its name that is torn, or "
-        "holds other numbers than that of a batch left alone; *done twice*: written again although it was "
-        "whole; *hangs*: no end within two minutes; *left behind*: hidden files in the folder. Damaged files "
+        f"`{command}`: batches of {count} files; when a random number of them is done something happens "
+        "to each, then it is resumed. *Lost*: without result in the end; *half-written*: a result by its name "
+        "that is torn, or holds other numbers than that of a batch left alone; *done twice*: written again "
+        "although it was whole; *hangs*: no end within two minutes; *left behind*: hidden files in the folder. Damaged files "
         "are on a page of their own, [mutated_files](mutated_files.md).", "",
         table(rows, list(rows[0])), "",
     ])  # fmt: skip

@@ -25,6 +25,7 @@ Record: TypeAlias = dict[str, Any]
 Work: TypeAlias = "Callable[[Path, Path, Settings], Record]"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 KEPT = ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_")  # glibc: below that, freed memory stays at hand
+QUIET = "PYTHONWARNINGS", "ignore:resource_tracker"  # what an end at once leaves, the system clears away
 ENVIRONMENT = dict.fromkeys(THREADS, "1") | dict.fromkeys(KEPT, str(1 << 28))
 LOOK = 2.0  # s between looks at whether the crew is still there
 STILL = 8  # looks in a row at a crew that does nothing, until what it says it does is lost
@@ -53,7 +54,8 @@ def processes(workers: int) -> Crew:
 @contextmanager
 def open_pool(workers: int) -> Iterator[Executor]:
     """A pool whose processes leave the interrupt to the parent, and end when the parent is killed."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    before = {name: os.environ.get(name) for name in (*ENVIRONMENT, QUIET[0])}
+    os.environ[QUIET[0]] = ",".join(filter(None, (before[QUIET[0]], QUIET[1])))
     os.environ.update(ENVIRONMENT)  # read by the spawned process, as it starts and as it imports numpy
     try:
         with ProcessPoolExecutor(workers, get_context("spawn"), initializer=attend) as pool:
