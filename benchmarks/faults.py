@@ -226,10 +226,10 @@ def page(found: dict[str, Counter[str]], count: int, command: str) -> str:
     return "\n".join([
         "# Faults, done to batches", "",
         f"`{command}`: batches of {count} files; when a random number of them is done something happens "
-        "to each, then it is resumed. *Lost*: without result in the end; *half-written*: a result by its name "
-        "that is torn, or holds other numbers than that of a batch left alone; *done twice*: written again "
-        "although it was whole; *hangs*: no end within two minutes; *left behind*: hidden files in the folder. Damaged files "
-        "are on a page of their own, [mutated_files](mutated_files.md).", "",
+        "to each, then it is resumed. *Lost*: without result in the end; *half-written*: a result by its "
+        "name that is torn, or holds other numbers than that of a batch left alone; *done twice*: written "
+        "again although it was whole; *hangs*: no end within two minutes; *left behind*: hidden files in the "
+        "folder. Damaged files are on a page of their own, [mutated_files](mutated_files.md).", "",
         table(rows, list(rows[0])), "",
     ])  # fmt: skip
 
