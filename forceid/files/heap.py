@@ -105,11 +105,11 @@ def check_references(path: str | Path, stored: bytes, where: str) -> int:
 
     DataError: one that names no object of a heap, or more than it holds.
     """
-    references = list(_REFERENCE.iter_unpack(stored))
+    references = [found for found in _REFERENCE.iter_unpack(stored) if found[0]]  # what is empty lies nowhere
     with open(path, "rb", buffering=0) as f:
-        heaps = {at: objects(f.fileno(), at, where) for at in {at for _, at, _ in references if at}}
+        heaps = {at: objects(f.fileno(), at, where) for at in {at for _, at, _ in references}}
     for length, at, index in references:
-        if at and (index == 0 or heaps[at].get(index, -1) < length):
+        if index == 0 or heaps[at].get(index, -1) < length:
             what = f"is damaged (text {index} of the heap at {at}), expected readable HDF5"
             raise DataError(what, where, "copy it again")
     return sum(length for length, _, _ in references)

@@ -187,6 +187,20 @@ def test_a_text_said_to_lie_beyond_all_files_is_refused(tmp_path, address):
         read_motion(path)
 
 
+def test_a_text_of_gigabytes_that_lies_nowhere_is_refused_before_room_is_made_for_it(tmp_path):
+    path = tmp_path / "a.h5"
+    write_motion(path, markers())
+    with h5py.File(path) as f:
+        at = f["body/node"].id.get_offset()
+    data = bytearray(path.read_bytes())
+    data[at : at + 12] = (2**32 - 1).to_bytes(12, "little")
+    path.write_bytes(data)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(DataError, match="is damaged"):
+        read_motion(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
+
+
 def test_a_heap_across_two_blocks_is_found_and_the_hash_is_of_all_bytes(tmp_path, monkeypatch):
     import hashlib
 
