@@ -134,7 +134,7 @@ def validate(section: type[S], table: dict[str, Any], where: str) -> S:
         key = ".".join(str(k) for k in first["loc"])
         if first["type"] != "extra_forbidden":
             what = first["msg"].removeprefix("Value error, ")
-            field = section.model_fields.get(str(first["loc"][0]))
+            field = section.model_fields.get(key.split(".")[0])
             if first["type"] == "missing" and field is not None and field.examples:
                 raise ConfigError(f"key '{key}' is missing", where, f"add {field.examples[0]}") from e
             found = "" if first["type"] in ("missing", "value_error") else f", found {first['input']!r}"
