@@ -220,19 +220,21 @@ def large_file(gigabytes: float, folder: Path) -> Found:
             left.unlink(missing_ok=True)
 
 
-def bits(folder: Path) -> dict[str, bytes]:
-    """The numbers of every result of a folder."""
+def numbers(path: Path) -> dict[str, bytes]:
+    """The numbers of a result, bit by bit; OSError where it is torn."""
     found: dict[str, bytes] = {}
-    for path in sorted(folder.glob("*.result.h5")):
-        with h5py.File(path) as f:
-            f.visititems(
-                lambda name, item, key=path.name: (
-                    found.update({f"{key}{name}": item[...].tobytes()})
-                    if getattr(item, "dtype", None) == "f8"
-                    else None
-                )
+    with h5py.File(path) as f:
+        f.visititems(
+            lambda name, item: found.update(
+                {name: item[...].tobytes()} if getattr(item, "dtype", None) == "f8" else {}
             )
+        )
     return found
+
+
+def bits(folder: Path) -> dict[str, dict[str, bytes]]:
+    """The numbers of every result of a folder."""
+    return {path.name: numbers(path) for path in folder.glob("*.result.h5")}
 
 
 def on_cluster(count: int) -> Found:
@@ -252,7 +254,7 @@ def on_cluster(count: int) -> Found:
         made = bits(Path(folder, "here"))
         return {
             "files": count, "here_cpu_s": here[0], "here_wall_s": here[1], "cluster_cpu_s": cpu() - began,
-            "cluster_start_s": started, "cluster_wall_s": batch, "arrays": len(made),
+            "cluster_start_s": started, "cluster_wall_s": batch, "arrays": sum(map(len, made.values())),
             "same_bits": made == bits(Path(folder, "there")),
         }  # fmt: skip
 

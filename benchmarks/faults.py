@@ -24,8 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
-
+from benchmarks.batch import bits, numbers
 from benchmarks.partition import table
 from forceid.cli.app import main as forceid
 
@@ -83,18 +82,6 @@ def workers(process: int) -> list[int]:
     threads = Path(f"/proc/{process}/task").glob("*/children")
     own = [int(k) for thread in threads for k in thread.read_text().split()]
     return [k for k in own if "spawn_main" in Path(f"/proc/{k}/cmdline").read_text()]
-
-
-def numbers(path: Path) -> dict[str, bytes]:
-    """The numbers of a result; OSError where it is torn."""
-    found: dict[str, bytes] = {}
-    with h5py.File(path) as f:
-        f.visititems(
-            lambda name, item: found.update(
-                {name: item[...].tobytes()} if getattr(item, "dtype", None) == "f8" else {}
-            )
-        )
-    return found
 
 
 def kill_batch(run: Run) -> None:
@@ -199,7 +186,7 @@ def study(rounds: int, count: int, seed: int) -> dict[str, Counter[str]]:
         for k, path in enumerate(files):
             forceid(["simulate", str(folder / "toss.toml"), "-o", path, "--seed", str(k)])
         ended(batch(folder, [*files, "-o", str(folder / "whole"), "-j", "1"]), Counter(), "left alone")
-        whole = {path.name: numbers(path) for path in (folder / "whole").glob("*.result.h5")}
+        whole = bits(folder / "whole")
         assert len(whole) == count
         found = {}
         for fault in FAULTS:

@@ -29,7 +29,7 @@ S = TypeVar("S", bound=Section)
 class LoadSetting(Section):
     """One load of f = B p: a unit force along `direction` at `point`, or a unit moment about it.
 
-    `point` is a node name or three coordinates in metres. `axes`: "body" turns direction and point with
+    `point` is a node name or three coordinates in meters. `axes`: "body" turns direction and point with
     the mean rotation, "world" keeps the direction and the point fixed in space.
     """
 

@@ -43,6 +43,19 @@ def shelf(tmp_path_factory):
     return folder
 
 
+def dies_at_a_write(flag, kill):
+    """What kills at the first file that is on its way to the disk, once."""
+    return f"""
+sync = os.fsync
+def die(file):
+    if not os.path.exists({str(flag)!r}):
+        open({str(flag)!r}, "w").close()
+        {kill}
+    sync(file)
+os.fsync = die
+"""
+
+
 def files(shelf):
     return sorted(map(str, shelf.glob("m*.h5")))
 
@@ -121,17 +134,8 @@ def test_killed_in_mid_batch_takes_its_processes_along_and_resumes_where_it_was(
 
 def test_killed_in_mid_write_leaves_nothing_half_written_by_the_name_of_a_result(shelf, tmp_path, capsys):
     flag = tmp_path / "flag"
-    before = f"""
-sync = os.fsync
-def die(file):
-    if not os.path.exists({str(flag)!r}):
-        open({str(flag)!r}, "w").close()
-        os.killpg(0, signal.SIGKILL)
-    sync(file)
-os.fsync = die
-"""
     words, out = [*files(shelf), "-o", str(tmp_path / "out")], tmp_path / "out"
-    run = started(tmp_path, [*words, "-j", "1"], before)
+    run = started(tmp_path, [*words, "-j", "1"], dies_at_a_write(flag, "os.killpg(0, signal.SIGKILL)"))
     run.communicate(timeout=60)
     assert run.returncode == -signal.SIGKILL
     assert results(out) == []
@@ -145,16 +149,8 @@ os.fsync = die
 
 def test_a_process_killed_in_mid_write_costs_no_file(shelf, tmp_path):
     flag = tmp_path / "flag"
-    before = f"""
-sync = os.fsync
-def die(file):
-    if not os.path.exists({str(flag)!r}):
-        open({str(flag)!r}, "w").close()
-        os.kill(os.getpid(), signal.SIGKILL)
-    sync(file)
-os.fsync = die
-"""
-    run = started(tmp_path, [*files(shelf), "-o", str(tmp_path / "out"), "-j", "1", "--json"], before)
+    words = [*files(shelf), "-o", str(tmp_path / "out"), "-j", "1", "--json"]
+    run = started(tmp_path, words, dies_at_a_write(flag, "os.kill(os.getpid(), signal.SIGKILL)"))
     said, err = run.communicate(timeout=60)
     assert run.returncode == 0
     assert "Traceback" not in err

@@ -16,16 +16,17 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.atomic import atomic
+from forceid.files.attributes import attributes, judge_attribute
 from forceid.files.heap import check_heaps, check_references, fingerprint
+from forceid.files.object_header import check_texts
 from forceid.files.parse import Source, parse_recording, text
 from forceid.files.schema import BODY, MOTION, TRUTH, Group, motion_groups
 from forceid.records import Recording
 
 _COMPRESSION_LIMIT = 2000  # deflate reaches 1032
 _CHUNK = 1 << 30  # bytes that reading a single value may unpack
-_NAMES = 1000  # members of a group, and attributes, that are looked at
+_NAMES = 1000  # members of a group that are looked at
 READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")
-_ATTRIBUTE, _TEXTS = 1 << 20, 100  # bytes of an attribute, and texts in one
 DAMAGE = OSError, RuntimeError, KeyError, ValueError  # what h5py raises on damaged metadata
 _TABLES = {"body": BODY, "motion": MOTION, "truth": TRUTH, "estimate": {}}
 
@@ -100,6 +101,7 @@ def open_hdf5(path: str | Path, checked: bool = False) -> Iterator[Any]:
         raise DataError(f"{what}, expected a file by the contract", str(path), next_step) from e
     with file:
         try:
+            check_texts(file["/"], str(path))
             yield file
         except Exception as e:
             if not (isinstance(e, DAMAGE) or raised_by_h5py(e)):
@@ -152,26 +154,6 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Sour
     return Source(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 
 
-def attributes(item: Any, where: str) -> dict[str, Any]:
-    """The attributes of a group, judged by their declaration before they are read."""
-    names = list(islice(item.attrs, _NAMES))
-    for name in names:
-        judge_attribute(item, name, where)
-    return {text(name): item.attrs[name] for name in names}
-
-
-def judge_attribute(item: Any, name: Any, where: str) -> None:
-    """DataError: an attribute that is more than a few numbers or texts."""
-    declared = h5py.h5a.open(item.id, name if isinstance(name, bytes) else name.encode("utf-8"))
-    count, each = math.prod(declared.shape), declared.get_type().get_size()
-    objects = declared.dtype.kind == "O"
-    if count * each > _ATTRIBUTE or (
-        objects and (count > _TEXTS or not h5py.check_string_dtype(declared.dtype))
-    ):
-        what = f"holds {count} values of {declared.dtype}, expected a number or a text"
-        raise DataError(what, f"{where}@{text(name)}", "keep large data in a variable")
-
-
 def guarded(group: Any, name: str, where: str) -> Any:
     """A member of a group, opened, unless it lies in another file or declares more than it stores.
 
@@ -190,6 +172,7 @@ def guarded(group: Any, name: str, where: str) -> Any:
     if item.is_virtual or item.external or h5py.h5f.get_name(item.id) != h5py.h5f.get_name(group.id):
         what = "keeps its values in another file, expected the data itself"
         raise DataError(what, here, "copy the data into the file")
+    check_texts(item, here)
     for attribute in READ:
         if attribute in item.attrs:
             judge_attribute(item, attribute, here)

@@ -201,6 +201,28 @@ def test_a_text_of_gigabytes_that_lies_nowhere_is_refused_before_room_is_made_fo
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
 
 
+@pytest.mark.parametrize("libver", ["earliest", "latest"])
+@pytest.mark.parametrize("where", ["/", "motion", "motion/position"])
+def test_an_attribute_of_gigabytes_that_lies_nowhere_is_refused_before_room_is_made(tmp_path, libver, where):
+    path, whole, mark = tmp_path / "a.h5", tmp_path / "b.h5", "a text that is easily found"
+    write_motion(whole, markers())
+    with h5py.File(whole) as old, h5py.File(path, "w", libver=libver) as new:
+        for name in ("body", "motion"):
+            old.copy(name, new, without_attrs=True)
+        new["motion"].attrs["gravity"] = [0.0, 0.0, -9.81]
+        new[where].attrs["units"] = mark
+        header = h5py.h5o.get_info(new[where].id).addr
+    assert mark.encode() in path.read_bytes()
+    data = bytearray(path.read_bytes())
+    at = data.index(len(mark).to_bytes(4, "little"), data.index(b"units\0", header))
+    data[at : at + 12] = (2**32 - 1).to_bytes(12, "little")
+    path.write_bytes(data)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(DataError, match="is damaged"):
+        read_motion(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
+
+
 def test_a_heap_across_two_blocks_is_found_and_the_hash_is_of_all_bytes(tmp_path, monkeypatch):
     import hashlib
 

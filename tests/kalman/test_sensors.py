@@ -178,7 +178,7 @@ def test_loads_as_unknown_inputs_go_through_the_feedthrough_instead():
 
 
 def signal_and_noise(rng):
-    """Matern 3/2 signal on an uneven clock, seen with its rate; coloured noise on the first channel."""
+    """Matern 3/2 signal on an uneven clock, seen with its rate; colored noise on the first channel."""
     step = rng.choice([0.01, 0.02, 0.037], 79)
     signal, noise = matern(2, 1.3, 8.0), matern(1, 0.4, 15.0)
     R = np.diag([0.02, 3.0]) ** 2
@@ -192,7 +192,7 @@ def dense_noise(time, noise, R):
     return N + np.kron(np.eye(len(time)), R)
 
 
-def test_the_smoother_under_coloured_noise_is_dense_least_squares():
+def test_the_smoother_under_colored_noise_is_dense_least_squares():
     rng = np.random.default_rng(8)
     time, step, signal, noise, R = signal_and_noise(rng)
     T = len(time)
@@ -219,7 +219,7 @@ def test_the_smoother_under_coloured_noise_is_dense_least_squares():
         assert np.abs((P_all[i, :2, :2] - cov[at, at]) / np.outer(scale[:2], scale[:2])).max() < 1e-8
 
 
-def test_the_likelihood_under_coloured_noise_is_the_dense_one_for_every_kind_of_model():
+def test_the_likelihood_under_colored_noise_is_the_dense_one_for_every_kind_of_model():
     """Every matrix changing with time, with a known input and gaps; a different memory on each channel."""
     model, z = hard_case()
     T, step = len(z), np.random.default_rng(2).uniform(0.05, 0.4, len(z) - 1)
@@ -327,7 +327,7 @@ def test_two_masses_as_modes_tell_their_force_as_well_as_printed(frequency, both
         assert float(f"{np.sqrt(system.loads[0] @ P @ system.loads[0]):.4g}") == printed
 
 
-def test_many_models_with_coloured_noise_and_biases_are_each_by_itself():
+def test_many_models_with_colored_noise_and_biases_are_each_by_itself():
     rng, rate = np.random.default_rng(4), np.array([5.0, 20.0, 60.0])
     step = rng.uniform(0.01, 0.05, 19)
     z = rng.standard_normal(20)
