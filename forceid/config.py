@@ -139,19 +139,46 @@ def validate(section: type[S], table: dict[str, Any], where: str) -> S:
                 raise ConfigError(f"key '{key}' is missing", where, f"add {field.examples[0]}") from e
             found = "" if first["type"] in ("missing", "value_error") else f", found {first['input']!r}"
             raise ConfigError(f"key '{key}': {what}{found}", where) from e
-        near = difflib.get_close_matches(str(first["loc"][-1]), known_keys(section), n=1, cutoff=0.0)
-        raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near[0]}'?") from e
+        near = nearest_key(section, first["loc"])
+        raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near}'?") from e
 
 
-def known_keys(section: type[Section]) -> list[str]:
-    """Every key of a section and of the sections below it."""
-    keys: list[str] = []
-    for name, field in section.model_fields.items():
-        keys.append(field.alias or name)
-        for kind in (field.annotation, *get_args(field.annotation)):
-            if isinstance(kind, type) and issubclass(kind, Section):
-                keys += known_keys(kind)
-    return keys
+def nearest_key(section: type[Section], loc: tuple[int | str, ...]) -> str:
+    """The known key that an unknown one at `loc` is likeliest to mean: of its own table, else with its table.
+
+    >>> nearest_key(Settings, ("metod",)), nearest_key(Settings, ("direction",))
+    ('method', 'load.direction')
+    """
+    own = section
+    for step in loc[:-1]:
+        own = own if isinstance(step, int) else known_keys(own)[step] or own
+    written = str(loc[-1])
+    if near := difflib.get_close_matches(written, known_keys(own), n=1):
+        return near[0]
+    named = {path.rpartition(".")[2]: path for path in reversed(key_paths(section))}
+    return named[difflib.get_close_matches(written, named, n=1, cutoff=0.0)[0]]
+
+
+def key_paths(section: type[Section]) -> list[str]:
+    """Every key of a section, then those of the sections below it as `section.key`."""
+    known = known_keys(section)
+    below = [f"{name}.{path}" for name, kind in known.items() if kind for path in key_paths(kind)]
+    return [*known, *below]
+
+
+def known_keys(section: type[Section]) -> dict[str, type[Section] | None]:
+    """The keys of a section, each with the section that it holds, if it does."""
+    return {
+        field.alias or name: next(
+            (
+                kind
+                for kind in (field.annotation, *get_args(field.annotation))
+                if isinstance(kind, type) and issubclass(kind, Section)
+            ),
+            None,
+        )
+        for name, field in section.model_fields.items()
+    }
 
 
 def to_toml(settings: Section) -> str:

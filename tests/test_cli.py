@@ -291,6 +291,27 @@ def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, 
     assert (tmp_path / "one.result.h5").stat().st_mtime_ns == written
 
 
+def test_results_among_the_inputs_of_a_batch_are_left_out_by_what_they_hold(shelf, tmp_path, capsys):
+    shutil.copy(shelf / "one.h5", tmp_path / "one.h5")
+    quick = ["--method", "difference", "--model", "rigid"]
+    assert main(["estimate", str(tmp_path / "one.h5"), *quick]) == 0
+    shutil.copy(tmp_path / "one.result.h5", tmp_path / "kept.h5")
+    capsys.readouterr()
+    inputs = [str(path) for path in sorted(tmp_path.glob("*.h5"))]
+    code = main(["batch", *inputs, "-o", str(tmp_path / "out"), "-j", "1", "--json", *quick])
+    shown = capsys.readouterr()
+    assert code == 0
+    assert [Path(json.loads(line)["file"]).name for line in shown.out.splitlines()] == ["one.h5"]
+    assert f"left out {tmp_path / 'kept.h5'} and 1 more: results of forceid" in shown.err
+    assert [path.name for path in (tmp_path / "out").glob("*.h5")] == ["one.result.h5"]
+    assert main(["batch", *inputs, "-o", str(tmp_path / "dry"), "--dry-run"]) == 0
+    assert "left out" in capsys.readouterr().out
+    assert main(["batch", str(tmp_path / "kept.h5"), "-o", str(tmp_path / "none"), "-j", "1"]) == 3
+    assert "(1 of 1 inputs are), expected motion files" in one_error_line(capsys)
+    assert main(["estimate", str(tmp_path / "kept.h5")]) == 3
+    assert "kept.h5 is a result of forceid, expected a motion file" in one_error_line(capsys)
+
+
 def die_on_bad(source: Path, output: Path, _settings: object) -> dict[str, object]:
     if source.stem == "bad":
         os._exit(9)

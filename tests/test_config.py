@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forceid.config import LoadSetting, Settings, known_keys, load_settings, to_toml, validate
+from forceid.config import LoadSetting, Settings, key_paths, load_settings, to_toml, validate
 from forceid.errors import ConfigError
-from forceid.import_settings import load_import_settings
+from forceid.import_settings import ImportSettings, load_import_settings
 
 CONFIG = Path(__file__).parents[1] / "config"
 
@@ -14,7 +14,7 @@ CONFIG = Path(__file__).parents[1] / "config"
 def test_the_default_configuration_holds_every_key_at_its_default():
     assert load_settings(CONFIG / "default.toml") == Settings()
     text = (CONFIG / "default.toml").read_text()
-    for key in known_keys(Settings):
+    for key in (path.rpartition(".")[2] for path in key_paths(Settings)):
         assert any(line.lstrip("# ").startswith((f"{key} =", f"[{key}]")) for line in text.splitlines()), key
 
 
@@ -84,6 +84,22 @@ def test_a_wrong_configuration_is_one_line_that_names_file_and_key(tmp_path, tex
 def test_a_misspelled_required_key_is_named_before_the_one_it_hides():
     with pytest.raises(ConfigError, match="unknown key 'nam'; did you mean 'name'"):
         validate(LoadSetting, {"nam": "a", "direction": (1, 0, 0)}, "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "meant"),
+    [
+        ({"plate": {"plate": ["1"]}}, "plate", "plates"),
+        ({"plates": {"plates": ["1"]}}, "plates.plates", "plate"),
+        ({"inertia": [1, 2, 3]}, "inertia", "body.inertia"),
+        ({"body": {"total_mas": 1.0}}, "body.total_mas", "total_mass"),
+        ({"segment": [{"clearance": 1.0}]}, "segment.0.clearance", "until.clearance"),
+    ],
+)
+def test_the_key_that_is_meant_is_one_that_may_stand_there_or_comes_with_its_table(table, key, meant):
+    with pytest.raises(ConfigError) as error:
+        validate(ImportSettings, {"gravity": (0, 0, -9.81), **table}, "a.toml: [import]")
+    assert str(error.value) == f"a.toml: [import] unknown key '{key}'; did you mean '{meant}'?"
 
 
 def test_a_configuration_that_is_not_there_is_refused(tmp_path):

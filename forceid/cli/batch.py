@@ -13,7 +13,7 @@ import typer
 
 from forceid.cli.estimate import Config, Engine, Json, Method, Model
 from forceid.cli.output import to_json, worst, wrap
-from forceid.errors import ConfigError, ForceIdError
+from forceid.errors import ConfigError, DataError, ForceIdError
 
 if TYPE_CHECKING:
     from forceid.cli.pool import Crew, Job, Record, Work
@@ -48,8 +48,8 @@ def run(
 ) -> None:
     """Estimate every one of FILES into DIR/NAME.result.h5, and sum them up in DIR/index.html.
 
-    Exit code 1 when any estimate failed or was refused, forces between parts too; the others are finished all
-    the same. What was interrupted or killed goes on with --resume.
+    Results among FILES are left out. Exit code 1 when any estimate failed or was refused, forces between
+    parts too; the others are finished all the same. What was interrupted or killed goes on with --resume.
 
     Example: forceid batch trials/*.h5 -o results -j 4 --resume
     """
@@ -63,17 +63,24 @@ def run(
     plan = plan_jobs(files, output)
     keep = resume and not force
     if dry_run:
-        show([foretold(job, settings, keep, force) for job in plan], json)
+        foreseen, left = parted([foretold(job, settings, keep, force) for job in plan])
+        show(foreseen, json)
+        say_left_out(left, json)
         refuse_existing(plan, resume or force)
         return
     from forceid.cli.claim import claimed
 
     with claimed(output), crew_of(jobs, scheduler, len(plan)) as crew:
         refuse_existing(plan, resume or force)
-        records, stopped = work_through(plan, settings, crew, keep, scheduler is not None, json)
+        done, stopped = work_through(plan, settings, crew, keep, scheduler is not None, json)
+        records, left = parted(done)
+        if left and not records and not stopped:
+            what = f"is a result of forceid ({len(left)} of {len(left)} inputs are), expected motion files"
+            raise DataError(what, left[0]["file"], "give the files that they were made from")
         said = sys.stderr if json else sys.stdout
         print(table(records), file=said)
-        print(f"summary  {write_page(records, output, len(plan) - len(records))}", file=said)
+        say_left_out(left, json)
+        print(f"summary  {write_page(records, output, len(plan) - len(done))}", file=said)
     if stopped:
         raise KeyboardInterrupt
     if any(record["status"] == "failed" or worst(record) == "refused" for record in records):
@@ -114,16 +121,18 @@ def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractCont
 
 
 def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
-    """What would become of a file: skipped, planned, exists (so that the batch is refused) or failed."""
-    from forceid.cli.pool import failure
+    """What would become of a file: skipped, planned, left out, failed, or exists, which ends the batch."""
+    from forceid.cli.pool import LEFT_OUT, failure
     from forceid.cli.resume import current
-    from forceid.errors import DataError
     from forceid.files.hdf5 import stamp
+    from forceid.files.result import is_result
 
     try:
         stamp(job[0])
     except DataError as e:
         return failure(*job, str(e))
+    if is_result(job[0]):
+        return {"status": LEFT_OUT, "file": str(job[0])}
     known = current(*job, settings) if keep else None
     status = "exists" if job[1].exists() and not (keep or force) else "planned"
     return known or {"status": status, "file": str(job[0]), "output": str(job[1])}
@@ -133,7 +142,7 @@ def work_through(
     plan: Sequence[Job], settings: Settings, crew: Crew, keep: bool, remote: bool, json: bool
 ) -> tuple[list[Record], bool]:
     """The record of every file that was done, and whether an interrupt left others undone."""
-    from forceid.cli.pool import run_job, run_jobs
+    from forceid.cli.pool import LEFT_OUT, run_job, run_jobs
     from forceid.cli.progress import progress
     from forceid.cli.resume import resume_job
     from forceid.files.atomic import sweep
@@ -149,17 +158,33 @@ def work_through(
     with progress(len(plan)) as advance:
         try:
             for done in run_jobs(plan, settings, crew, work):
-                judged = done["status"] in ("failed", "skipped")
+                judged = done["status"] in ("failed", "skipped", LEFT_OUT)
                 record = done if judged else {**done, "status": worst(done)}
                 records.append(record)
                 advance()
-                if json:
+                if json and record["status"] != LEFT_OUT:
                     print(to_json(record), flush=True)
         except KeyboardInterrupt:
             return records, True
         finally:
             sweep(folder, names)
     return records, False
+
+
+def parted(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+    """The records of motion files, and those of results among the inputs, which `*.h5` picks up."""
+    from forceid.cli.pool import LEFT_OUT
+
+    left = [record for record in records if record["status"] == LEFT_OUT]
+    return [record for record in records if record["status"] != LEFT_OUT], left
+
+
+def say_left_out(left: Sequence[Record], json: bool) -> None:
+    """One line on the results among the inputs, where there are any."""
+    if left:
+        first, more = left[0]["file"], f" and {len(left) - 1} more" if len(left) > 1 else ""
+        said = sys.stderr if json else sys.stdout
+        print(f"left out {first}{more}: results of forceid, no motion files", file=said)
 
 
 def write_page(records: Sequence[Record], folder: Path, undone: int) -> str:

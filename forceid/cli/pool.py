@@ -27,6 +27,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 KEPT = ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_")  # glibc: below that, freed memory stays at hand
 QUIET = "PYTHONWARNINGS", "ignore:resource_tracker"  # what an end at once leaves, the system clears away
 ENVIRONMENT = dict.fromkeys(THREADS, "1") | dict.fromkeys(KEPT, str(1 << 28))
+LEFT_OUT = "left out"  # the status of an input that is a result
 LOOK = 2.0  # s between looks at whether the crew is still there
 STILL = 8  # looks in a row at a crew that does nothing, until what it says it does is lost
 
@@ -140,15 +141,17 @@ def left(waiting: deque[Job]) -> Iterator[Record]:
 
 
 def run_job(source: Path, output: Path, settings: Settings) -> Record:
-    """Estimate one file; every failure becomes a record that says why."""
+    """Estimate one file; every failure becomes a record that says why, a result that is given says so."""
     from forceid.files.hdf5 import stamp
+    from forceid.files.result import is_result
 
     try:
         stamp(source)
         record = estimate_file(source, output, settings)
         return {"status": record["verdict"], **record, "nis_mean": nis_mean(output)}
     except ForceIdError as error:
-        return failure(source, output, str(error))
+        failed = failure(source, output, str(error))
+        return failed | {"status": LEFT_OUT} if is_result(source) else failed
     except MemoryError:
         return failure(source, output, "not enough memory; give fewer processes, -j, or split the recording")
     except Exception as error:

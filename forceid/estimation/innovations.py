@@ -75,9 +75,11 @@ def colored(innovation: Array) -> tuple[float, str]:
     worst, where = 0.0, ""
     for j, v in enumerate(innovation.T):
         pair = np.isfinite(v[1:]) & np.isfinite(v[:-1])
-        if pair.sum() < 20:
+        size = np.abs(np.nan_to_num(v)).max(initial=0.0)
+        if pair.sum() < 20 or size == 0:  # a channel that is met exactly has no color
             continue
-        r = float(np.mean(v[1:][pair] * v[:-1][pair]) / np.mean(v[np.isfinite(v)] ** 2))
+        w = v / size
+        r = float(np.mean(w[1:][pair] * w[:-1][pair]) / np.mean(w[np.isfinite(w)] ** 2))
         if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
             worst, where = r, CHANNELS[j]
     return worst, where
@@ -89,10 +91,10 @@ def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float,
     frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
     for j, v in enumerate(np.nan_to_num(innovation).T):
         power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
-        if len(power) < 8:
+        if len(power) < 8 or power.max() <= LINE * max(power.mean(), 1e-300):
             continue
         k = int(power.argmax())
         hidden = 2 * np.sqrt(power[k]) / len(v) * (2 * np.pi * frequency[k]) ** 2 * reach[j]
-        if power[k] > LINE * max(power.mean(), 1e-300) and hidden > most:
+        if hidden > most:
             most, at, where = hidden, float(frequency[k]), CHANNELS[j]
     return at, where

@@ -46,8 +46,11 @@ def parse_recording(
         raise DataError(f"has forceid_schema {schema!r}, expected {SCHEMA!r}", where, "update forceid")
     for name in ("body", "motion"):
         if name not in groups:
-            hint = "give the motion file, not the result" if "estimate" in groups else "see `forceid import`"
-            raise DataError(f"is missing, found {', '.join(groups) or 'no group'}", f"{where}:/{name}", hint)
+            if "estimate" in groups:
+                what = "is a result of forceid, expected a motion file"
+                raise DataError(what, where, "give the file that it was made from")
+            found = ", ".join(groups) or "no group"
+            raise DataError(f"is missing, found {found}", f"{where}:/{name}", "see `forceid import`")
     sizes = {"axis": 3, "quaternion": 4}
     body, _ = read_variables(groups["body"], BODY, sizes, f"{where}:/body")
     motion, noise = read_variables(groups["motion"], MOTION, sizes, f"{where}:/motion")

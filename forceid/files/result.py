@@ -80,6 +80,15 @@ def read_result(path: str | Path) -> Estimate:
         )
 
 
+def is_result(path: str | Path) -> bool:
+    """Whether a file is a result and no motion file, by what it holds; what cannot be read is none."""
+    try:
+        with open_hdf5(path) as f:
+            return "estimate" in f and "motion" not in f
+    except DataError:
+        return False
+
+
 def read_truth(path: str | Path) -> dict[str, Array]:
     """The truth that a motion or result file carries, on its own time; empty when it has none."""
     with open_hdf5(path) as f:

@@ -17,7 +17,6 @@ from forceid.records import Array
 
 Spec = str | tuple[str, ...]
 _UNITS = {name: variable.units for name, variable in MOTION.items()} | {"displacement": "m"}
-_STANDARD_GRAVITY = ("g", "G", "gn")  # as instruments write it: no specific force is measured in grams
 _CLOCK = 1e-3  # of a sampling interval, by which clocks may differ: UFF keeps six digits of a time
 
 
@@ -161,8 +160,6 @@ def si(channels: Channels, setting: ChannelSetting, variable: str, name: str) ->
     next_step = f'say which: {channels.table}.units.{variable} = "{wanted}"'
     if not stated and wanted not in ("1", "s"):
         raise DataError(f"states no unit, expected one that converts to {wanted!r}", where, next_step)
-    if variable == "specific_force" and stated in _STANDARD_GRAVITY:
-        stated = "g0"
     try:
         return np.asarray(si_factor(stated or wanted, wanted, where) * values)
     except DataError as e:

@@ -46,19 +46,19 @@ def si_factor(found: str, expected: str, where: str = "") -> float:
 
     Powers are `m2`, `m^2` or `m**2`; factors are separated by a space, `*` or `/` (which divides by the next
     factor only). An angle is a dimension of its own, so that rad/s, deg/s, rpm and Hz convert into each
-    other. `g` is the gram; standard gravity is `g0`. DataError: not convertible.
+    other. `g` is the gram, of an acceleration standard gravity: none is measured in grams. DataError: not
+    convertible.
 
     >>> si_factor("mm", "m"), si_factor("g mm^2", "kg m2"), si_factor("N/mm", "N m-1")
     (0.001, 1e-09, 1000.0)
-    >>> si_factor("g", "m s-2", "a.h5:/motion/specific_force")
-    Traceback (most recent call last):
-    forceid.errors.DataError: a.h5:/motion/specific_force has units 'g', expected 'm s-2'; 'g' is the gram: \
-for standard gravity write 'g0' (9.80665 m s-2)
+    >>> si_factor("g", "kg"), si_factor("g", "m s-2")
+    (0.001, 9.80665)
     """
     if found.strip() == expected:
         return 1.0
     try:
-        (a, dimension), (b, wanted) = parse(found), parse(expected)
+        b, wanted = parse(expected)
+        a, dimension = parse("g0" if wanted == _OTHER["g0"][1] and found.strip() in ("g", "G") else found)
     except KeyError as e:
         raise DataError(
             f"has units {found!r}, expected {expected!r}",
@@ -68,8 +68,6 @@ for standard gravity write 'g0' (9.80665 m s-2)
     if dimension == wanted:
         return float(f"{a / b:.15g}")  # 1e-3 / 1e3 is 1e-6, not 1.0000000000000002e-6
     hint = f"convert it to {expected!r} or correct the attribute 'units'"
-    if found.strip() == "g" and wanted == _OTHER["g0"][1]:
-        hint = "'g' is the gram: for standard gravity write 'g0' (9.80665 m s-2)"
     raise DataError(f"has units {found!r}, expected {expected!r}", where, hint)
 
 

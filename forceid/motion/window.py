@@ -102,7 +102,7 @@ def noise_growth(time: Array, z: Array) -> float:
     """Factor by which the noise that `noise_variance` shows grows from every sample to every second one.
 
     z (time, channel). One for white noise that the record resolves; more where motion, or errors smoothed
-    at the source, pass for it. NaN where the record is too short to tell.
+    at the source, pass for it. NaN where the record is too short to tell, or stands still without any.
 
     >>> z = np.random.default_rng(0).standard_normal((4000, 3))
     >>> round(noise_growth(np.arange(4000.0), z), 1)
@@ -110,7 +110,8 @@ def noise_growth(time: Array, z: Array) -> float:
     """
     if np.isfinite(z).all(1).sum() < 5 * ORDER:
         return float("nan")
-    return float(np.sqrt(noise_variance(time[::2], z[::2]) / noise_variance(time, z)))
+    every, second = noise_variance(time, z), noise_variance(time[::2], z[::2])
+    return float(np.sqrt(second / every)) if every else float("nan")
 
 
 def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tuple[Array, Array]]) -> Choice:
@@ -138,7 +139,7 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
         v = at(i)[1].sum(1)
         return float(np.median(v[np.isfinite(v)])) if np.isfinite(v).any() else np.inf
 
-    order = max(w.order for w in candidates)
+    order = max((w.order for w in candidates), default=0)
     pilots = [i for i, w in enumerate(candidates) if w.order == order]
     first = next((i for i in pilots if noise(i) < np.inf), None)
     if first is None:

@@ -57,6 +57,14 @@ def test_accelerometer_channels_become_a_sensor_and_g_is_standard_gravity(tmp_pa
     assert np.allclose(motion.specific_force[:, 0], 9.80665 * SPECIFIC_FORCE, rtol=1e-14)
 
 
+def test_settings_state_g_of_an_accelerometer_as_the_file_does(tmp_path):
+    bare = {f"a{d}": (SPECIFIC_FORCE[:, d], {"wf_increment": 1 / RATE}) for d in range(3)}
+    path = write_tdms(tmp_path / "a.tdms", bare, "daq")
+    table = {"specific_force": {"imu": [f"daq/a{d}" for d in range(3)]}, "units": {"specific_force": "g"}}
+    motion = brought(path, table, body=WHOLE).motion
+    assert np.allclose(motion.specific_force[:, 0], 9.80665 * SPECIFIC_FORCE, rtol=1e-14)
+
+
 def test_scaled_integers_and_time_stamps_are_read_as_what_they_mean(tmp_path):
     scale = {
         "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 0.01,

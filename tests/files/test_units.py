@@ -43,9 +43,12 @@ def test_other_units_are_refused_by_name(found, expected):
         si_factor(found, expected, "a.h5:/motion/x")
 
 
-def test_gram_as_acceleration_asks_for_standard_gravity():
-    with pytest.raises(DataError, match="'g' is the gram: for standard gravity write 'g0'"):
-        si_factor("g", "m s-2")
+@pytest.mark.parametrize("unit", ["g", "G", "g0", "gn"])
+def test_g_is_standard_gravity_of_an_acceleration_and_the_gram_of_a_mass(unit):
+    assert si_factor(unit, "m s-2") == 9.80665
+    assert si_factor("g", "kg") == 1e-3
+    with pytest.raises(DataError, match="has units 'g', expected 'm'"):
+        si_factor("g", "m")
 
 
 @settings(deadline=None, derandomize=True)
