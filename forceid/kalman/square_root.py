@@ -1,13 +1,15 @@
 """Filter and smoother covariances as factors, led through orthogonal steps: the array form.
 
-A factor C of P = C C^T has the square root of its condition, and an orthogonal triangularization loses none
-of it. One step serves all: to eliminate from errors what a sample, a step or all later samples explain.
+A factor C of P = C C^T has the square root of its condition, and a triangularization that keeps the digits of
+each column loses none of it. One step serves all: to eliminate from errors what a sample, a step or all later
+samples explain.
 Arguments and runs as in `passes`.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import lu
 
 from forceid.kalman import passes
 from forceid.kalman.covariance import positive, square_root
@@ -20,11 +22,12 @@ Runs = tuple[Indices, Array, Array, Array, Array, int]  # as passes.covariance_p
 def triangle(W: Array) -> Array:
     """Triangular L (..., row, row or fewer) with L L^T = W W^T: covariances add as factors side by side.
 
-    Large columns first: then a small one beside them keeps its own digits (Cox and Higham 1998).
+    Elimination with row exchange first, then reflections of its well-conditioned part (Peters and Wilkinson
+    1970): a row that is eliminated goes by the column that carries most of it, so small columns keep their
+    digits beside columns as large as unknown, which reflections alone mix into them.
     """
-    order = np.argsort(-np.abs(W).max(-2, initial=0.0), axis=-1)
-    rows = np.take_along_axis(W, order[..., None, :], -1).swapaxes(-1, -2)
-    return np.asarray(np.linalg.qr(rows, mode="r"), float).swapaxes(-1, -2)
+    part, upper = lu(W.swapaxes(-1, -2), permute_l=True, check_finite=False)
+    return np.asarray(np.linalg.qr(part, mode="r") @ upper, float).swapaxes(-1, -2)
 
 
 def eliminate(A: Array, B: Array, noise: Array) -> tuple[Array, Array, Array]:

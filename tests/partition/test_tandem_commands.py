@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.linalg import eigh, expm
+from scipy.linalg import eigh, expm, null_space
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition.commands import mass_gauge, mean_control, solve_commands
@@ -27,8 +27,9 @@ def plate(columns=6, rows=2):
     one = box_element(np.array([0.2, 0.1]), 1000.0, 0.3, 2.0, 0.1)
     K, M = (assemble(quads, m, 2, len(x)) for m in one)
     R = summation_operator(x, x.mean(axis=0))
-    value, mode = eigh(K.toarray(), M.toarray())
-    return x, K, M, R, mode[:, 3:], np.sqrt(value[3:])
+    still = null_space(R.T @ M)  # without mean motion, of which a solver leaves rounding in soft modes
+    value, mode = eigh(still.T @ K @ still, still.T @ M @ still)
+    return x, K, M, R, still @ mode, np.sqrt(value)
 
 
 def moved(K, M, force, duration):
