@@ -166,6 +166,20 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class HiddenLoad:
+    """What an estimate leaves out.
+
+    band (wrench,) Hz: up to which each load was followed, 0 where none was found; amplitude (frequency,
+    wrench) N, N m: of an oscillating load at `frequency` (frequency,) Hz that would have gone unseen with
+    probability one half, along each world axis. NaN where nothing is known.
+    """
+
+    frequency: Array
+    amplitude: Array
+    band: Array
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
@@ -179,7 +193,8 @@ class Estimate:
     N m, f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force,
     column: of its arm; first_moment_cov (time, 9, 9) row by row. What cannot be identified is NaN.
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
-    names. settings: the merged configuration as TOML text.
+    names. hidden: what the estimate leaves out, None where the method does not tell. settings: the merged
+    configuration as TOML text.
     """
 
     time: Array
@@ -218,6 +233,7 @@ class Estimate:
     sensitivity: dict[str, float] = field(default_factory=dict)
     model_choice: str = ""
     ladder: dict[str, float] = field(default_factory=dict)
+    hidden: HiddenLoad | None = None
 
     @property
     def force_std(self) -> Array:

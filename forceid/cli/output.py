@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate, Interface
+    from forceid.records import Array, Estimate, HiddenLoad, Interface
 
 UNITS = {"force": "N", "moment": "N m"}
 
@@ -63,8 +63,26 @@ def describe(
         "input_sha256": estimate.input_sha256,
         "forceid_version": __version__,
         **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
+        **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
         **summarize(estimate, truth).as_dict(),
     }
+
+
+def hidden_of(hidden: HiddenLoad) -> dict[str, Any]:
+    """What an estimate leaves out, by the names of the result file."""
+    return {"band": hidden.band, "frequency": hidden.frequency, "hidden_load": hidden.amplitude}
+
+
+def band_line(band: Array) -> str:
+    """Up to which frequency force and moment were followed, each along the axis with the widest band."""
+    import numpy as np
+
+    texts = []
+    for name, own in zip(UNITS, (band[:3], band[3:]), strict=True):
+        if np.isfinite(own).any():
+            widest = float(np.nanmax(own))
+            texts.append(f"{name} followed up to {widest:.2g} Hz" if widest > 0 else f"{name} as a constant")
+    return f"band     {', '.join(texts)}; hidden_load says what may act beyond"
 
 
 def worst(record: Mapping[str, Any]) -> str:
@@ -134,6 +152,8 @@ def summary(record: Mapping[str, Any]) -> str:
         lines.append(wrap(line))
     if errors := [known_error(record, name) for name in UNITS if np.isfinite(record[f"{name}_error"]).any()]:
         lines.append(wrap(f"error    {'; '.join(errors)}"))
+    if "band" in record and np.isfinite(record["band"]).any():
+        lines.append(wrap(band_line(np.array(record["band"]))))
     if "interface" in record:
         lines += joint_lines(record["interface"])
     lines.append(f"result   {record['output']}, {record['runtime_s']:.2g} s")

@@ -10,6 +10,7 @@ from forceid.config import Settings
 from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
+from forceid.estimation.hidden_load import hidden_load, lines_at_spin
 from forceid.estimation.kinematics import Kinematics, kinematics, scaled
 from forceid.estimation.likely_orders import allow_for_orders
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
@@ -17,10 +18,8 @@ from forceid.estimation.load_lines import (
     MOST_LINES,
     NO_LINES,
     Lines,
-    hidden_lines,
     mass_hidden,
     more_lines,
-    unshown_lines,
 )
 from forceid.estimation.outliers import cleaned, wild_frames, wildest, without_frames
 from forceid.estimation.ringing import allow_for_ringing
@@ -40,7 +39,7 @@ from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, HiddenLoad, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
@@ -63,7 +62,8 @@ class Solution:
     """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
-    less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench.
+    less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench;
+    hidden: what that leaves out.
     """
 
     kinematics: Kinematics
@@ -74,6 +74,7 @@ class Solution:
     noise_at_limit: dict[str, bool]
     reasons: tuple[str, ...] = ()
     smoothing: Smoothing | None = None
+    hidden: HiddenLoad | None = None
 
 
 def estimate_flight(
@@ -170,15 +171,16 @@ def estimate_flight(
         plain = state.wrench_cov
         tuned = named(kin, priors) | named_sensors(flight, state) | gained
     elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
-        spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
-        for name, channel in told_by.items():
-            tuned |= unshown_lines(name, channel, priors[name], spin)
-        reasons = (*reasons, *hidden_lines(tuned, state, kin.inertia.mass, gravity))
+        reasons = (*reasons, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
     smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     if kin.attitude and settings.load_axes != "body":
         state = allow_for_orders(state, told_by, priors, engine)
     deformation = as_smoothed(kin, deformation, state)
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing)
+    hides = None
+    if flight.sensors is None and not causal:  # these would show what poses do not
+        seen = np.isfinite(kin.pose.rotation).all((1, 2))
+        hides = hidden_load(told_by, priors, state.rotation[seen])
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing, hides)
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:

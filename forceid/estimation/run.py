@@ -189,7 +189,7 @@ def assemble(
         first_moment=affine.first_moment if affine else None,
         first_moment_cov=affine.first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
-        sensitivity=costs.numbers(),
+        sensitivity=costs.numbers(), hidden=solution.hidden,
     )  # fmt: skip
 
 

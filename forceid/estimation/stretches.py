@@ -23,7 +23,7 @@ from forceid.errors import DataError
 from forceid.estimation.innovations import BY_CHANCE, chance_limit, wildest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, read_version, write_result
-from forceid.records import Estimate, Loads, Recording, Verdict
+from forceid.records import Estimate, HiddenLoad, Loads, Recording, Verdict
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
@@ -106,8 +106,20 @@ def joined(pieces: Sequence[Estimate]) -> Estimate:
         log_likelihood=float(sum(p.log_likelihood for p in pieces)),
         runtime_s=sum(p.runtime_s for p in pieces),
         verdict=worst_of(pieces),
+        hidden=widest([p.hidden for p in pieces]),
         **numbers,
     )
+
+
+def widest(hidden: Sequence[HiddenLoad | None]) -> HiddenLoad | None:
+    """What may hide in any of several stretches: the narrowest band, the largest load."""
+    known = [h for h in hidden if h is not None]
+    if not known:
+        return None
+    at = known[0].frequency
+    most = [[np.interp(at, h.frequency, a) for a in h.amplitude.T] for h in known]
+    band = np.stack([h.band for h in known])
+    return HiddenLoad(at, np.fmax.reduce(np.array(most)).T, np.fmin.reduce(band))
 
 
 def is_wild(whole: Estimate) -> bool:

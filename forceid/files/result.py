@@ -13,13 +13,14 @@ from forceid.files.parse import Source, read_gravity, read_variables, real_attr,
 from forceid.files.schema import (
     ESTIMATE,
     ESTIMATE_ATTRS,
+    HIDDEN,
     INTERFACE,
     LOAD,
     NUMBERS,
     TRUTH,
     estimate_groups,
 )
-from forceid.records import Array, Estimate, Interface, Loads, Recording, Verdict
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict
 
 _DERIVED = ("force_std", "moment_std")
 _AFFINE = ("stretch", "first_moment", "first_moment_cov")
@@ -42,8 +43,9 @@ def read_result(path: str | Path) -> Estimate:
     with open_hdf5(path) as f:
         if "estimate" not in f:
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
-        group = source_group(f, "estimate", ESTIMATE, f"{path}:")
+        group = source_group(f, "estimate", ESTIMATE | HIDDEN, f"{path}:")
         values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
+        hidden, _ = read_variables(group, HIDDEN, dict(_SIZES), where)
         for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
@@ -74,6 +76,9 @@ def read_result(path: str | Path) -> Estimate:
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
             interface=read_interface(f, n, path) if "interface" in f else None,
             model_choice=text(group.attrs.get("model_choice", "")),
+            hidden=HiddenLoad(hidden["frequency"], hidden["hidden_load"], hidden["band"])
+            if len(hidden) == len(HIDDEN)
+            else None,
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
             **numbers,

@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import Array, Estimate, Interface, Loads, Recording
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording
 
 SCHEMA = "1"
 CONVENTIONS = "CF-1.11"
@@ -97,6 +97,15 @@ ESTIMATE = {
     "mean_shape": Variable(("node", "axis"), "m", "mean shape, body axes, about the mass center"),
     "nis": Variable(("time",), "1", "normalized innovation squared per degree of freedom"),
     "innovation": Variable(("time", "channel"), "1", "whitened innovation"),
+}
+HIDDEN = {
+    "band": Variable(("wrench",), "Hz", "frequency up to which a load was followed, 0 where none was found"),
+    "frequency": Variable(("frequency",), "Hz", "frequency of an oscillating load"),
+    "hidden_load": Variable(
+        ("frequency", "wrench"),
+        "N",
+        "amplitude of an oscillating load that half of all records would not show (N, moments N m)",
+    ),
 }
 # A netCDF variable may not share its name with one of its own two dimensions: the loads run along load_name.
 LOAD = {
@@ -227,7 +236,11 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     groups = {
         "/": Group({}, root),
         "estimate": Group(
-            fields(ESTIMATE, {name: getattr(estimate, name) for name in ESTIMATE}, node),
+            fields(
+                ESTIMATE | HIDDEN,
+                {name: getattr(estimate, name) for name in ESTIMATE} | hidden_values(estimate.hidden),
+                node,
+            ),
             {
                 **{name: getattr(estimate, name) for name in ESTIMATE_ATTRS},
                 "verdict": estimate.verdict.level,
@@ -246,6 +259,13 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     if estimate.interface is not None:
         groups["interface"] = interface_group(estimate.time, estimate.interface)
     return groups | (truth_group(recording) if recording else {})
+
+
+def hidden_values(hidden: HiddenLoad | None) -> dict[str, Array]:
+    """What an estimate leaves out, by the names of the file."""
+    if hidden is None:
+        return {}
+    return {"band": hidden.band, "frequency": hidden.frequency, "hidden_load": hidden.amplitude}
 
 
 def load_group(time: Array, loads: Loads) -> Group:

@@ -10,6 +10,7 @@ from forceid import __version__
 from forceid.records import Array, Estimate
 from forceid.report.figures import draw_loads, draw_motion, draw_wrench
 from forceid.report.first_moment_figure import draw_first_moments
+from forceid.report.hidden_figure import draw_hidden_load
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, plain, plus_minus, summarize, typeset
 from forceid.report.path import draw_path
@@ -78,6 +79,13 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
     if estimate.loads is not None:
         caption = "Loads p of f = B p with their two-sigma bands; what the motion cannot see has no band."
         drawn.insert(2, (draw_loads(estimate, estimate.loads), "Applied loads", caption))
+    if estimate.hidden is not None:
+        caption = (
+            "The amplitude of an oscillating load that half of all records like this one would not show. "
+            "Shaded: the band in which a load is followed and the claimed sigma holds; dotted: its end on "
+            "each axis. Beyond it the estimate says nothing of loads below the curve."
+        )
+        drawn.append((draw_hidden_load(estimate.hidden), "What may hide", caption))
     if np.isfinite(estimate.innovation).any():
         caption = (
             "If the model is right, whitened innovations are unit normal and uncorrelated: about 95 % of the "
