@@ -203,7 +203,10 @@ def test_settings_that_the_body_cannot_meet_exit_2(file, setting, capsys):
     ids=["single particle", "two markers", "collinear"],
 )
 def test_few_markers_are_no_error(file, position, words, capsys):
-    write_motion(file, thrown(position=position))
+    recording = thrown(position=position)
+    center, tensor = position.mean(0), 1e-3 * np.eye(3)
+    body = replace(recording.body, mass=None, total_mass=0.1, mass_center=center, inertia=tensor)
+    write_motion(file, replace(recording, body=body))
     assert main(["estimate", str(file)]) == 0
     streams = capsys.readouterr()
     assert streams.out.startswith("verdict  degraded")

@@ -53,7 +53,15 @@ def applied_loads(
     gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
     G = np.stack(columns, -1)
-    return solve_loads(wrench, state.wrench_cov, G, gyration, names), alike(G, gyration, names)
+    cov, same = state.wrench_cov, alike(G, gyration, names)
+    if inertia.point:  # no moment acts on it: a load is told by its force
+        wrench, cov, G = wrench[:, :3], cov[:, :3, :3], G[:, :3]
+    elif inertia.line is not None:  # along the line none acts: known there as well as across
+        n = state.rotation @ inertia.line
+        across = 0.5 * np.trace(cov[:, 3:, 3:], axis1=1, axis2=2)
+        cov = cov.copy()
+        cov[:, 3:, 3:] += across[:, None, None] * n[:, :, None] * n[:, None]
+    return solve_loads(wrench, cov, G, gyration, names), same
 
 
 def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[str, ...]:

@@ -87,7 +87,7 @@ def products_of(kin: Kinematics) -> Products:
     nodal = kin.inertia.nodal
     if nodal is None and kin.model == "affine":
         nodal = kin.inertia.affine
-    if nodal is None:
+    if nodal is None or kin.inertia.line is not None:
         return fixed(kin.inertia.tensor, len(kin.shapes))
     return products(nodal, kin.shape, kin.shapes)
 

@@ -18,7 +18,8 @@ class Inertia:
     nodal: masses (node,) or matrix (dof, dof), or None for a rigid body known as a whole; weight (node,):
     mass that goes with each node, zeros for such a body; tensor (3, 3) kg m2 of the reference shape; affine
     (dof, dof): a matrix of nodes in space that makes such a body's momenta in any affine motion, None where
-    they lie in a plane.
+    they lie in a plane. line (3,): the direction of the line that the mass lies on, None where it does not;
+    the tensor is then made the same about all axes, see `thin_mass`. point: whether it lies on a point.
     """
 
     mass: float
@@ -27,6 +28,8 @@ class Inertia:
     nodal: Array | None
     weight: Array
     affine: Array | None = None
+    line: Array | None = None
+    point: bool = False
 
 
 def inertia_of(body: Body) -> Inertia:

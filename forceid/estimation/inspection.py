@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from forceid.config import Settings
+from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.bandwidths import RESOLVED, bandwidths
 from forceid.estimation.classic import estimate_classic
@@ -166,7 +167,8 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise, noise_stated=kin.stated, rank=int(rank),
         turn_deg_per_frame=float(np.degrees(largest_turn(kin.time, kin.pose.rotation))),
         shapes=len(kin.shapes),
-        force=bool(force), moment=kin.attitude, force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
+        force=bool(force), moment=kin.attitude or kin.inertia.point,
+        force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
         has_truth="force" in recording.truth, leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
         warnings=tuple(f.text for f in findings),
@@ -197,8 +199,14 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
     )  # fmt: skip
 
 
-def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget:
-    """Sensitivity from the quickest estimate there is, without a prior; about the mass center."""
+def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget | None:
+    """Sensitivity from the quickest estimate there is, without a prior; about the mass center.
+
+    None where the record is too short for any.
+    """
     quick = settings.model_copy(update={"method": "savgol"})
-    found = estimate_classic(body, motion, quick, engine(settings.engine))
+    try:
+        found = estimate_classic(body, motion, quick, engine(settings.engine))
+    except EstimationError:
+        return None
     return sensitivity(found.kinematics, found.deformation, found.state, body.node, motion.gravity)

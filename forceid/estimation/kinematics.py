@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings
 from forceid.estimation.inertia import Inertia, inertia_of
 from forceid.estimation.shapes import check_scale, deformation_shapes, modes_of, rank_of, spinning_shape
+from forceid.estimation.thin_mass import line_pose, shown_rank, thinned
 from forceid.motion.frames import Frames, fit_frames
 from forceid.motion.modes import (
     Modes,
@@ -92,19 +93,25 @@ def from_markers(
     seen = np.any(np.isfinite(x).all(2), axis=0)
     sigma = noise.get("position") or marker_noise(motion.time, x)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    inertia = thinned(inertia, X, sigma)
+    if inertia.line is not None or inertia.point:  # a shape would give it the inertia that it has not
+        settings = settings.model_copy(update={"model": "rigid"})
     level, known = {"position": sigma}, {"position": "position" in stated}
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
     none = np.zeros((0, *X.shape))
-    if rank_of(X, seen) < 6:
+    if shown_rank(X, seen, sigma) < 6:
         center, var = center_of_mass(x, X, inertia.weight, sigma**2)
         T = len(x)
         cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
         cov[:, :3, :3] = var[:, None, None] * np.eye(3)
         unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
         pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
+        if inertia.line is not None:
+            pose = line_pose(motion.time, pose, x, X, inertia, sigma)
+        shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
         return Kinematics(
-            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, False
+            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown)
         )
     modes = modes_of(body, inertia)
     shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
@@ -123,11 +130,14 @@ def from_markers(
     # as noise of one frame, deformation counts as often
     pose = fit_pose(x, shape, weight, white + period(motion, modes) * deforming)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest)
+    if inertia.line is not None:
+        pose = line_pose(motion.time, pose, x, shape, inertia, sigma)
     frames, beside = None, period(motion, modes) * rest
     if len(shapes):
         frames = fit_frames(x, pose, shape, shapes, white + beside)
+    turns = not inertia.point
     return Kinematics(
-        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, True, frames, beside
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, turns, frames, beside
     )
 
 
@@ -151,14 +161,17 @@ def from_mean_motion(
     """Kinematics of a measured mean motion: center and, where given, orientation."""
     assert motion.center is not None
     inertia = inertia_of(body)
-    T, time = len(motion.time), motion.time
+    T, time, nodes = len(motion.time), motion.time, len(body.node)
     c_std = noise.get("center") or float(np.sqrt(noise_variance(motion.time, motion.center)))
     c_std = max(c_std, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
     cov = np.zeros((T, 6, 6))
     cov[:, :3, :3] = c_std**2 * np.eye(3)
+    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    inertia = thinned(inertia, X, c_std)
     levels = {"center": c_std}
     R = np.full((T, 3, 3), np.nan)
     attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
+    attitude = attitude and not inertia.point
     if motion.orientation is not None:
         whole = np.all(np.isfinite(motion.orientation), axis=1)
         R[whole] = Rotation.from_quat(motion.orientation[whole]).as_matrix()
@@ -169,9 +182,9 @@ def from_mean_motion(
         levels["orientation"] = max(r_std, ROUNDOFF)
         cov[:, 3:, 3:] = levels["orientation"] ** 2 * np.eye(3)
     empty = np.zeros((T, 0))
-    nodes = len(body.node)
-    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
     pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
+    if inertia.line is not None and attitude:
+        pose = line_pose(time, pose, None, X, inertia, c_std)
     known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
     return Kinematics(
         time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude

@@ -59,6 +59,8 @@ def climb(
         return without_choice("rigid", "no modes are asked for"), solve(rigid)
     motion = cleaned(body, motion)[0]
     most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
+    if most.inertia.line is not None or most.inertia.point:
+        return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)
     beyond = None
     if most.attitude and motion.position is not None:
         beyond = beyond_rigid(motion.time, motion.position, most)

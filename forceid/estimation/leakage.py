@@ -76,7 +76,7 @@ def leakage(body: Body, kin: Kinematics) -> Leakage | None:
         return None
     where = kin.shape[kin.seen]
     condition, sigma = rigid_condition(where), rotation_sigma(where)
-    if not kin.attitude:
+    if not kin.attitude or kin.inertia.line is not None:
         return Leakage(condition, sigma)
     weight = kin.inertia.weight if kin.inertia.weight.any() else np.ones(len(kin.shape))
     name, shapes = shapes_of(body, kin)

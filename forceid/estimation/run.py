@@ -31,6 +31,7 @@ from forceid.estimation.load_checks import (
 from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.sensitivity import sensitivity
 from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape, judge_size
+from forceid.estimation.thin_mass import with_known_moment
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
     Finding,
@@ -104,6 +105,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     solve = estimate_unmarked if unmarked else solve
     solution, choice = solved_at_level(recording, settings, solve, unmarked)
+    solution = replace(solution, state=with_known_moment(solution.state, solution.kinematics.inertia))
     compared = choice.level is not None
     result = assemble(recording, settings, solution, findings, compared)
     return replace(result, model_choice=choice.sentence, ladder=choice.numbers()), solution

@@ -153,7 +153,7 @@ def sensitivity(
     by_axis = [cost(none, np.array([[dJ[i, j]] for i, j in SYMMETRIC])) for dJ in scale]
     by_marker = {
         k: cost(*(MILLIMETER * part for part in marker_map(kin, k)))
-        for k in (np.flatnonzero(kin.seen).tolist() if kin.attitude else ())
+        for k in (np.flatnonzero(kin.seen).tolist() if kin.attitude and kin.inertia.line is None else ())
     }
     worst = max(by_marker, key=lambda k: relative(by_marker[k], motion), default=None)
     return Budget(

@@ -26,10 +26,11 @@ NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by l
 
 @dataclass(frozen=True)
 class Finding:
-    """One sentence, and whether it costs the verdict `ok` or everything."""
+    """One sentence, and whether it costs everything, or the verdict `ok`, or nothing."""
 
     text: str
     refuses: bool = False
+    costs: bool = True
 
 
 def judge(findings: list[Finding]) -> Verdict:
@@ -38,7 +39,8 @@ def judge(findings: list[Finding]) -> Verdict:
     >>> judge([Finding("the markers lie on a line")]).level
     'degraded'
     """
-    level = "refused" if any(f.refuses for f in findings) else "degraded" if findings else "ok"
+    costly = any(f.costs for f in findings)
+    level = "refused" if any(f.refuses for f in findings) else "degraded" if costly else "ok"
     return Verdict(level, tuple(f.text for f in findings))  # type: ignore[arg-type]
 
 
@@ -50,7 +52,8 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     if not np.isfinite(kin.pose.center).any():
         text = "no frame shows the mass center: the markers seen do not span it; mark every node with mass"
         return [Finding(text, refuses=True)]
-    found = [Finding(text) for text in unseen(kin, motion)]
+    found = [Finding(text, costs=False) for text in known_beforehand(kin)]
+    found += [Finding(text) for text in unseen(kin, motion)]
     turn = largest_turn(kin.time, kin.pose.rotation)
     if turn > FAST and not (motion is not None and reads_turn(motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
@@ -109,11 +112,30 @@ def reads_turn(motion: Motion) -> bool:
     return motion.angular_velocity is not None and bool(np.isfinite(motion.angular_velocity).all(2).any())
 
 
+def known_beforehand(kin: Kinematics) -> list[str]:
+    """Sentences on components of the moment that the mass distribution alone settles."""
+    if kin.inertia.point:
+        return ["all mass lies on a point: no moment acts about it, and the moment is zero by construction"]
+    if kin.inertia.line is None or not kin.attitude:
+        return []
+    return [
+        "all mass lies on a line: no moment acts along it, and that component is zero by construction; the "
+        "two across follow from the direction of the line"
+    ]
+
+
 def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
     """Sentences on motions that the markers do not show."""
     found = []
     marked = int(kin.seen.sum())
-    if not kin.attitude and np.isfinite(kin.pose.rotation).any():
+    if kin.inertia.point:
+        pass
+    elif not kin.attitude and kin.inertia.line is not None and marked:
+        found.append(
+            "the mass lies on a line whose direction no marker shows: the moment is not seen, force only; "
+            "mark a second point of that line"
+        )
+    elif not kin.attitude and np.isfinite(kin.pose.rotation).any():
         found.append("the inertia tensor is not given: force only; add /body/inertia for the moment")
     elif not kin.attitude and marked == 0:
         found.append("no orientation was measured: force only; add /motion/orientation for the moment")

@@ -18,13 +18,16 @@ SUBSTEP = 0.1  # rad that one integration step may turn
 SETTLED = 1e-6  # rad: far below what any frame shows
 ITERATIONS = 12
 REACH = 0.5  # of a momentum: the most that one Newton step may change it by
+MOST = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known any more
+SHOWN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show
 WIDE = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned
 
 
 def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
     """Rotations (n, 3, 3) after steps (n,) s from R (n, 3, 3), and their left errors by those of R and by H.
 
-    H (n, 3) world axes; J (n, 3, 3) and h (n, 3) body axes. Runge-Kutta-Munthe-Kaas of order 4.
+    H (n, 3) world axes; J (n, 3, 3) and h (n, 3) body axes. Runge-Kutta-Munthe-Kaas of order 4. A step that
+    would turn by more than MOST is cut to that turn.
     """
 
     def omega(R: Array) -> tuple[Array, Array]:
@@ -32,8 +35,9 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
         return times(J_inv, H - times(R, h)), J_inv
 
     inverse = np.linalg.inv(J)
-    turned = np.linalg.norm(omega(R)[0], axis=1) * np.abs(step)
-    n = max(1, int(np.ceil(turned.max(initial=0.0) / SUBSTEP)))
+    turned = angle(step, R, H, J, h)
+    step = step * np.minimum(1.0, MOST / np.maximum(turned, 1e-300))
+    n = max(1, int(np.ceil(min(turned.max(initial=0.0), MOST) / SUBSTEP)))
     s, a_step = step[:, None] / n, step[:, None, None] / n
     by_R, by_H = np.tile(np.eye(3), (len(R), 1, 1)), np.zeros((len(R), 3, 3))
     for _ in range(n):
@@ -47,6 +51,13 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
         grown = np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
         by_R, by_H = grown @ by_R, grown @ by_H + (np.eye(3) + a / 2 + a @ a / 6) @ J_inv * a_step
     return R, by_R, by_H
+
+
+def angle(step: Array, R: Array, H: Array, J: Array, h: Array) -> Array:
+    """Angles (n,) rad by which bodies turn in a step at the rate that they begin it with; as `free_turn`."""
+    body = times(R.swapaxes(1, 2), H) - h
+    rate = np.linalg.solve(J, body[..., None])[..., 0]
+    return np.asarray(np.linalg.norm(rate, axis=1) * np.abs(step))
 
 
 def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
@@ -73,19 +84,24 @@ def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, 
 
 def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> Array:
     """The momentum (n, 3) near H that takes rotations `start` (n, 3, 3) to `to`; H itself where none does."""
-    first, off = H, np.full(len(H), np.inf)
-    for _ in range(ITERATIONS):
-        reached, _, by_H = free_turn(step, start, H, J, h)
-        miss = log(to @ reached.swapaxes(1, 2))
-        off = np.linalg.norm(miss, axis=1)
-        if off.max(initial=0.0) < SETTLED:
+    found, H = H.copy(), H.copy()
+    left = np.flatnonzero(angle(step, start, H, J, h) < SHOWN)
+    for k in range(ITERATIONS + 1):
+        if not len(left):
             break
+        reached, _, by_H = free_turn(step[left], start[left], H[left], J[left], h[left])
+        miss = log(to[left] @ reached.swapaxes(1, 2))
+        off = np.linalg.norm(miss, axis=1)
+        there = off < (10 * SETTLED if k == ITERATIONS else SETTLED)
+        found[left[there]] = H[left[there]]
+        left, miss, by_H = left[~there], miss[~there], by_H[~there]
         change = np.linalg.solve(by_H, miss[..., None])[..., 0]
         size = np.linalg.norm(change, axis=1)
-        reach = REACH * np.linalg.norm(H, axis=1)
+        reach = REACH * np.linalg.norm(H[left], axis=1)
         limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
-        H = H + limit[:, None] * change
-    return np.where((off < 10 * SETTLED)[:, None], H, first)
+        H[left] += limit[:, None] * change
+        left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN]
+    return found
 
 
 def largest_turn(time: Array, R: Array) -> float:

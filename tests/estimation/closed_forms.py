@@ -30,6 +30,12 @@ def points(*nodes):
     return Body(node=tuple(f"n{k}" for k in range(len(table))), position=table[:, :3], mass=table[:, 3])
 
 
+def whole(*places):
+    """A body known as a whole, its mass spread in space, with markers at (x, y, z)."""
+    names = tuple(f"n{k}" for k in range(len(places)))
+    return Body(names, np.array(places, float), total_mass=MASS, mass_center=np.zeros(3), inertia=INERTIA)
+
+
 def clock(frames=120, rate=200.0):
     return np.arange(frames) / rate
 

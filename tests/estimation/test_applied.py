@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.errors import ConfigError
 from forceid.estimation.applied import check_points
+from forceid.principal.operator import cross_matrix
 
 
 def carried(force, moment, cov, arm):
@@ -40,9 +41,19 @@ def test_moment_about_a_fixed_point_is_the_wrench_carried_there(estimated, flown
     np.testing.assert_allclose(about_point.wrench_cov, cov, rtol=1e-9, atol=1e-20)
 
 
-def test_force_on_a_particle_is_known_about_any_point(estimated):
+def test_force_on_a_particle_has_the_moment_of_its_arm_about_any_point(estimated):
     particle = cf.toss(body=cf.points([0, 0, 0, 0.2]))
     about_center, about_point = estimated(particle), estimated(particle, moment_about=(0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(about_point.force_std, about_center.force_std)
+    arm = about_center.center
+    np.testing.assert_allclose(about_point.moment, np.cross(arm, about_center.force), atol=1e-12)
+    across = cross_matrix(arm) @ about_center.wrench_cov[:, :3, :3] @ cross_matrix(arm).mT
+    np.testing.assert_allclose(about_point.wrench_cov[:, 3:, 3:], across, atol=1e-12)
+
+
+def test_force_on_a_body_whose_rotation_is_not_seen_is_known_about_any_point(estimated):
+    unseen = cf.toss(body=cf.whole([0, 0, 0]))
+    about_center, about_point = estimated(unseen), estimated(unseen, moment_about=(0.0, 0.0, 0.0))
     np.testing.assert_array_equal(about_point.force_std, about_center.force_std)
     assert np.isnan(about_point.moment).all()
     assert np.isnan(about_point.moment_std).all()
@@ -107,11 +118,19 @@ def test_loads_that_cannot_explain_the_wrench_degrade_it(estimated, flown):
 
 
 @pytest.mark.parametrize("point", ["n0", (0.0, 0.0, 0.0), "mass_center"])
-def test_loads_on_a_particle_are_not_known(estimated, point):
+def test_loads_on_a_body_whose_rotation_is_not_seen_are_not_known(estimated, point):
     push = {"name": "push", "direction": (1, 0, 0), "point": point}
-    result = estimated(cf.toss(body=cf.points([0, 0, 0, 0.2])), load=(push,))
+    result = estimated(cf.toss(body=cf.whole([0, 0, 0])), load=(push,))
     assert np.isnan(result.loads.load).all()
     assert "particle" in result.verdict.reasons[0]
+
+
+def test_loads_on_a_particle_are_told_by_their_force(estimated):
+    result = estimated(cf.toss(body=cf.points([0, 0, 0, 0.2])), load=(PUSH, LIFT, YAW))
+    true = np.array([cf.FORCE[0], cf.FORCE[2], -cf.FORCE[1]])
+    score = (result.loads.load - true) / np.sqrt(np.diagonal(result.loads.load_cov, axis1=1, axis2=2))
+    assert np.abs(score).max() < 5
+    assert result.loads.dof == 0
 
 
 def test_body_point_and_node_of_the_same_place_carry_the_same_load(estimated, flown):

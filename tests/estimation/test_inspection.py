@@ -43,9 +43,9 @@ def test_breathing_body_shows_one_shape():
 @pytest.mark.parametrize(
     ("body", "rank"),
     [
-        (cf.points([0, 0, 0, 0.2]), 3),
-        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]), 5),
-        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1], [0.3, 0, 0, 0]), 5),
+        (cf.whole([0, 0, 0]), 3),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0]), 5),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0], [0.3, 0, 0]), 5),
     ],
     ids=["one", "two", "line"],
 )

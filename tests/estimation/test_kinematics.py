@@ -73,9 +73,9 @@ def test_body_without_mass_is_refused():
 @pytest.mark.parametrize(
     "body",
     [
-        cf.points([0, 0, 0, 0.2]),
-        cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]),
-        cf.points([0.1, 0.2, 0, 0.1], [-0.1, -0.2, 0, 0.1], [0.2, 0.4, 0, 0.0]),
+        cf.whole([0, 0, 0]),
+        cf.whole([0.1, 0, 0], [-0.1, 0, 0]),
+        cf.whole([0.1, 0.2, 0], [-0.1, -0.2, 0], [0.2, 0.4, 0]),
     ],
     ids=["a particle", "two markers", "three on a line"],
 )

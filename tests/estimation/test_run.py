@@ -115,8 +115,8 @@ def test_stretch_has_the_direction_in_which_the_body_grows(estimated):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_particle_gives_its_force_and_says_what_is_not_seen(estimated, method):
-    recording = cf.toss(body=cf.points([0, 0, 0, cf.MASS]))
+def test_one_marker_gives_the_force_and_says_what_is_not_seen(estimated, method):
+    recording = cf.toss(body=cf.whole([0, 0, 0]))
     result = estimated(recording, method=method)
     assert np.isfinite(result.force).all()
     assert force_score(result, recording) < 3
@@ -131,8 +131,8 @@ def test_particle_gives_its_force_and_says_what_is_not_seen(estimated, method):
 @pytest.mark.parametrize(
     "body",
     [
-        cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]),
-        cf.points([0.1, 0.2, 0, 0.1], [-0.1, -0.2, 0, 0.1], [0.2, 0.4, 0, 0.0]),
+        cf.whole([0.1, 0, 0], [-0.1, 0, 0]),
+        cf.whole([0.1, 0.2, 0], [-0.1, -0.2, 0], [0.2, 0.4, 0]),
     ],
     ids=["two markers", "three on a line"],
 )

@@ -64,9 +64,9 @@ def test_good_record_gives_no_finding():
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        (cf.points([0, 0, 0, 0.2]), "one marker is a particle"),
-        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1]), "the 2 markers lie on a line"),
-        (cf.points([0.1, 0, 0, 0.1], [-0.1, 0, 0, 0.1], [0.3, 0, 0, 0]), "the 3 markers lie on a line"),
+        (cf.whole([0, 0, 0]), "one marker is a particle"),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0]), "the 2 markers lie on a line"),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0], [0.3, 0, 0]), "the 3 markers lie on a line"),
     ],
     ids=["one", "two", "line"],
 )

@@ -1,0 +1,140 @@
+"""Bodies whose mass lies on a line or on a point: what is determined is given, the rest is known or NaN."""
+
+from dataclasses import replace
+
+import closed_forms as cf
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Settings
+from forceid.estimation.inspection import inspect_recording
+from forceid.records import Body, Motion, Recording
+
+TILT = Rotation.from_rotvec([0.4, -0.9, 0.3])
+SWING, RATE = 0.8, 7.0  # rad, rad/s
+PUSH = np.array([0.5, -0.3, 0.9])  # N
+JAVELIN = ([-0.5, -0.1, 0.2, 0.4], [0.1, 0.3, 0.2, 0.1])  # m along it, kg
+AROUND = np.array([[0.0, 0.3, 0.1], [0.2, -0.2, 0.2], [-0.3, 0.1, -0.3]])
+
+
+def swung(along=(), mass=(), massless=(), spin=0.0, seed=0, noise=3e-4, shown=None, bent=0.0):
+    """A straight body that swings about a fixed axis through its mass center, pushed by a steady force.
+
+    along (node,) m, mass (node,) kg on the first body axis; massless: markers off it; spin rad/s about it;
+    shown: nodes that carry a marker; bent m: a sag in the mass gauge, at 9 rad/s. The moment is J a'' e.
+    """
+    along, mass = np.asarray(along, float), np.asarray(mass, float)
+    along = along - mass @ along / mass.sum()
+    places = np.vstack([np.outer(along, [1.0, 0, 0]), np.reshape(massless, (-1, 3))])
+    every = np.r_[mass, np.zeros(len(places) - len(mass))]
+    time = np.arange(150) / 150
+    angle = SWING * np.sin(RATE * time)
+    turn = TILT * Rotation.from_rotvec(np.outer(angle, [0, 0, 1.0])) * Rotation.from_rotvec(
+        np.outer(spin * time, [1.0, 0, 0])
+    )
+    sag = np.zeros(len(places))
+    if bent:
+        fit = np.stack([np.ones_like(along), along], 1)
+        square = along**2
+        sag[: len(along)] = square - fit @ np.linalg.solve(
+            fit.T @ (mass[:, None] * fit), fit.T @ (mass * square)
+        )
+    shape = places + bent * np.sin(9 * time)[:, None, None] * sag[:, None] * [0, 1.0, 0]
+    t = time[:, None]
+    center = [1.0, 0.5, -2.0] + t * [1.0, -2.0, 3.0] + 0.5 * t**2 * (PUSH / mass.sum() + cf.GRAVITY)
+    x = center[:, None] + np.einsum("tab,tnb->tna", turn.as_matrix(), shape)
+    x = x + noise * np.random.default_rng(seed).standard_normal(x.shape)
+    hidden = [] if shown is None else [k for k in range(len(places)) if k not in shown]
+    x[:, hidden] = np.nan
+    J = mass @ along**2
+    moment = -J * SWING * RATE**2 * np.sin(RATE * time)[:, None] * TILT.apply([0, 0, 1.0])
+    names = tuple(f"n{k}" for k in range(len(places)))
+    body = Body(node=names, position=places + np.array([0.3, 0.1, -0.2]), mass=every)
+    motion = Motion(time, x, gravity=cf.GRAVITY, noise_std={"position": noise})
+    truth = {"force": np.tile(PUSH, (len(time), 1)), "moment": moment, "line": turn.apply([1.0, 0, 0])}
+    return Recording(body, motion, truth)
+
+
+def score(result, recording, name):
+    """Error over claim of a vector whose covariance may be singular."""
+    part = slice(0, 3) if name == "force" else slice(3, 6)
+    off = (getattr(result, name) - recording.truth[name])[15:-15]
+    claimed = np.trace(result.wrench_cov[15:-15, part, part], axis1=1, axis2=2)
+    return float(np.sqrt((off**2).sum(1).mean() / claimed.mean()))
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        {},
+        {"shown": (0, 3)},
+        {"shown": (4, 5, 6), "massless": AROUND},
+        {"shown": (0, 2, 4), "massless": AROUND, "spin": 12.0},
+    ],
+    ids=["every mass", "two masses", "three markers around", "two masses and one beside, spinning"],
+)
+@pytest.mark.parametrize("method", ["smoother", "savgol"])
+def test_mass_on_a_line_has_the_moment_across_it_within_its_claim(estimated, seen, method):
+    recording = swung(*JAVELIN, **seen)
+    result = estimated(recording, method=method)
+    size = cf.rms(recording.truth["moment"])
+    assert 0.3 < score(result, recording, "moment") < 1.7
+    assert score(result, recording, "force") < 1.7
+    assert cf.rms((result.moment - recording.truth["moment"])[15:-15]) < 0.1 * size
+    assert result.verdict.level == "ok"
+    assert "zero by construction" in result.verdict.reasons[0]
+
+
+def test_moment_along_the_line_is_zero_and_claimed_to_be(estimated):
+    recording = swung(*JAVELIN)
+    result = estimated(recording)
+    n = Rotation.from_quat(result.orientation).apply([1.0, 0, 0])
+    np.testing.assert_allclose(n, recording.truth["line"], atol=3e-3)
+    for vector in (result.moment, result.angular_momentum, result.angular_velocity):
+        np.testing.assert_allclose(np.einsum("ta,ta->t", n, vector), 0.0, atol=1e-9)
+    along = np.einsum("ta,tab,tb->t", n, result.wrench_cov[:, 3:, 3:], n)
+    assert np.abs(along).max() < 1e-12 * np.trace(result.wrench_cov[:, 3:, 3:], axis1=1, axis2=2).max()
+
+
+def test_beam_of_masses_that_bends_keeps_its_moment(estimated):
+    recording = swung(np.linspace(-0.6, 0.6, 11), np.full(11, 0.05), bent=0.1)
+    result = estimated(recording)
+    assert score(result, recording, "force") < 1.7
+    true = recording.truth["moment"]
+    assert cf.rms((result.moment - true)[15:-15]) < 0.05 * cf.rms(true)
+
+
+@pytest.mark.parametrize("method", ["smoother", "filter", "savgol", "spline", "difference"])
+def test_no_moment_acts_on_a_point(estimated, method):
+    recording = swung([0.0], [0.4], AROUND, shown=(1, 2, 3))
+    result = estimated(recording, method=method)
+    assert score(result, recording, "force") < 1.7
+    assert (result.moment == 0).all()
+    assert (result.moment_std == 0).all()
+    assert "no moment acts about it" in result.verdict.reasons[0]
+
+
+def test_line_that_no_marker_shows_gives_the_force_only(estimated):
+    recording = swung(*JAVELIN, massless=[[0.0, 0, 0]], shown=(4,))
+    result = estimated(recording)
+    assert score(result, recording, "force") < 1.7
+    assert np.isnan(result.moment).all()
+    assert "whose direction no marker shows" in result.verdict.reasons[0]
+    assert "mark a second point" in result.verdict.reasons[0]
+
+
+def test_inspection_of_a_line_ends_and_says_what_is_known():
+    found = inspect_recording(swung(*JAVELIN, massless=AROUND), Settings())
+    assert found.force
+    assert found.moment
+    assert found.moment_bandwidth_hz > 1
+    assert "zero by construction" in found.warnings[0]
+
+
+@pytest.mark.parametrize("frames", [3, 5, 8])
+def test_few_frames_of_a_thin_body_are_inspected_without_error(frames):
+    recording = swung(*JAVELIN)
+    motion = recording.motion
+    short = replace(motion, time=motion.time[:frames], position=motion.position[:frames])
+    assert inspect_recording(Recording(recording.body, short), Settings()).frames == frames
