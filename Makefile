@@ -1,12 +1,14 @@
-# make demo: the main job on the shipped boomerang. make test: every check. Both set up .venv first.
+# make demo: the main job on the shipped boomerang. make test: every check. Both set up .venv first, for what they run.
 PYTHON ?= python3
 BIN := .venv/bin
+INSTALL := -m pip install --quiet --disable-pip-version-check
+BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp)
 
 .PHONY: charts demo test bench study docs wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
-test: .venv/ready
+test: .venv/test-ready
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
@@ -17,11 +19,11 @@ bench: .venv-bench/ready
 	.venv-bench/bin/python -m benchmarks -o bench $(BENCH)
 
 # what the estimators reach, into docs/
-study: .venv/ready
+study: .venv/test-ready
 	$(BIN)/python -m benchmarks.estimation
 
 # the site, into docs/_build/html; notebooks run when they have changed
-docs: .venv/ready
+docs: .venv/test-ready
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
 # every method and peer on every scene, and where each of them breaks, into docs/; resumes where it stopped
@@ -46,16 +48,22 @@ wheel:
 	  || exit 1; \
 	done
 
-.venv-bench/ready: requirements.txt requirements-bench.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp forceid/pseudorigid/_polar.cpp forceid/pseudorigid/_splitting.cpp
+.venv-bench/ready: requirements.txt requirements-test.txt requirements-bench.txt $(BUILT_FROM)
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	.venv-bench/bin/python $(INSTALL) -r requirements-bench.txt
+	.venv-bench/bin/python $(INSTALL) --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/ready: requirements.txt pyproject.toml setup.py forceid/kalman/_compiled.cpp forceid/kalman/_flight.cpp forceid/motion/_poses.cpp forceid/pseudorigid/_polar.cpp forceid/pseudorigid/_splitting.cpp
+# the engine is compiled while the rest is installed
+.venv/ready: requirements.txt $(BUILT_FROM)
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(BIN)/python $(INSTALL) $$(grep -E '^(pybind11|setuptools)==' requirements.txt)
+	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable . & \
+	  $(BIN)/python $(INSTALL) -r requirements.txt && wait $$!
+	touch $@
+
+.venv/test-ready: requirements-test.txt .venv/ready
+	$(BIN)/python $(INSTALL) -r requirements-test.txt
 	touch $@
 
 clean:
