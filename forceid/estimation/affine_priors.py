@@ -50,7 +50,7 @@ def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
         own = slice(3 * B, 3 * B + 3)
         part = replace(tuned, std=tuned.std[own], rate=tuned.rate[own])
         lines = tuple(
-            Line(s.w / (2 * np.pi), float(std), s.bandwidth, axis, driven=True)
+            Line(s.w / (2 * np.pi), float(std), s.bandwidth, axis, turns=True)
             for s in swings
             for std, axis in zip(s.std[own], axes[B].T, strict=True)
         )

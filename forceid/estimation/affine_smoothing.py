@@ -8,11 +8,10 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.affine_channels import AffineChannels
-from forceid.kalman.channels import Channel, load_chain
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, carry, channel_model
-from forceid.kalman.process import Process, block_diagonal, discretize, resonator
+from forceid.kalman.prior import LoadPrior, channel_model, load_rows
+from forceid.kalman.process import block_diagonal
 from forceid.records import Array
 
 APART = 1e-6  # correlation of two groups of channels that is none
@@ -34,9 +33,7 @@ class SmoothedChannels:
 def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) -> SmoothedChannels:
     """The channels smoothed, each group by itself where no error links them, else all in one model."""
     models = [
-        carried_model(channel, prior, channels.rotation)
-        if prior.lines
-        else channel_model(channel, prior, channels.rotation)
+        channel_model(channel, prior, channels.rotation)
         for channel, prior in zip(channels.groups, priors, strict=True)
     ]
     T, n = len(channels.time), len(models)
@@ -53,48 +50,20 @@ def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) 
     x, P = np.concatenate([p.x for p in paths], 1), [p.P for p in paths]
     sizes = [m.F.shape[-1] for m in models]
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    read = np.zeros((3, 3, n, sum(sizes)))  # load, channel and rate of every axis and group
-    for B, (at, prior) in enumerate(zip(starts, priors, strict=True)):
-        for a in range(3):
-            # the center's chain runs along the axes of its prior, those of the columns in world axes
-            loads = (6, 9, *lines_at(prior))
-            for first, which in ((0, 1), (3, 2), *((at_load, 0) for at_load in loads)):
-                read[which, a, B, at + first : at + first + 3] += prior.axes[a]
-        read[1, :, B] *= channels.groups[B].gain
-        read[2, :, B] *= channels.groups[B].gain
-    k, z, rate = np.einsum("maBs,ts->mtaB", read, x)
-    rows = read[:2].reshape(6 * n, -1)
+    turning = channels.rotation if any(line.turns for prior in priors for line in prior.lines) else None
+    read = np.zeros((1 if turning is None else T, 3, 3, n, sum(sizes)))  # load, channel, rate: axis and group
+    for B, (at, size, prior) in enumerate(zip(starts, sizes, priors, strict=True)):
+        # the center's chain runs along the axes of its prior, those of the columns in world axes
+        read[:, 0, :, B, at : at + size] = load_rows(size, prior.axes, prior.lines, turning)
+        for first, which in ((0, 1), (3, 2)):
+            read[:, which, :, B, at + first : at + first + 3] = channels.groups[B].gain * prior.axes
+    k, z, rate = np.einsum("tmaBs,ts->mtaB", np.broadcast_to(read, (T, *read.shape[1:])), x)
+    rows = read[:, :2].reshape(len(read), 6 * n, -1)
     cov = np.zeros((T, 6 * n, 6 * n))
     for at, size, part in zip(starts, sizes, P, strict=False) if len(P) > 1 else [(0, sum(sizes), P[0])]:
-        own = rows[:, at : at + size]
-        cov += own @ part @ own.T
+        own = rows[:, :, at : at + size]
+        cov += own @ part @ own.mT
     return SmoothedChannels(z + offset.T, rate, k, cov, float(total))
-
-
-def lines_at(prior: LoadPrior) -> list[int]:
-    """Where the loads of the lines of a carried prior begin among its states, three lines a time."""
-    return [3 * (3 + prior.tuned.order + 2 * j) for j in range(len(prior.lines) // 3)]
-
-
-def carried_model(channel: Channel, prior: LoadPrior, rotation: Array) -> StateSpace:
-    """A channel whose load turns with the body, lines and all: three of them in turn along its axes."""
-    assert prior.carried is not None
-    tuned, step = prior.tuned, np.diff(channel.time)
-    beside = [
-        resonator(three[0].frequency, [line.std for line in three], three[0].bandwidth)
-        for three in (prior.lines[i : i + 3] for i in range(0, len(prior.lines), 3))
-    ]
-    chain = load_chain(tuned.order, tuned.std, tuned.rate, prior.start, beside)
-    unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
-    n, eye = 3 * len(chain.output), np.eye(3)
-    F, Q, P0 = (
-        np.einsum("...ijl,ab,bi->...jalb", a, eye, eye).reshape(*a.shape[:-3], n, n) for a in (F, Q, chain.P0)
-    )
-    F, Q, P0 = carry(F[which], Q[which], P0, n, rotation, prior.carried)
-    Q[:, :3, :3] += step[:, None, None] * channel.drift
-    H = channel.gain * np.eye(3, n)
-    return StateSpace(F, Q, H, channel.noise_cov, np.zeros(n), P0)
 
 
 def together(models: list[StateSpace], noise: Array) -> StateSpace:

@@ -36,7 +36,8 @@ class Line:
     """A load direction * a(t): frequency Hz, std of a in units of the load, bandwidth 1/s, direction (3,).
 
     driven: a keeps its std for ever, and forgets its phase at `bandwidth`; else it rings down from the start
-    of the record at that rate, as a nutation or a struck body does.
+    of the record at that rate, as a nutation or a struck body does. turns: with the body, in whose axes the
+    direction stands then; else it stands still in those of the world.
     """
 
     frequency: float
@@ -44,6 +45,7 @@ class Line:
     bandwidth: float
     direction: Array
     driven: bool = True
+    turns: bool = False
 
     @property
     def process(self) -> Process:

@@ -27,8 +27,9 @@ GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # 
 class LoadPrior:
     """A tuned Matern prior along three axes (columns of `axes`, world), and how unknown its start is.
 
-    lines: that the load holds beside, with directions in world axes. carried: axes (3, 3) of the body, as
-    columns, along which the load is Matern instead and with which it turns; `axes` are then the world's.
+    lines: that the load holds beside, with directions in world axes, or in those of the body for lines that
+    turn with it. carried: axes (3, 3) of the body, as columns, along which the load is Matern instead and
+    with which it turns; `axes` are then the world's. The states are those of `chain_along`, whatever turns.
     """
 
     tuned: Tuned
@@ -42,8 +43,8 @@ def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) ->
     """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, on its axes.
 
     Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding. Behind
-    them two states a line, which drives all three axes as its direction says. rotation (time, 3, 3): of the
-    body, for a load that turns with it.
+    them two states a line, which drives all three axes as its direction says, where that turns by the mean of
+    a step. rotation (time, 3, 3): of the body, for a load or a line that turns with it.
     """
     tuned, start = prior.tuned, prior.start
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
@@ -59,17 +60,21 @@ def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) ->
         return out
 
     F, Q, P0 = interleave(F), interleave(Q), interleave(smooth.P0)
-    if prior.carried is not None and rotation is not None:
-        F, Q, P0 = carry(F[which], Q[which], P0, n, rotation, prior.carried)
-        unique, which = step, np.arange(len(step))
+    if rotation is not None and (prior.carried is not None or any(line.turns for line in prior.lines)):
+        F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
+        if prior.carried is not None:
+            F, Q, P0 = carry(F, Q, P0, n, rotation, prior.carried)
     for i, line in enumerate(prior.lines):
         own = slice(n + 2 * i, n + 2 * i + 2)
         F_line, Q_line = discretize(integrate(integrate(line.process, 0.0), 0.0), unique)
-        spread = np.zeros((size, 4))  # its Y and H along its direction, its own two states as they are
-        spread[:3, 0] = spread[3:6, 1] = line.direction @ prior.axes
-        spread[own, 2:] = np.eye(2)
+        spread = np.zeros(
+            (len(unique), size, 4)
+        )  # its Y and H along its direction, its two states as they are
+        early, mean = swept(rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))
+        spread[:, :3, 0], spread[:, 3:6, 1] = (turn @ line.direction @ prior.axes for turn in (early, mean))
+        spread[:, own, 2:] = np.eye(2)
         F[:, :, own] = spread @ F_line[:, :, 2:]
-        Q += spread @ Q_line @ spread.T
+        Q += spread @ Q_line @ spread.swapaxes(1, 2)
         P0[own, own] = line.process.P0
     return F[which], Q[which], P0
 
@@ -81,10 +86,7 @@ def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -
     mean rotation of the step, weighted for Y as a push early in it counts more.
     """
     at = rotation @ axes
-    turn = Rotation.from_matrix(rotation[1:] @ rotation[:-1].swapaxes(1, 2)).as_rotvec()
-    swept = np.stack([Rotation.from_rotvec(u * turn).as_matrix() for u in GAUSS[0]])
-    mean = np.einsum("u,utab->tab", GAUSS[1], swept) @ at[:-1]
-    early = np.einsum("u,utab->tab", 2 * (1 - GAUSS[0]) * GAUSS[1], swept) @ at[:-1]
+    early, mean = (turn @ axes for turn in swept(rotation))
     begin, end = (np.tile(np.eye(F.shape[1]), (len(F), 1, 1)) for _ in range(2))
     start = np.eye(F.shape[1])
     for i in range(6, n, 3):
@@ -95,6 +97,15 @@ def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -
     F = end @ F @ begin.swapaxes(1, 2)
     F[:, :6, :6] = free
     return F, end @ Q @ end.swapaxes(1, 2), start @ P0 @ start.T
+
+
+def swept(rotation: Array) -> tuple[Array, Array]:
+    """Mean rotations (time - 1, 3, 3) over each step, weighted as a push counts for Y, and for H."""
+    turn = Rotation.from_matrix(rotation[1:] @ rotation[:-1].swapaxes(1, 2)).as_rotvec()
+    by = np.stack([Rotation.from_rotvec(u * turn).as_matrix() for u in GAUSS[0]])
+    weights = 2 * (1 - GAUSS[0]) * GAUSS[1], GAUSS[1]
+    early, mean = (np.einsum("u,utab->tab", w, by) @ rotation[:-1] for w in weights)
+    return early, mean
 
 
 def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = None) -> StateSpace:
@@ -110,12 +121,21 @@ def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = N
     return StateSpace(F, Q, H, channel.noise_cov, np.zeros(len(P0)), P0)
 
 
-def load_rows(states: int, axes: Array, lines: tuple[Line, ...]) -> Array:
-    """Rows (3, state) that read the load, world axes, out of the states of a chain."""
+def load_rows(states: int, axes: Array, lines: tuple[Line, ...], rotation: Array | None = None) -> Array:
+    """Rows (3, state) that read the load, world axes, out of the states of a chain.
+
+    rotation (time, 3, 3): of the body, for lines that turn with it; the rows are (time, 3, state) then.
+    """
     rows = np.zeros((3, states))
     rows[:, 6:12] = np.tile(axes, 2)
+    if rotation is not None:
+        rows = np.tile(rows, (len(rotation), 1, 1))
     for i, line in enumerate(lines):
-        rows[:, states - 2 * (len(lines) - i)] = line.direction
+        direction = line.direction
+        if line.turns:
+            assert rotation is not None
+            direction = rotation @ direction
+        rows[..., states - 2 * (len(lines) - i)] = direction
     return rows
 
 

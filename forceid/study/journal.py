@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ import forceid
 from forceid.errors import ConfigError
 
 ESTIMATORS = ("kalman", "motion", "principal", "estimation", "scenes")
+PACKAGE = Path(forceid.__file__).parent
+SOURCES = (".py", ".cpp")
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 @dataclass
@@ -53,11 +58,31 @@ def version(*modules: str, folders: Sequence[str] = ESTIMATORS) -> str:
 
     folders: of forceid, that answer; modules: of the study, that count as well.
     """
-    digest, root = hashlib.sha256(), Path(forceid.__file__).parent
-    sources = [path for folder in folders for path in sorted((root / folder).glob("*.*"))]
-    for path in [*sources, *(root / "study" / f"{name}.py" for name in modules)]:
-        digest.update(path.read_bytes())
-    return f"{forceid.__version__}-{digest.hexdigest()[:10]}"
+    sources = [*sources_in(folders), *(PACKAGE / "study" / f"{name}.py" for name in modules)]
+    return f"{forceid.__version__}-{code_hash(sources)[:10]}"
+
+
+def sources_in(folders: Iterable[str], root: Path = PACKAGE) -> list[Path]:
+    """Every source in folders of the package, however deep."""
+    return [path for folder in folders for path in (root / folder).rglob("*") if path.suffix in SOURCES]
+
+
+def code_hash(sources: Iterable[Path]) -> str:
+    """Hash of what sources do: neither what their docstrings and comments say, nor where they lie, counts."""
+    parts = sorted(hash_of(path.suffix, path.read_bytes()) for path in sources)
+    return hashlib.sha256("".join(parts).encode()).hexdigest()
+
+
+@cache
+def hash_of(suffix: str, source: bytes) -> str:
+    """Hash of one source, of Python without docstrings and comments."""
+    if suffix != ".py":
+        return hashlib.sha256(source).hexdigest()
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            node.body = node.body[1:]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 def key(*parts: Any) -> str:

@@ -7,16 +7,15 @@ import inspect
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import forceid
 from forceid import __version__
 from forceid.study import cell
 from forceid.study.cell import Cell, Trial, judge_cell
 from forceid.study.failure_table import FAILURES
 from forceid.study.failures import Failure
+from forceid.study.journal import code_hash, sources_in
 from forceid.study.subjects import Contender, subject_of
 
 SHORT_LEVELS = (0, 2, 4)  # of the eight, in the short form
@@ -86,20 +85,9 @@ def key_of(job: Job) -> str:
     subject = subject_of(failure)
     sources = (*subject.sources, inspect.getmodule(failure.make))
     names = (who.name for who in subject.contestants(failure, job.short))
-    told = [__version__, code_of(subject.folders), repr(job), *names]
-    code = [inspect.getsource(source) for source in sources if source is not None]
-    return hashlib.sha256("\n".join([*told, *code]).encode()).hexdigest()[:16]
-
-
-@cache
-def code_of(folders: tuple[str, ...]) -> str:
-    """Hash of the code under test: two states of it never share a map."""
-    digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted((Path(forceid.__file__).parent / folder).glob("*.[pc]*")):
-            if path.suffix in (".py", ".cpp"):
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+    files = [Path(inspect.getfile(source)) for source in sources if source is not None]
+    code = code_hash([*sources_in(subject.folders), *files])  # two states of it never share a map
+    return hashlib.sha256("\n".join([__version__, code, repr(job), *names]).encode()).hexdigest()[:16]
 
 
 def finished(path: Path, jobs: Iterable[Job]) -> dict[Job, dict[str, Any]]:

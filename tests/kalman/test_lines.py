@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_models import draw
+from scipy.spatial.transform import Rotation
 
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
@@ -69,6 +70,24 @@ def test_chain_with_lines_keeps_a_covariance_that_is_symmetric_and_positive():
         np.testing.assert_allclose(cov, cov.T, atol=1e-12 * cov.max())
         size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
         assert np.linalg.eigvalsh(cov / size / size[:, None])[0] > -1e-9
+
+
+@pytest.mark.parametrize("turns", [False, True])
+@pytest.mark.parametrize("carried", [None, TURN])
+def test_a_unit_of_any_line_is_read_as_its_direction_wherever_it_stands(carried, turns):
+    lines = tuple(replace(line(20.0 + i, axis=i), turns=turns) for i in range(3))
+    load = replace(prior(lines, axes=np.eye(3)), carried=carried)
+    R = Rotation.from_rotvec(np.outer(9.0 * TIME, [0.2, 0.4, 1.0])).as_matrix()
+    model = channel_model(channel(np.zeros((COUNT, 3))), load, R)
+    rows = np.broadcast_to(load_rows(len(model.x0), load.axes, lines, R), (COUNT, 3, len(model.x0)))
+    for i in range(3):
+        unit = np.eye(len(model.x0))[len(model.x0) - 6 + 2 * i]
+        wanted = R[:, :, i] if turns else np.tile(np.eye(3)[i], (COUNT, 1))
+        np.testing.assert_allclose(rows @ unit, wanted, atol=1e-15)
+        # what it drives over a step is the mean of its direction there, to second order of the turn
+        gained = model.F[40, 3:6] @ unit / STEP
+        middle = Rotation.from_rotvec(9.0 * (TIME[40] + 0.5 * STEP) * np.array([0.2, 0.4, 1.0])).as_matrix()
+        np.testing.assert_allclose(gained, middle[:, i] if turns else wanted[0], atol=0.02)
 
 
 def test_ring_down_is_driven_by_nothing_and_a_driven_line_keeps_its_size():

@@ -10,7 +10,7 @@ from forceid.study.chart_page import overview, page, sentences
 from forceid.study.contestant import Answer
 from forceid.study.cost import spinning
 from forceid.study.front import Point, ahead, front, over_best
-from forceid.study.journal import Journal, key
+from forceid.study.journal import Journal, code_hash, key, sources_in
 from forceid.study.labels import free_place, overlap
 from forceid.study.scoring import score
 
@@ -92,6 +92,30 @@ def test_a_line_cut_short_is_done_again_and_harms_no_other(tmp_path):
     assert journal.once("b", lambda: 3) == 3
     assert Journal.opened(path).lines == {"a": 1, "b": 3}
     assert [json.loads(line) for line in path.read_text().splitlines() if line.endswith("}")]
+
+
+def test_what_was_found_is_found_again_until_code_changes_in_any_subfolder_and_not_its_words(tmp_path):
+    deep = tmp_path / "kalman" / "engines" / "fast.py"
+    deep.parent.mkdir(parents=True)
+
+    def found(text):
+        deep.write_text(text)
+        return code_hash(sources_in(["kalman"], tmp_path))
+
+    before = found('"""Fast."""\n\n\ndef run(x):\n    """Twice x."""\n    return 2 * x\n')
+    assert found('"""Faster."""\n\ndef run(x):  # twice\n    """x and x."""\n    return 2 * x\n') == before
+    moved = deep.rename(tmp_path / "kalman" / "fast.py")
+    assert code_hash(sources_in(["kalman"], tmp_path)) == before
+    assert found("def run(x):\n    return 2 * x\n") != before  # twice in the tree now
+    moved.unlink()
+    assert found("def run(x):\n    return 2 * x\n") == before
+    assert found("def run(x):\n    return 3 * x\n") != before
+
+
+def test_every_source_of_the_package_counts_and_nothing_built_from_it_does():
+    sources = sources_in(("kalman", "estimation"))
+    assert {path.suffix for path in sources} == {".py", ".cpp"}
+    assert {path.parent.name for path in sources} >= {"kalman", "estimation"}
 
 
 def test_an_honest_claim_covers_and_a_bold_one_does_not():
