@@ -9,6 +9,7 @@ own, through a file, under a limit of time.
 from __future__ import annotations
 
 import argparse
+import resource
 import tempfile
 import time
 import warnings
@@ -29,7 +30,8 @@ from forceid.files.hdf5 import read_motion, write_motion
 from forceid.files.result import write_result
 from forceid.records import Array
 
-PATIENCE = 30.0  # s that one recording may take, inspected and estimated
+PATIENCE = 30  # s of processor time that one recording may take, inspected and estimated
+WAIT = 600.0  # s of wall time after which a process counts as stopped, however busy the machine is
 EDGE = 0.1  # of a record at each end that scores leave out: there a load is told by one side only
 
 
@@ -90,14 +92,14 @@ def judged(drawn: Drawn, path: Path) -> tuple[str, str, tuple[str, ...], tuple[s
 def work(seed: int, folder: str, pipe: Any) -> None:
     """Send the outcome of one recording."""
     warnings.simplefilter("error", RuntimeWarning)
-    began, drawn = time.perf_counter(), draw(seed)
-    began = time.perf_counter()
+    drawn, began = draw(seed), time.process_time()
+    resource.setrlimit(resource.RLIMIT_CPU, (int(began) + PATIENCE, int(began) + PATIENCE))
     try:
         found = judged(drawn, Path(folder) / f"{seed}.h5")
     except Exception as e:  # what a user would see as unexpected
         said = f"{type(e).__name__}: {e} {where(e)}"
         found = ("unexpected", said, (), (), np.nan, np.nan)
-    pipe.send((drawn.kind, found, time.perf_counter() - began))
+    pipe.send((drawn.kind, found, time.process_time() - began))
 
 
 def where(e: BaseException) -> str:
@@ -114,8 +116,13 @@ def one(seed: int, folder: str) -> Outcome:
     ours, theirs = context.Pipe(False)
     child = context.Process(target=work, args=(seed, folder, theirs))
     child.start()
-    if ours.poll(PATIENCE):
-        kind, (verdict, said, missing, undue, force, moment), seconds = ours.recv()
+    theirs.close()
+    try:
+        found = ours.recv() if ours.poll(WAIT) else None
+    except EOFError:  # ended by its limit
+        found = None
+    if found is not None:
+        kind, (verdict, said, missing, undue, force, moment), seconds = found
         child.join()
         return Outcome(seed, kind, verdict, said, missing, undue, force, moment, seconds)
     child.kill()

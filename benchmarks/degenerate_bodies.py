@@ -183,13 +183,13 @@ def draw(seed: int) -> Drawn:
     recording = Recording(body, motion, {"force": force, "moment": moment}, f"drawn body {seed}")
     least = 1e-10 * max(float(np.trace(J)), total * size**2)
     axes = int((np.linalg.eigvalsh(J) > least).sum())
-    enough = shown(np.isfinite(x).all(2)) >= ENOUGH
+    enough = shown(np.isfinite(x).all(2)) >= ENOUGH and not bare
     dim = rank(seen_nodes)
     told_by = told + (", bends" if bends else "") + (", no inertia" if bare else "")
     kind = f"{kind}, {told_by}, {len(seen_nodes)} markers on {on}, {frames} frames"
     return Drawn(
         recording, kind, enough and (dim >= 2 or spans(seen_nodes, center)),
-        enough and not bare and turns(seen_nodes, dim, axes, about), axes,
+        enough and turns(seen_nodes, dim, axes, about), axes,
     )  # fmt: skip
 
 

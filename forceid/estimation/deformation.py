@@ -94,4 +94,5 @@ def products_of(kin: Kinematics) -> Products:
 
 def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array, Array]:
     """Inertia (time, 3, 3) and angular momentum of the deformation h (time, 3) about the mass center."""
-    return products_of(kin).of(amplitude, rate)
+    J, h = products_of(kin).of(amplitude, rate)
+    return J, h if kin.spin is None else h + kin.spin.momentum

@@ -32,6 +32,7 @@ from forceid.estimation.slow_errors import (
     widened,
     with_shared_error,
 )
+from forceid.estimation.spin import turning
 from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation
@@ -133,7 +134,8 @@ def estimate_flight(
     def solve(flight: Flight) -> FlightState:
         if not kin.attitude:
             return smooth_translation(flight, force, engine, causal)
-        return smooth_flight(flight, force, moment, engine, causal)
+        state = smooth_flight(flight, force, moment, engine, causal)
+        return turning(state, kin.spin, kin.inertia.line)
 
     flight = with_gauges(flight_of(kin, deformation, gravity), kin, body, motion, settings)
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)

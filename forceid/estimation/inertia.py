@@ -18,8 +18,9 @@ class Inertia:
     nodal: masses (node,) or matrix (dof, dof), or None for a rigid body known as a whole; weight (node,):
     mass that goes with each node, zeros for such a body; tensor (3, 3) kg m2 of the reference shape; affine
     (dof, dof): a matrix of nodes in space that makes such a body's momenta in any affine motion, None where
-    they lie in a plane. line (3,): the direction of the line that the mass lies on, None where it does not;
-    the tensor is then made the same about all axes, see `thin_mass`. point: whether it lies on a point.
+    they lie in a plane. line (3,): the direction of the line that the mass lies on or near, None where it
+    does not; the tensor is then made the same about all axes, and the true one is larger by beside (3, 3),
+    None on a line, see `thin_mass`. point: whether the mass lies on a point.
     """
 
     mass: float
@@ -29,6 +30,7 @@ class Inertia:
     weight: Array
     affine: Array | None = None
     line: Array | None = None
+    beside: Array | None = None
     point: bool = False
 
 

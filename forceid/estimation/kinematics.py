@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings
 from forceid.estimation.inertia import Inertia, inertia_of
 from forceid.estimation.shapes import check_scale, deformation_shapes, modes_of, rank_of, spinning_shape
-from forceid.estimation.thin_mass import line_pose, shown_rank, thinned
+from forceid.estimation.spin import Spin
+from forceid.estimation.thin_mass import followed_line, shown_rank, thinned
 from forceid.motion.frames import Frames, fit_frames
 from forceid.motion.modes import (
     Modes,
@@ -40,7 +41,8 @@ class Kinematics:
     and their noise_var; model: rigid, affine or modal; noise: standard deviation by variable, stated:
     whether the user stated it; attitude: whether the markers fix the rotation; frames: what every frame says
     of pose and amplitudes together, and beside (dof, dof) m2 what it counts as noise of deformation beside
-    the shapes, None for a body that does not deform.
+    the shapes, None for a body that does not deform; spin: of a slender body, whose pose follows its line
+    without it, None where it has none or none is seen.
     """
 
     time: Array
@@ -57,6 +59,7 @@ class Kinematics:
     attitude: bool
     frames: Frames | None = None
     beside: Array | None = None
+    spin: Spin | None = None
 
     @property
     def unfollowed(self) -> Flags:
@@ -93,8 +96,9 @@ def from_markers(
     seen = np.any(np.isfinite(x).all(2), axis=0)
     sigma = noise.get("position") or marker_noise(motion.time, x)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
-    inertia = thinned(inertia, X, sigma)
-    if inertia.line is not None or inertia.point:  # a shape would give it the inertia that it has not
+    inertia, spin = thinned(inertia, X), None
+    thin = inertia.line is not None or inertia.point
+    if thin:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
     level, known = {"position": sigma}, {"position": "position" in stated}
     massive = seen & (inertia.weight > 0)
@@ -108,12 +112,12 @@ def from_markers(
         unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
         pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
         if inertia.line is not None:
-            pose = line_pose(motion.time, pose, x, X, inertia, sigma)
+            pose, spin = followed_line(motion.time, pose, x, X, inertia, sigma)
         shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
         return Kinematics(
             motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown)
         )
-    modes = modes_of(body, inertia)
+    modes = None if thin else modes_of(body, inertia)
     shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
     # in the gauge of the weights, before any marker's noise is weighed
     center, R = fit_rotation(x, shape, weight)
@@ -131,14 +135,15 @@ def from_markers(
     pose = fit_pose(x, shape, weight, white + period(motion, modes) * deforming)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest)
     if inertia.line is not None:
-        pose = line_pose(motion.time, pose, x, shape, inertia, sigma)
+        pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
     frames, beside = None, period(motion, modes) * rest
     if len(shapes):
         frames = fit_frames(x, pose, shape, shapes, white + beside)
     turns = not inertia.point
     return Kinematics(
-        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, turns, frames, beside
-    )
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, turns, frames, beside,
+        spin,
+    )  # fmt: skip
 
 
 def period(motion: Motion, modes: Modes | None) -> float:
@@ -167,7 +172,7 @@ def from_mean_motion(
     cov = np.zeros((T, 6, 6))
     cov[:, :3, :3] = c_std**2 * np.eye(3)
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
-    inertia = thinned(inertia, X, c_std)
+    inertia, spin = thinned(inertia, X), None
     levels = {"center": c_std}
     R = np.full((T, 3, 3), np.nan)
     attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
@@ -184,11 +189,12 @@ def from_mean_motion(
     empty = np.zeros((T, 0))
     pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
     if inertia.line is not None and attitude:
-        pose = line_pose(time, pose, None, X, inertia, c_std)
+        pose, spin = followed_line(time, pose, None, X, inertia, c_std)
     known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
     return Kinematics(
-        time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude
-    )
+        time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude,
+        spin=spin,
+    )  # fmt: skip
 
 
 def scaled(kin: Kinematics, factor: dict[str, float]) -> dict[str, float]:

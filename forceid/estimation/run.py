@@ -105,7 +105,12 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     solve = estimate_unmarked if unmarked else solve
     solution, choice = solved_at_level(recording, settings, solve, unmarked)
-    solution = replace(solution, state=with_known_moment(solution.state, solution.kinematics.inertia))
+    if not unmarked:
+        kin = solution.kinematics
+        # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
+        smoothing = solution.smoothing if kin.inertia.line is None else None
+        state = with_known_moment(solution.state, kin.inertia, kin.spin)
+        solution = replace(solution, state=state, smoothing=smoothing)
     compared = choice.level is not None
     result = assemble(recording, settings, solution, findings, compared)
     return replace(result, model_choice=choice.sentence, ladder=choice.numbers()), solution
@@ -201,8 +206,10 @@ def reach(solution: Solution) -> Array:
     covs = (solution.kinematics.pose.cov, solution.state.wrench_cov)
     var = [np.diagonal(cov, axis1=1, axis2=2)[:, :channels] for cov in covs]
     moved, claimed = (np.sqrt(np.nanmean(v, axis=0)) for v in var)
+    if inertia.line is not None and channels > 3:  # along the line hardly any moment can hide
+        claimed[3:] = np.sqrt(np.mean(claimed[3:] ** 2))
     moving = np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3)[:channels]
-    return np.asarray(moving * moved / claimed)
+    return np.asarray(moving * moved / np.where(claimed > 0, claimed, np.inf))
 
 
 def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tuple[Array, Array]:

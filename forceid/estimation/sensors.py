@@ -91,7 +91,8 @@ def fused(
     As they were where markers do not show the rotation, or where there are no sensors and the body turns by
     less between frames than makes the first moment a poor channel.
     """
-    flight = with_sensors(flight, kin, body, motion, settings) if kin.attitude else flight
+    if kin.attitude and kin.inertia.line is None:
+        flight = with_sensors(flight, kin, body, motion, settings)
     turn = turn_a_frame(flight)
     if not kin.attitude or (flight.sensors is None and turn < FAR):
         return flight, priors

@@ -19,6 +19,8 @@ from forceid.estimation.joint_tuning import FAMILIES, tune_together
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensors import named_sensors, sensor_reasons, sensors_of
+from forceid.estimation.spin import with_own_tensor
+from forceid.estimation.thin_mass import as_sphere, with_known_moment
 from forceid.estimation.verdict import Finding
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
@@ -105,6 +107,10 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
                 f"a force of up to {turning:.2g} N that turns with the body may be among the biases of the "
                 "accelerometers, and is not in the claimed error"
             )
+    if kin.inertia.point:
+        state = with_known_moment(state, kin.inertia, None)
+    elif kin.inertia.line is not None:
+        state = with_own_tensor(state, kin.inertia, kin.noise["angular_velocity"])
     lost = np.full_like(state.center, np.nan)
     pose_cov = state.pose_cov.copy()
     pose_cov[:, :3], pose_cov[:, :, :3] = np.nan, np.nan
@@ -132,6 +138,7 @@ def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinem
     """Kinematics of a recording that shows no pose: mass, shape and the noise of its sensors."""
     inertia, T, nodes = inertia_of(body), len(motion.time), len(body.node)
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    inertia = as_sphere(inertia, X)
     lost, unseen = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
     cov, empty = np.tile(np.eye(6), (T, 1, 1)), np.zeros((T, 0))
     pose = Pose(lost, unseen, cov, np.full((T, nodes, 3), np.nan), np.full(T, np.nan), np.zeros(T))

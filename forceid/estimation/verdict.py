@@ -116,7 +116,7 @@ def known_beforehand(kin: Kinematics) -> list[str]:
     """Sentences on components of the moment that the mass distribution alone settles."""
     if kin.inertia.point:
         return ["all mass lies on a point: no moment acts about it, and the moment is zero by construction"]
-    if kin.inertia.line is None or not kin.attitude:
+    if kin.inertia.line is None or not kin.attitude or (kin.spin is not None and kin.spin.moment.any()):
         return []
     return [
         "all mass lies on a line: no moment acts along it, and that component is zero by construction; the "
@@ -130,7 +130,7 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
     marked = int(kin.seen.sum())
     if kin.inertia.point:
         pass
-    elif not kin.attitude and kin.inertia.line is not None and marked:
+    elif not kin.attitude and kin.inertia.line is not None and kin.inertia.beside is None and marked:
         found.append(
             "the mass lies on a line whose direction no marker shows: the moment is not seen, force only; "
             "mark a second point of that line"
@@ -145,6 +145,12 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
         found.append(
             f"the {marked} markers lie on a line, and a turn about it is not seen: force only; "
             "add a marker off the line"
+        )
+    thin = kin.inertia.point or kin.inertia.line is not None
+    if thin and motion is not None and (reads_turn(motion) or motion.specific_force is not None):
+        found.append(
+            "gyros and accelerometers are left out: of a body whose mass lies near a line or on a point they "
+            "do not go together with markers; take the markers out to see what the sensors say"
         )
     hidden = int(kin.unfollowed.sum())
     if marked and hidden and len(kin.shapes):
