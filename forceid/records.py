@@ -180,6 +180,32 @@ class HiddenLoad:
 
 
 @dataclass(frozen=True)
+class Witness:
+    """The plain route beside an estimate: low-passed second derivatives of the mass center and of the turn.
+
+    force (time, 3) N and moment (time, 3) N m about the mass center, world axes, weight excluded, with the
+    standard deviation of each below its cut-off; NaN where they are not seen. By axis (3,): the cut-off, Hz;
+    band, Hz: up to where both differ most for their errors; how far they are apart there, rms in the middle
+    of the record, in N or N m; difference, the same in joint standard errors, and limit, what chance allows.
+    """
+
+    force: Array
+    moment: Array
+    force_std: Array
+    moment_std: Array
+    cutoff_force: Array
+    cutoff_moment: Array
+    band_force: Array
+    band_moment: Array
+    apart_force: Array
+    apart_moment: Array
+    difference_force: Array
+    difference_moment: Array
+    limit_force: Array
+    limit_moment: Array
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
@@ -193,8 +219,8 @@ class Estimate:
     N m, f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force,
     column: of its arm; first_moment_cov (time, 9, 9) row by row. What cannot be identified is NaN.
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
-    names. hidden: what the estimate leaves out, None where the method does not tell. settings: the merged
-    configuration as TOML text.
+    names. hidden: what the estimate leaves out, None where the method does not tell; witness: what the plain
+    route gives beside it. settings: the merged configuration as TOML text.
     """
 
     time: Array
@@ -225,6 +251,7 @@ class Estimate:
     first_moment_cov: Array | None = None
     loads: Loads | None = None
     interface: Interface | None = None
+    witness: Witness | None = None
     runtime_s: float = 0.0
     settings: str = ""
     input_sha256: str = ""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate, HiddenLoad, Interface
+    from forceid.records import Array, Estimate, HiddenLoad, Interface, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
 
@@ -64,8 +64,33 @@ def describe(
         "forceid_version": __version__,
         **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
         **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
+        **witness_of(estimate.witness),
         **summarize(estimate, truth).as_dict(),
     }
+
+
+def witness_of(witness: Witness | None) -> dict[str, Any]:
+    """How far an estimate is from the plain route in joint errors by axis, and what chance allows."""
+    if witness is None:
+        return {}
+    return {
+        f"witness_{load}_{number}": getattr(witness, f"{number}_{load}")
+        for load in UNITS
+        for number in ("difference", "limit")
+    }
+
+
+def witness_line(record: Mapping[str, Any]) -> str:
+    """How far force and moment are from the plain route, along the axis where it is most for chance."""
+    import numpy as np
+
+    texts = []
+    for load in UNITS:
+        off, limit = (np.array(record[f"witness_{load}_{n}"], float) for n in ("difference", "limit"))
+        if np.isfinite(off).any():
+            most = int(np.nanargmax(off / limit))
+            texts.append(f"{load} {off[most]:.2g} (by chance {limit[most]:.2g})")
+    return f"witness  joint errors from the plain route: {', '.join(texts)}" if texts else ""
 
 
 def hidden_of(hidden: HiddenLoad) -> dict[str, Any]:
@@ -154,6 +179,8 @@ def summary(record: Mapping[str, Any]) -> str:
         lines.append(wrap(f"error    {'; '.join(errors)}"))
     if "band" in record and np.isfinite(record["band"]).any():
         lines.append(wrap(band_line(np.array(record["band"]))))
+    if "witness_force_limit" in record and (line := witness_line(record)):
+        lines.append(wrap(line))
     if "interface" in record:
         lines += joint_lines(record["interface"])
     lines.append(f"result   {record['output']}, {record['runtime_s']:.2g} s")

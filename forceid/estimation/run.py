@@ -42,6 +42,7 @@ from forceid.estimation.verdict import (
     judge_rounding,
     judge_tuning,
 )
+from forceid.estimation.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
 from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation
@@ -112,8 +113,12 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         state = with_known_moment(solution.state, kin.inertia, kin.spin)
         solution = replace(solution, state=state, smoothing=smoothing)
     compared = choice.level is not None
-    result = assemble(recording, settings, solution, findings, compared)
-    return replace(result, model_choice=choice.sentence, ladder=choice.numbers()), solution
+    witness = witness_of(recording, solution)
+    solution = replace(solution, state=yielding(solution.state, witness))
+    told = judge_witness(witness, solution.state)
+    result = assemble(recording, settings, solution, findings, compared, told)
+    result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
+    return result, solution
 
 
 def solved_at_level(
@@ -151,9 +156,17 @@ def check_stiffness(body: Body) -> None:
 
 
 def assemble(
-    recording: Recording, settings: Settings, solution: Solution, findings: list[Finding], compared: bool
+    recording: Recording,
+    settings: Settings,
+    solution: Solution,
+    findings: list[Finding],
+    compared: bool,
+    told: list[Finding],
 ) -> Estimate:
-    """The estimate that a solved flight amounts to; compared: whether its level was, with all others."""
+    """The estimate that a solved flight amounts to.
+
+    compared: whether its level was, with all others; told: what is to say beside, after all else.
+    """
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
     shape = shape_at(kin, solution.deformation.amplitude)
@@ -182,6 +195,7 @@ def assemble(
         *judge_loads(loads),
         *(Finding(text) for text in same),
         *(Finding(text) for text in (*solution.reasons, *untold)),
+        *told,
     ]
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     return Estimate(

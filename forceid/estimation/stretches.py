@@ -23,7 +23,8 @@ from forceid.errors import DataError
 from forceid.estimation.innovations import BY_CHANCE, chance_limit, wildest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, read_version, write_result
-from forceid.records import Estimate, HiddenLoad, Loads, Recording, Verdict
+from forceid.files.schema import WITNESSED
+from forceid.records import Estimate, HiddenLoad, Loads, Recording, Verdict, Witness
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
@@ -86,7 +87,7 @@ def cut(record: Any, first: int, last: int, frames: int) -> Any:
     return replace(record, **kept)
 
 
-RECORDS = ("loads",)  # records in an estimate that have samples of their own
+RECORDS = ("loads", "witness")  # records in an estimate that have samples of their own
 
 
 def joined(pieces: Sequence[Estimate]) -> Estimate:
@@ -107,6 +108,7 @@ def joined(pieces: Sequence[Estimate]) -> Estimate:
         runtime_s=sum(p.runtime_s for p in pieces),
         verdict=worst_of(pieces),
         hidden=widest([p.hidden for p in pieces]),
+        witness=farthest(pieces),
         **numbers,
     )
 
@@ -120,6 +122,29 @@ def widest(hidden: Sequence[HiddenLoad | None]) -> HiddenLoad | None:
     most = [[np.interp(at, h.frequency, a) for a in h.amplitude.T] for h in known]
     band = np.stack([h.band for h in known])
     return HiddenLoad(at, np.fmax.reduce(np.array(most)).T, np.fmin.reduce(band))
+
+
+def farthest(pieces: Sequence[Estimate]) -> Witness | None:
+    """The witness of several stretches: its loads in a row, its numbers, by axis, where they differ most."""
+    known = next((p.witness for p in pieces if p.witness is not None), None)
+    if known is None:
+        return None
+    each = [p.witness or cut_off(known, len(p.time)) for p in pieces]
+    numbers = {}
+    for load in ("force", "moment"):
+        off = [getattr(w, f"difference_{load}") / getattr(w, f"limit_{load}") for w in each]
+        at = np.argmax(np.nan_to_num(off, nan=-1.0), axis=0)
+        for name in (f"{number}_{load}" for number in WITNESSED):
+            numbers[name] = np.array([getattr(w, name) for w in each])[at, np.arange(3)]
+    whole: Witness = chained(each)
+    return replace(whole, **numbers)
+
+
+def cut_off(witness: Witness, frames: int) -> Witness:
+    """A witness of as many frames that saw nothing."""
+    gone = {f.name: np.full(3, np.nan) for f in fields(witness)}
+    series = {name: np.full((frames, 3), np.nan) for name in ("force", "moment", "force_std", "moment_std")}
+    return replace(witness, **(gone | series))
 
 
 def is_wild(whole: Estimate) -> bool:
@@ -165,7 +190,9 @@ def emptied(loads: Loads, frames: int) -> Loads:
 
 def samples_of(record: Any) -> Any:
     """An array of a record that has one entry a frame."""
-    return record.time if isinstance(record, Estimate) else record.load
+    if isinstance(record, Estimate):
+        return record.time
+    return record.load if isinstance(record, Loads) else record.force
 
 
 def unknown(values: Any, shape: tuple[int, ...]) -> Any:

@@ -18,9 +18,11 @@ from forceid.files.schema import (
     LOAD,
     NUMBERS,
     TRUTH,
+    WITNESS,
+    WITNESS_ATTRS,
     estimate_groups,
 )
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict, Witness
 
 _DERIVED = ("force_std", "moment_std")
 _AFFINE = ("stretch", "first_moment", "first_moment_cov")
@@ -75,6 +77,7 @@ def read_result(path: str | Path) -> Estimate:
             verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
             interface=read_interface(f, n, path) if "interface" in f else None,
+            witness=read_witness(f, n, path) if "witness" in f else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             hidden=HiddenLoad(hidden["frequency"], hidden["hidden_load"], hidden["band"])
             if len(hidden) == len(HIDDEN)
@@ -123,6 +126,18 @@ def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
     empty = {"null_space": np.zeros((n, 0)), "estimable": np.zeros((0, n))}
     dof = int(real_attr(group.attrs["dof"], f"{path}:/load", "dof"))
     return Loads(name=names, dof=dof, **(empty | values))
+
+
+def read_witness(file: Any, samples: int, path: str | Path) -> Witness:
+    """The group /witness of a result file."""
+    where = f"{path}:/witness"
+    group = source_group(file, "witness", WITNESS, f"{path}:")
+    values, _ = read_variables(group, WITNESS, {"time": samples, "axis": 3}, where)
+    for name in (*WITNESS, *WITNESS_ATTRS):
+        if name not in values and name not in group.attrs:
+            raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
+    numbers = {name: np.asarray(group.attrs[name], float) for name in WITNESS_ATTRS}
+    return Witness(**values, **numbers)
 
 
 def read_interface(file: Any, samples: int, path: str | Path) -> Interface:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Witness
 
 SCHEMA = "1"
 CONVENTIONS = "CF-1.11"
@@ -115,6 +115,12 @@ LOAD = {
     "estimable": Variable(("functional", "load_name"), "1", "combinations of loads that are determined"),
     "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
 }
+WITNESS = {
+    name: replace(ESTIMATE[name], long_name=f"{ESTIMATE[name].long_name}, by the plain route")
+    for name in ("force", "moment", "force_std", "moment_std")
+}
+WITNESSED = ("cutoff", "band", "apart", "difference", "limit")  # by axis: Hz, Hz, N or N m, joint errors
+WITNESS_ATTRS = tuple(f"{number}_{load}" for load in ("force", "moment") for number in WITNESSED)
 INTERFACE = {
     "force": Variable(("time", "joint", "axis"), "N", "joint force on the second part, world axes"),
     "moment": Variable(("time", "joint", "axis"), "N m", "joint moment on the second part, about the joint"),
@@ -256,6 +262,8 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     }
     if estimate.loads is not None:
         groups["load"] = load_group(estimate.time, estimate.loads)
+    if estimate.witness is not None:
+        groups["witness"] = witness_group(estimate.time, estimate.witness)
     if estimate.interface is not None:
         groups["interface"] = interface_group(estimate.time, estimate.interface)
     return groups | (truth_group(recording) if recording else {})
@@ -273,6 +281,13 @@ def load_group(time: Array, loads: Loads) -> Group:
     values = {"time": time} | {name: getattr(loads, name) for name in LOAD}
     table = {"time": ESTIMATE["time"]} | LOAD
     return Group(fields(table, values, {"load_name": loads.name}), {"dof": loads.dof})
+
+
+def witness_group(time: Array, witness: Witness) -> Group:
+    """The group /witness of a result file."""
+    values = {"time": time} | {name: getattr(witness, name) for name in WITNESS}
+    attrs = {"moment_about": "mass_center"} | {name: getattr(witness, name) for name in WITNESS_ATTRS}
+    return Group(fields({"time": ESTIMATE["time"]} | WITNESS, values), attrs)
 
 
 def interface_group(time: Array, interface: Interface) -> Group:

@@ -29,8 +29,12 @@ AXES = ("x", "y", "z")
 
 @rc_context(STYLE)
 def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Figure:
-    """Force and moment by axis with two-sigma bands, and the truth where there is one."""
+    """Force and moment by axis with two-sigma bands, the plain route, and the truth where there is one."""
     figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
+    witness = estimate.witness
+    plain = {} if witness is None else {"force": witness.force, "moment": witness.moment}
+    if estimate.moment_about != "mass_center":
+        plain.pop("moment", None)
     sides = (
         ("force", "Force", "N", estimate.force, estimate.force_std),
         ("moment", f"Moment about {about(estimate)}", "N m", estimate.moment, estimate.moment_std),
@@ -47,8 +51,9 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
                 "time (s)" if row == 2 else "",
             )
             known = known or bool(np.isfinite(true[:, row]).any())
-            draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row])
-    explain(figure, "two sigma", known)
+            other = plain[name][:, row] if name in plain else None
+            draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row], plain=other)
+    explain(figure, "two sigma", known, any(np.isfinite(values).any() for values in plain.values()))
     return figure
 
 

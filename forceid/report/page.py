@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from forceid import __version__
-from forceid.records import Array, Estimate
+from forceid.records import Array, Estimate, Witness
 from forceid.report.figures import draw_loads, draw_motion, draw_wrench
 from forceid.report.first_moment_figure import draw_first_moments
 from forceid.report.hidden_figure import draw_hidden_load
@@ -37,7 +37,7 @@ def render_page(
         e=estimate,
         headline=HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
-        rows=table(quoted),
+        rows=[*table(quoted), *beside(estimate.witness)],
         joints=joint_section(estimate, truth),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
@@ -61,7 +61,8 @@ def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Pict
         (
             draw_wrench(estimate, truth),
             "Applied force and moment",
-            "World axes, weight excluded. The band is two sigma on either side as the estimate claims it.",
+            "World axes, weight excluded. The band is two sigma on either side as the estimate claims it; "
+            "the plain route is the low-passed rate of momentum and angular momentum.",
         ),
         (
             draw_motion(estimate),
@@ -118,6 +119,22 @@ def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
             (f"{title}, rms of error over sigma", "1", getattr(quoted, f"{name}_score")),
             (f"Change of {momentum} less impulse", f"{unit} s", getattr(quoted, f"{name}_closure")),
             ("Sigma of that impulse at most", f"{unit} s", getattr(quoted, f"{name}_closure_limit")),
+        ]
+    known = [row for row in rows if np.isfinite(row[2]).any()]
+    return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
+
+
+def beside(witness: Witness | None) -> list[tuple[str, str, list[str]]]:
+    """Rows of the same table on the plain route: its cut-off, and how far the estimate is from it."""
+    if witness is None:
+        return []
+    rows = []
+    for load, unit in (("force", "N"), ("moment", "N m")):
+        rows += [
+            (f"{load.capitalize()}, cut-off of the plain route", "Hz", getattr(witness, f"cutoff_{load}")),
+            ("Apart from it, rms", unit, getattr(witness, f"apart_{load}")),
+            ("Apart from it, in joint errors", "1", getattr(witness, f"difference_{load}")),
+            ("By chance at most", "1", getattr(witness, f"limit_{load}")),
         ]
     known = [row for row in rows if np.isfinite(row[2]).any()]
     return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]

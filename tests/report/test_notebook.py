@@ -29,7 +29,7 @@ def test_a_notebook_shows_the_wrench_as_a_picture(result):
     assert shown(figure)["image/png"].startswith(b"\x89PNG")
     assert [axes.get_ylabel() for axes in figure.axes[:2]] == ["F$_x$ (N)", "M$_x$ (N m)"]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["estimate", "two sigma", "truth"]
+    assert legend == ["estimate", "two sigma", "plain route", "truth"]
 
 
 def test_the_truth_is_that_of_the_result_or_the_one_given_or_none(result, motion):

@@ -1,0 +1,246 @@
+"""Force and moment as second derivatives of what is plainly seen: the mass center and the turn of a body.
+
+Where all mass is seen, by markers or as a measured mean motion, nothing is modeled: the mass center is the
+mass-weighted mean, and the angular momentum is that of the nodes, however the body deforms. Elsewhere the
+mass center is the combination of markers that no affine motion takes off it, or that of a rigid fit, and the
+angular momentum that of the fit. Gaps of a marker are bridged by straight lines beside the other ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.estimation.inertia import Inertia, inertia_of
+from forceid.motion.first_moment import angular_channel
+from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
+from forceid.principal.operator import cross, summation_operator
+from forceid.records import Array, Body, Flags, Indices, Motion
+
+Fit: TypeAlias = Literal["none", "affine", "rigid"]
+LOUDER = 4.0  # in variance: what a mass center that no stretch moves may cost beside one of a rigid fit
+FEWEST = 24  # samples of a channel below which it has no spectrum to speak of
+SLENDER = 1e-6  # of the largest principal moment of inertia: mass on a line has none about it
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a load drives: z (sample, 3) at times (sample,), of which the load is the second derivative.
+
+    frame (sample,): which frame of the recording each sample is; whole (sample,): nothing was bridged there.
+    fit: the motion of the body that z takes for granted, and residual (sample, column) m, what it leaves of
+    the markers, of whose columns the part `free` is not fitted; lever: change of z by one marker that is off.
+    corner (3,) Hz: below it the noise of z adds up from frame to frame, as that of a turn does in a spin.
+    """
+
+    time: Array
+    z: Array
+    frame: Indices
+    whole: Flags
+    fit: Fit
+    residual: Array
+    free: float = 1.0
+    lever: float = 0.0
+    corner: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Route:
+    """Channels of force N s2 and of moment N m s2, None where the recording does not show them plainly."""
+
+    force: Channel | None = None
+    moment: Channel | None = None
+
+
+def plain_route(body: Body, motion: Motion) -> Route:
+    """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
+    inertia = inertia_of(body)
+    if motion.position is not None and body.position is not None:
+        return of_markers(inertia, body.position - inertia.center, motion, motion.position)
+    if motion.center is not None:
+        return of_mean_motion(inertia, motion, motion.center)
+    return Route()
+
+
+def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
+    """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center."""
+    ever = np.asarray(np.isfinite(x).all(2)).any(0)
+    x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
+    whole = np.asarray(np.isfinite(x).all((1, 2)))
+    rotation = rotations(x, X)
+    x = bridged(motion.time, x, X, rotation)
+    each = np.ones(len(X))
+    rigid = np.where(
+        np.asarray(np.isfinite(rotation).all((1, 2)))[:, None], fit_rotation(x, X, each)[0], np.nan
+    )
+    left = (body_axes(x, rigid, rotation) - X).reshape(len(x), -1)
+    free = 1 - 6 / left.shape[1]
+    summed = inertia.weight.sum() > 0 and mass.sum() > (1 - 1e-9) * inertia.weight.sum()
+    if summed:
+        force = channel(motion, inertia.mass, np.einsum("n,tna->ta", mass / mass.sum(), x), whole)
+    elif (shares := affine_shares(X)) is not None:
+        stretched, part = beside_affine(x, X)
+        lever = inertia.mass * float(np.linalg.norm(shares))
+        center = np.einsum("n,tna->ta", shares, x)
+        force = channel(motion, inertia.mass, center, whole, "affine", stretched, part, lever)
+    else:
+        force = channel(motion, inertia.mass, rigid, whole, "rigid", left, free)
+    if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
+        b = body_axes(x, np.einsum("n,tna->ta", mass / mass.sum(), x), rotation)
+        return Route(force, turning(motion, rotation, whole, *momenta(motion.time, b, mass)))
+    J = np.broadcast_to(inertia.tensor, rotation.shape)
+    return Route(force, turning(motion, rotation, whole, J, np.zeros((len(x), 3)), "rigid", left, free))
+
+
+def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
+    """Inertia (time, 3, 3) of nodes b (time, node, 3) about their mass center, and h = sum m b x b'.
+
+    NaN in frames where a node is not known.
+    """
+    J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
+    known = np.asarray(np.isfinite(b).all((1, 2)))
+    if known.sum() > 1:
+        J[known] = np.einsum("n,tnij->tij", mass, squares(b[known]))
+        h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
+    return J, h
+
+
+def of_mean_motion(inertia: Inertia, motion: Motion, center: Array) -> Route:
+    """Channels of a measured mass center (time, 3), and of the orientation where it was measured."""
+    whole, T = np.asarray(np.isfinite(center).all(1)), len(center)
+    force = channel(motion, inertia.mass, center, whole)
+    if motion.orientation is None:
+        return Route(force)
+    R, read = np.full((T, 3, 3), np.nan), np.asarray(np.isfinite(motion.orientation).all(1))
+    if read.any():
+        R[read] = Rotation.from_quat(motion.orientation[read]).as_matrix()
+    return Route(force, turning(motion, R, read, np.broadcast_to(inertia.tensor, R.shape), np.zeros((T, 3))))
+
+
+def channel(
+    motion: Motion,
+    mass: float,
+    center: Array,
+    whole: Flags,
+    fit: Fit = "none",
+    residual: Array | None = None,
+    free: float = 1.0,
+    lever: float = 0.0,
+) -> Channel | None:
+    """The channel of the force: mass times the mass center (time, 3) with the fall taken out."""
+    t = motion.time - motion.time[0]
+    z = mass * (center - 0.5 * t[:, None] ** 2 * motion.gravity)
+    return seen_of(motion.time, z, whole, fit, residual, free, lever)
+
+
+def turning(
+    motion: Motion,
+    rotation: Array,
+    whole: Flags,
+    inertia: Array,
+    h: Array,
+    fit: Fit = "none",
+    residual: Array | None = None,
+    free: float = 1.0,
+) -> Channel | None:
+    """The channel of the moment: the integral of J omega + h, of inertia (time, 3, 3) and h (time, 3).
+
+    None where few rotations (time, 3, 3) are seen, or where J is not known or near singular.
+    """
+    seen = np.asarray(np.isfinite(rotation).all((1, 2)) & np.isfinite(inertia).all((1, 2)))
+    if seen.sum() < FEWEST:
+        return None
+    rotation = np.where(seen[:, None, None], rotation, np.nan)
+    principal = np.linalg.eigvalsh(inertia[seen].mean(0))
+    if principal[0] < SLENDER * principal[-1]:
+        return None
+    alike = np.broadcast_to(np.eye(3), rotation.shape)  # errors of the turn about all axes
+    turned = angular_channel(motion.time, rotation, alike, inertia, h)
+    z = np.full((len(rotation), 3), np.nan)
+    z[seen] = turned.Y
+    found = seen_of(motion.time, z, whole, fit, residual, free)
+    white = np.diagonal(turned.noise_cov, axis1=1, axis2=2).mean(0) * np.median(np.diff(turned.time))
+    corner = np.sqrt(np.diagonal(turned.drift).clip(0) / white) / (2 * np.pi)
+    return None if found is None else replace(found, corner=corner)
+
+
+def seen_of(
+    time: Array,
+    z: Array,
+    whole: Flags,
+    fit: Fit,
+    residual: Array | None,
+    free: float,
+    lever: float = 0.0,
+) -> Channel | None:
+    """A channel of those frames that show z (time, 3); None where they are few."""
+    frame = np.flatnonzero(np.asarray(np.isfinite(z).all(1)))
+    if len(frame) < FEWEST:
+        return None
+    left = np.zeros((len(frame), 0)) if residual is None else residual[frame]
+    return Channel(time[frame], z[frame], frame, whole[frame], fit, left, free, lever)
+
+
+def rotations(x: Array, X: Array) -> Array:
+    """Rotation (time, 3, 3) of a rigid fit of X (node, 3) to the markers seen, every one alike; else NaN."""
+    R = fit_rotation(x, X, np.ones(len(X)))[1]
+    patterns, which = seen_together(x)
+    S = summation_operator(X).reshape(len(X), 3, 6)
+    fixed = np.array([p.sum() > 2 and pose_rank(S[p].reshape(-1, 6)) == 6 for p in patterns])
+    return np.where(fixed[which][:, None, None], R, np.nan)
+
+
+def bridged(time: Array, x: Array, X: Array, rotation: Array) -> Array:
+    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them.
+
+    As far as these fix the turn; frames in which they do not stay as they are.
+    """
+    if np.isfinite(x).all():
+        return x
+    beside = np.asarray(np.isfinite(x).all(2))
+    w = beside / np.maximum(beside.sum(1, keepdims=True), 1)
+    place = np.where(beside[..., None], x, 0.0)
+    turned = np.einsum("tab,nb->tna", rotation, X)
+    carried = turned + np.einsum("tn,tna->ta", w, place - np.where(beside[..., None], turned, 0.0))[:, None]
+    off = np.einsum("tba,tnb->tna", rotation, x - carried)
+    out, fixed = x.copy(), np.asarray(np.isfinite(rotation).all((1, 2)))
+    for k in np.flatnonzero(~beside.all(0)):
+        known, gone = beside[:, k] & fixed, ~beside[:, k] & fixed
+        if known.any():
+            line = np.stack([np.interp(time[gone], time[known], off[known, k, a]) for a in range(3)], 1)
+            out[gone, k] = carried[gone, k] + np.einsum("tab,tb->ta", rotation[gone], line)
+    return out
+
+
+def affine_shares(X: Array) -> Array | None:
+    """Shares (node,) whose sum of markers is the mass center under any affine motion; None where it is noisy.
+
+    X (node, 3) m about the mass center. None as well where the markers do not span it.
+
+    >>> affine_shares(np.array([[1.0, 0, 0], [-1, 1, 0], [-1, -1, 0]])).round(9).tolist()
+    [0.5, 0.25, 0.25]
+    """
+    span = np.vstack([X.T, np.ones(len(X))])
+    target = np.array([0.0, 0.0, 0.0, 1.0])
+    shares = np.linalg.pinv(span) @ target
+    if not np.allclose(span @ shares, target, atol=1e-9):
+        return None
+    S = summation_operator(X)
+    rigid = np.trace(np.linalg.pinv(S.T @ S)[:3, :3]) / 3
+    return np.asarray(shares) if shares @ shares < LOUDER * rigid else None
+
+
+def beside_affine(x: Array, X: Array) -> tuple[Array, float]:
+    """What the affine fit of every frame leaves of the markers (time, 3 node), and the part that is free."""
+    U, s, _ = np.linalg.svd(np.column_stack([np.ones(len(X)), X]), full_matrices=False)
+    U = U[:, s > 1e-9 * s[0]]
+    left = x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)
+    return left.reshape(len(x), -1), 1 - U.shape[1] / len(X)
+
+
+def squares(b: Array) -> Array:
+    """|b|^2 I - b b^T (..., 3, 3) of arms b (..., 3)."""
+    return np.asarray((b**2).sum(-1)[..., None, None] * np.eye(3) - b[..., :, None] * b[..., None, :])

@@ -1,0 +1,167 @@
+"""Where to cut a record off before it is differentiated twice: by its own spectrum, without a noise model.
+
+Errors of tracks are white, or rise toward low frequencies as a random walk does, by 4 an octave in power;
+what a load moves falls by its two integrals alone by 16 an octave. So, from the highest frequency down, the
+first octave in which the spectrum of the positions rises by more than STEEP is where the motion begins. Where
+it does so from the very top, errors were smoothed at the source, or the load goes on beyond: then the cut is
+in the first valley of the spectrum of the acceleration above where the velocity has most.
+Winter's residual analysis (Biomechanics and Motor Control of Human Movement, 2.2.4.5) by octaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtri
+
+from forceid.records import Array, Indices
+
+STEEP = 8.0  # in power, an octave: midway between what errors rise by (4) and what motion does (16)
+VALLEY = 4.0  # in power, an octave: as the acceleration of errors like a random walk rises
+CHANCE = 0.05  # of taking so large a ratio of two levels for real where they are equal
+ENOUGH = 40.0  # degrees of freedom by which a level is known to within a quarter
+FEW = 10.0  # degrees of freedom below which a level says little
+RUNGS = 4  # of the ladder of frequencies, an octave
+STRETCH = 0.35  # cycles a sample up to which a cut is worth making
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Spectrum (bin, channel) at `frequency` (bin,) Hz > 0 of a record, over the shape of its noise.
+
+    power: variance a sample of noise that has as much, white above a corner, a walk below;
+    moved (bin, channel): what second differences over step^2 make of one of unit variance; dof: chi-square
+    degrees of freedom of a bin; step s.
+    """
+
+    frequency: Array
+    power: Array
+    moved: Array
+    dof: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut-off in Hz, and the noise beside it: its variance a sample as above the cut, and the degrees of
+    freedom that is known by.
+    """
+
+    frequency: float
+    noise: float
+    dof: float
+
+
+def spectrum_of(time: Array, z: Array, corner: Array | float = 0.0) -> Spectrum:
+    """Spectrum of a record z (time, channel), no gaps, of which the second differences count.
+
+    corner (channel,) Hz: below it, noise adds up, and rises as 1 + (corner / f)^2; zero for white noise.
+    """
+    frequency, bent, dof, step = bending(time, z)
+    f = frequency[1:, None]
+    moved = (2 * np.sin(np.pi * f * step) / step) ** 4 * (1 + (np.asarray(corner) / f) ** 2)
+    moved = np.broadcast_to(moved, bent[1:].shape)
+    return Spectrum(frequency[1:], bent[1:] / moved, moved, dof, step)
+
+
+def bending(time: Array, z: Array) -> tuple[Array, Array, float, float]:
+    """Frequency (bin,) Hz and power (bin, channel) of the second differences of z over step^2; dof; step s.
+
+    The first bin and twice the others, summed and over the samples, are the mean square weighted by the
+    square of the taper.
+    Tapered by sin^4, whose side lobes fall by 30 dB an octave: the noise at high frequencies is larger by
+    some 100 dB. An irregular clock is put on a regular one by straight lines.
+    """
+    n = len(time)
+    step = float(np.ptp(time)) / (n - 1)
+    regular = time[0] + step * np.arange(n)
+    if np.abs(regular - time).max() > 1e-6 * step:
+        z = np.stack([np.interp(regular, time, column) for column in z.T], 1)
+    bent = np.diff(z, 2, axis=0) / step**2
+    taper = tapered(n - 2)
+    power = np.abs(np.fft.rfft(bent * taper[:, None], axis=0)) ** 2 / (taper**2).sum()
+    dof = 2 * float((taper**2).sum() ** 2 / ((taper**4).sum() * (n - 2)))
+    return np.asarray(np.fft.rfftfreq(n - 2, step)), np.asarray(power), dof, step
+
+
+def tapered(n: int) -> Array:
+    """The taper sin^4 of n samples, 1 in the middle."""
+    return np.asarray(np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 4)
+
+
+def plain_cuts(found: Spectrum) -> list[Cut]:
+    """The cut of every channel of a spectrum.
+
+    >>> t, rng = np.arange(2000) / 200, np.random.default_rng(0)
+    >>> z = 0.1 * np.sin(12.6 * t) + 1e-3 * rng.standard_normal(2000)
+    >>> cut, = plain_cuts(spectrum_of(t, z[:, None]))
+    >>> bool(2.0 < cut.frequency < 5.0), bool(0.8e-6 < cut.noise < 1.2e-6)
+    (True, True)
+    """
+    f = found.frequency
+    half = 2 ** (1 / RUNGS)  # of a band to either side of its rung
+    top = min(f[-1], STRETCH / found.step) / half
+    count = int(np.log2(top / f[0]) * RUNGS) + 1 if top > f[0] else 1
+    rung = max(top, f[0]) * half ** -np.arange(count)[::-1]
+    first = np.minimum(np.searchsorted(f, rung / half), len(f) - 1)
+    last = np.maximum(np.searchsorted(f, rung * half), first + 1)
+    dof = found.dof * (last - first)
+    cuts = []
+    for power, moved in zip(found.power.T, found.moved.T, strict=True):
+        level = mean_between(power, first, last)
+        if (i := motion_begins(level, dof)) is None:
+            fastest = int(np.argmax(level * rung**2))
+            i = first_valley(mean_between(power * moved, first, last), dof, fastest)
+        cuts.append(least_risk(found, power, moved, rung[i]))
+    return cuts
+
+
+def mean_between(values: Array, first: Indices, last: Indices) -> Array:
+    """Means (band,) of values from `first` to before `last`."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return np.asarray((total[last] - total[first]) / (last - first))
+
+
+def motion_begins(level: Array, dof: Array) -> int | None:
+    """The rung half an octave above the highest octave that rises as motion does; None: it is the top."""
+    if len(level) <= RUNGS:
+        return 0
+    above = level[RUNGS:]
+    steep = level[:-RUNGS] > np.maximum(STEEP, fdtri(dof[:-RUNGS], dof[RUNGS:], 1 - CHANCE)) * above
+    if not steep.any():
+        return 0
+    highest = int(np.flatnonzero(steep)[-1])
+    return None if highest == len(above) - 1 else highest + RUNGS // 2
+
+
+def first_valley(level: Array, dof: Array, start: int) -> int:
+    """The rung of the least level (rung,) from `start` to the first octave that rises for good."""
+    best = start
+    for i in range(start, len(level)):
+        if level[i] < level[best]:
+            best = i
+        grown = max(VALLEY, float(fdtri(dof[i], dof[best], 1 - CHANCE)))
+        if i >= best + RUNGS and level[i] > grown * level[best]:
+            break
+    return best
+
+
+def least_risk(found: Spectrum, power: Array, moved: Array, about: float) -> Cut:
+    """The cut of a quintic spline, within an octave of `about`, whose second derivative errs least.
+
+    By Mallows' risk, sum of w^4 [(1 - G)^2 (P - N) + G^2 N], with the noise N of the octave above. The noise
+    returned is that of as many octaves as tell it, or of the first where that is larger by more than chance.
+    """
+    f = found.frequency
+    low = min(int(np.searchsorted(f, 1.4 * about)), max(len(f) - 3, 0))
+    octave = min(max(int(np.searchsorted(f, 2.8 * about)), low + int(FEW / found.dof)), len(f))
+    high = min(max(octave, low + int(ENOUGH / found.dof)), len(f))
+    near, wide = float(power[low:octave].mean()), float(power[low:high].mean())
+    cuts = about * 2 ** (np.arange(-2 * RUNGS, 2 * RUNGS + 1) / (2 * RUNGS))
+    gain = 1 / (1 + (f[:octave, None] / cuts) ** 6)
+    left = (power[:octave] - near)[:, None]
+    risk = (moved[:octave, None] * ((gain**2 - 2 * gain) * left + gain**2 * near)).sum(0)
+    dof = found.dof * (octave - low), found.dof * (high - low)
+    louder = near > float(fdtri(*dof, 1 - CHANCE)) * wide
+    return Cut(float(cuts[np.argmin(risk)]), near if louder else wide, dof[0] if louder else dof[1])

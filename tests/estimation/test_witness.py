@@ -1,0 +1,137 @@
+"""The plain route beside an estimate: what it says by itself, when the two differ, and what follows."""
+
+from dataclasses import replace
+
+import closed_forms as cf
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from forceid.estimation.plain_route import plain_route
+from forceid.estimation.witness import compared
+from forceid.files.result import read_result, write_result
+from forceid.records import Body
+from forceid.scenes.drawn_loads import draw
+
+
+def pushed(seed, frames=200, rate=100.0):
+    """Markers of a body that does not turn, of which the force is drawn, and the force."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) / rate
+    load = draw(10 ** rng.uniform(-1, 1), rng.uniform(3, 40), t[-1], rng)
+    still = cf.toss(t, spin=(1e-9, 0.0), noise=0.0)
+    path = still.motion.position + ((load.second(t) - cf.FORCE * t[:, None] ** 2 / 2) / cf.MASS)[:, None]
+    noise = 10 ** rng.uniform(-4, -2.5)
+    return cf.seen_as(still, path + noise * rng.standard_normal(path.shape)), load.at(t)
+
+
+def stretching(offset, seed=0, frames=150):
+    """Free flight of a body known as a whole, stretched at 6 Hz, its markers `offset` m off the center."""
+    t = np.arange(frames) / 150.0
+    body = cf.star()
+    X = np.vstack([body.position, [[0.05, 0.08, 0.04]]]) + offset * np.array([1.0, 0.6, -0.3])
+    strain = np.array([[1.0, 0.3, 0.0], [0.3, -0.8, 0.2], [0.0, 0.2, 0.5]])
+    F = np.eye(3) + 0.08 * np.sin(2 * np.pi * 6 * t)[:, None, None] * strain
+    R = Rotation.from_rotvec(np.outer(t, [1.0, 2.0, 3.0])).as_matrix()
+    center = t[:, None] * [1.0, 2.0, 5.0] + 0.5 * t[:, None] ** 2 * cf.GRAVITY
+    x = center[:, None] + np.einsum("tab,tbc,nc->tna", R, F, X)
+    x += 3e-4 * np.random.default_rng(seed).standard_normal(x.shape)
+    whole = {"total_mass": cf.MASS, "mass_center": np.zeros(3), "inertia": cf.INERTIA}
+    known = Body(node=(*cf.NAMES, "tip"), position=X, **whole)
+    flown = cf.toss(t)
+    return replace(flown, body=known, motion=replace(flown.motion, position=x), truth={})
+
+
+def off_in(result, name):
+    witness = result.witness
+    return getattr(witness, f"difference_{name}") / getattr(witness, f"limit_{name}")
+
+
+def test_true_load_differs_by_more_than_chance_in_none_of_thirty_recordings():
+    worst = []
+    for seed in range(30):
+        recording, force = pushed(seed)
+        channel = plain_route(recording.body, recording.motion).force
+        _, numbers = compared(recording.motion.time, channel, force, np.zeros_like(force))
+        worst.append((numbers["difference"] / numbers["limit"]).max())
+        assert (numbers["difference"] > 0.3).all()  # the noise is there to be seen
+    assert max(worst) < 1  # three in ten thousand by chance
+
+
+def test_load_that_is_off_by_a_few_of_its_errors_is_found_out():
+    found = []
+    for seed in range(10):
+        recording, force = pushed(seed)
+        t = recording.motion.time
+        channel = plain_route(recording.body, recording.motion).force
+        (_, std), numbers = compared(t, channel, force, np.zeros_like(force))
+        wrong = force + 4 * np.median(std, 0) * np.sin(2 * np.pi * 0.7 * numbers["cutoff"] * t[:, None])
+        _, numbers = compared(t, channel, wrong, np.zeros_like(force))
+        found += list(numbers["difference"] > numbers["limit"])
+    assert np.mean(found) > 0.9
+
+
+def test_estimate_within_its_claim_stays_ok_and_shows_both(flown):
+    recording, result = flown
+    assert result.verdict.level == "ok"
+    assert max(off_in(result, "force").max(), off_in(result, "moment").max()) < 1
+    witness = result.witness
+    for name in ("force", "moment"):
+        values, std = getattr(witness, name), getattr(witness, f"{name}_std")
+        score = cf.rms(((values - recording.truth[name]) / std)[15:-15])
+        assert 0.2 < score < 2.5
+        assert (getattr(witness, f"cutoff_{name}") > 0).all()
+
+
+@pytest.mark.parametrize("method", ["savgol", "spline", "difference"])
+def test_classic_methods_have_the_witness_too(estimated, method):
+    result = estimated(cf.toss(), method=method)
+    assert max(off_in(result, "force").max(), off_in(result, "moment").max()) < 1
+
+
+def test_force_that_deformation_leaks_into_is_not_silent_and_its_claim_covers_it(estimated, tmp_path):
+    recording = stretching(0.05)
+    result = estimated(recording, model="rigid")
+    assert np.isnan(result.witness.moment).all()  # of a rigid fit, while the body deforms
+    assert cf.rms(result.witness.force[20:-20]) < 0.01  # free flight, whatever the stretch
+    if cf.rms(result.force[20:-20]) > 5 * cf.rms(result.witness.force[20:-20]):
+        assert off_in(result, "force").max() > 1
+        assert result.verdict.level == "degraded"
+        assert any("by the plain route" in reason for reason in result.verdict.reasons)
+    assert cf.rms(result.force[20:-20] / result.force_std[20:-20]) < 2
+    write_result(tmp_path / "a.h5", result, recording)
+    back = read_result(tmp_path / "a.h5").witness
+    for name, value in vars(result.witness).items():
+        np.testing.assert_array_equal(getattr(back, name), value)
+
+
+def test_moment_of_a_body_whose_mass_is_all_seen_follows_the_deformation(breathing):
+    recording, result = breathing
+    error = result.witness.moment - recording.truth["moment"]
+    assert cf.rms(error[15:-15]) < 0.15 * cf.rms(recording.truth["moment"])
+    assert off_in(result, "moment").max() < 1
+
+
+def test_a_marker_lost_for_a_while_leaves_the_mass_center_where_it_is():
+    recording = cf.toss(noise=0.0, stated=False)
+    whole = plain_route(recording.body, recording.motion)
+    x = recording.motion.position.copy()
+    x[30:60, 2] = x[50:70, 4] = np.nan
+    gappy = plain_route(recording.body, cf.seen_as(recording, x).motion)
+    np.testing.assert_allclose(gappy.force.z, whole.force.z, atol=1e-9)
+    np.testing.assert_allclose(gappy.moment.z, whole.moment.z, atol=1e-9)
+    assert not gappy.force.whole[30:70].any()
+    assert gappy.force.whole[:30].all()
+
+
+def test_twice_the_mass_takes_twice_the_force():
+    recording = cf.toss()
+    heavy = cf.star(mass=np.full(6, cf.MASS / 3))
+    one, two = (plain_route(body, recording.motion) for body in (recording.body, heavy))
+    nothing, claim = np.zeros((2, 120, 3))
+    for name in ("force", "moment"):
+        (load, std), numbers = compared(recording.motion.time, getattr(one, name), nothing, claim)
+        (double, wide), same = compared(recording.motion.time, getattr(two, name), nothing, claim)
+        np.testing.assert_allclose(double, 2 * load, rtol=1e-6, atol=1e-9 * np.abs(load).max())
+        np.testing.assert_allclose(wide, 2 * std, rtol=1e-6)
+        np.testing.assert_allclose(same["cutoff"], numbers["cutoff"])
