@@ -57,6 +57,8 @@ class Motion:
     quaternion [x y z w] body to world; specific_force (time, sensor, 3) m/s2; angular_velocity
     (time, sensor, 3) rad/s; strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of
     one component of one sample by variable name, where the file states it (rad for the orientation).
+    bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
+    NaN where there is none; None for a motion as it was measured.
     """
 
     time: Array
@@ -68,6 +70,7 @@ class Motion:
     strain: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
+    bridged: Array | None = None
 
 
 @dataclass(frozen=True)

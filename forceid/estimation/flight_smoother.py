@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
 from forceid.estimation.hidden_load import hidden_load, lines_at_spin
-from forceid.estimation.kinematics import Kinematics, kinematics, scaled
+from forceid.estimation.kinematics import Kinematics, scaled
 from forceid.estimation.likely_orders import allow_for_orders
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.load_lines import (
@@ -21,7 +22,14 @@ from forceid.estimation.load_lines import (
     mass_hidden,
     more_lines,
 )
-from forceid.estimation.outliers import cleaned, wild_frames, wildest, without_frames
+from forceid.estimation.outliers import (
+    NONE_DROPPED,
+    Dropped,
+    kinematics_without,
+    prepared,
+    wild_frames,
+    wildest,
+)
 from forceid.estimation.ringing import allow_for_ringing
 from forceid.estimation.sensors import fused, named_sensors, sensor_reasons
 from forceid.estimation.slow_errors import (
@@ -35,12 +43,12 @@ from forceid.estimation.slow_errors import (
 from forceid.estimation.spin import turning
 from forceid.estimation.verdict import GROWTH
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation
+from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
-from forceid.records import Array, Body, HiddenLoad, Motion
+from forceid.records import Array, Body, Flags, HiddenLoad, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
@@ -85,15 +93,17 @@ def estimate_flight(
     engine: Engine,
     reasons: tuple[str, ...] = (),
     lines: Lines = NO_LINES,
+    dropped: Dropped = NONE_DROPPED,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
-    reasons: sentences from a first pass that rejected frames; lines: of the loads, that a pass without
-    them found.
+    reasons: sentences from a first pass that rejected frames, dropped: those frames; lines: of the loads,
+    that a pass without them found.
     """
-    motion, told = cleaned(body, motion)
+    motion, told = prepared(body, motion)
     reasons = (*reasons, *told)
-    kin = kinematics(body, motion, settings)
+    look = partial(kinematics_without, dropped, body, motion, settings)
+    kin = look()
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
     stated = STATED if kin.stated[source] else UNSTATED
@@ -102,7 +112,7 @@ def estimate_flight(
     force = tune_channel(force_channel(kin, gravity), stated, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
-        kin = kinematics(body, motion, settings, scaled(kin, {source: force.tuned.noise}))
+        kin = look(scaled(kin, {source: force.tuned.noise}))
         kin, deformation = undeformed(kin, engine, causal)
     notes: tuple[str, ...] = ()
     hidden = not kin.stated[source] and (
@@ -110,7 +120,7 @@ def estimate_flight(
     )
     if hidden:
         factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
-        kin = kinematics(body, motion, settings, scaled(kin, {source: factor}))
+        kin = look(scaled(kin, {source: factor}))
         kin, deformation = undeformed(kin, engine, causal)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
         notes = (HIDDEN.format(source, kin.noise[source], length),)
@@ -129,22 +139,29 @@ def estimate_flight(
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
-            kin = kinematics(body, motion, settings, scaled(kin, {"orientation": moment.tuned.noise}))
+            kin = look(scaled(kin, {"orientation": moment.tuned.noise}))
 
     def solve(flight: Flight) -> FlightState:
         if not kin.attitude:
             return smooth_translation(flight, force, engine, causal)
-        state = smooth_flight(flight, force, moment, engine, causal)
-        return turning(state, kin.spin, kin.inertia.line)
+        if not kin.apart or flight.sensors is not None:
+            return turning(smooth_flight(flight, force, moment, engine, causal), kin.spin, kin.inertia.line)
+        free = smooth_translation(flight, force, engine, causal)
+        turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
+        center = np.where(np.isfinite(flight.center), flight.center, free.center)
+        beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
+        state = smooth_flight(beside, force, moment, engine, causal)
+        return turning(with_translation(state, free), kin.spin, kin.inertia.line)
 
-    flight = with_gauges(flight_of(kin, deformation, gravity), kin, body, motion, settings)
+    measured = any(m is not None for m in (motion.specific_force, motion.angular_velocity, motion.strain))
+    flight = with_gauges(flight_of(kin, deformation, gravity, measured), kin, body, motion, settings)
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
-    dropped, sentence = wild_frames(flight, state, solve)
-    if dropped.any():
-        motion, reasons = without_frames(motion, dropped), (*reasons, sentence)
-        return estimate_flight(body, motion, settings, engine, reasons, lines)
+    more_dropped, sentence = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
+    if more_dropped.any:
+        both = dropped.beside(more_dropped)
+        return estimate_flight(body, motion, settings, engine, (*reasons, sentence), lines, both)
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
     more = lines
@@ -152,7 +169,7 @@ def estimate_flight(
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        found = estimate_flight(body, motion, settings, engine, reasons, more)
+        found = estimate_flight(body, motion, settings, engine, reasons, more, dropped)
         if not sentence or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
             return found
     told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))

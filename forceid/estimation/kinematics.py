@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.inertia import Inertia, inertia_of
+from forceid.estimation.mass_center import affine_center, mass_center, with_center
 from forceid.estimation.shapes import check_scale, deformation_shapes, modes_of, rank_of, spinning_shape
 from forceid.estimation.spin import Spin
 from forceid.estimation.thin_mass import followed_line, shown_rank, thinned
@@ -42,7 +43,8 @@ class Kinematics:
     whether the user stated it; attitude: whether the markers fix the rotation; frames: what every frame says
     of pose and amplitudes together, and beside (dof, dof) m2 what it counts as noise of deformation beside
     the shapes, None for a body that does not deform; spin: of a slender body, whose pose follows its line
-    without it, None where it has none or none is seen.
+    without it, None where it has none or none is seen; apart: whether the mass center is known by itself, as
+    the mean of nodes that carry all mass or by an affine map, so that no rotation touches the force.
     """
 
     time: Array
@@ -60,6 +62,7 @@ class Kinematics:
     frames: Frames | None = None
     beside: Array | None = None
     spin: Spin | None = None
+    apart: bool = False
 
     @property
     def unfollowed(self) -> Flags:
@@ -94,18 +97,23 @@ def from_markers(
     X = body.position - inertia.center
     check_scale(x, X)
     seen = np.any(np.isfinite(x).all(2), axis=0)
-    sigma = noise.get("position") or marker_noise(motion.time, x)
+    filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
+    measured = np.where(filled[..., None] > 0, np.nan, x)
+    sigma = noise.get("position") or marker_noise(motion.time, measured)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
     inertia, spin = thinned(inertia, X), None
     thin = inertia.line is not None or inertia.point
     if thin:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
     level, known = {"position": sigma}, {"position": "position" in stated}
+    mean = mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
     none = np.zeros((0, *X.shape))
     if shown_rank(X, seen, sigma) < 6:
-        center, var = center_of_mass(x, X, inertia.weight, sigma**2)
+        center, var = (
+            center_of_mass(x, X, inertia.weight, sigma**2) if mean is None else (mean.center, mean.var)
+        )
         T = len(x)
         cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
         cov[:, :3, :3] = var[:, None, None] * np.eye(3)
@@ -115,8 +123,9 @@ def from_markers(
             pose, spin = followed_line(motion.time, pose, x, X, inertia, sigma)
         shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
         return Kinematics(
-            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown)
-        )
+            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown),
+            spin=spin, apart=mean is not None,
+        )  # fmt: skip
     modes = None if thin else modes_of(body, inertia)
     shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
     # in the gauge of the weights, before any marker's noise is weighed
@@ -132,17 +141,23 @@ def from_markers(
     deforming = rest + flat.T @ (var[:, None] * flat)
     # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
     # as noise of one frame, deformation counts as often
-    pose = fit_pose(x, shape, weight, white + period(motion, modes) * deforming)
-    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest)
+    # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
+    shown, own = (x, filled) if len(shapes) else (measured, None)
+    pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own)
+    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
     if inertia.line is not None:
         pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
     frames, beside = None, period(motion, modes) * rest
     if len(shapes):
-        frames = fit_frames(x, pose, shape, shapes, white + beside)
-    turns = not inertia.point
+        frames = fit_frames(shown, pose, shape, shapes, white + beside, own)
+    known_center = mean
+    if model == "affine" and mean is None:
+        known_center = affine_center(measured, X, sigma**2)
+    if known_center is not None:
+        pose, frames = with_center(pose, frames, known_center)
     return Kinematics(
-        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, turns, frames, beside,
-        spin,
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, not inertia.point,
+        frames, beside, spin, known_center is not None,
     )  # fmt: skip
 
 

@@ -31,7 +31,6 @@ from forceid.estimation.load_changes import (
     wider,
 )
 from forceid.estimation.model_choice import Choice, sentence_of, without_choice
-from forceid.estimation.outliers import cleaned
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 
@@ -57,7 +56,6 @@ def climb(
         return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid)
     if settings.modes == 0:
         return without_choice("rigid", "no modes are asked for"), solve(rigid)
-    motion = cleaned(body, motion)[0]
     most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
     if most.inertia.line is not None or most.inertia.point:
         return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)

@@ -57,11 +57,16 @@ def tune_channel(
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 
-def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array) -> Flight:
-    """The poses and the inertia that the flight smoother works on."""
+def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measured: bool = False) -> Flight:
+    """The poses and the inertia that the flight smoother works on.
+
+    measured: whether sensors or strain gauges read the modes as well. Without them, modes of a body whose
+    mass center is known by itself are as well smoothed by themselves.
+    """
     cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
     inertia, h, modes = deformation.inertia, deformation.h, None
-    if kin.frames is not None and deformation.prior is not None and deformation.path is not None:
+    joint = measured or not kin.apart
+    if joint and kin.frames is not None and deformation.prior is not None and deformation.path is not None:
         modes = FlyingModes(kin.frames, deformation.prior, products_of(kin), deformation.path)
     return Flight(
         kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity, modes=modes

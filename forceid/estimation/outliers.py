@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.config import Settings
+from forceid.estimation.kinematics import Kinematics, kinematics
+from forceid.estimation.mass_center import mass_center, with_center, without_gaps
 from forceid.kalman.flight import FlightState
 from forceid.kalman.flight_model import Flight
 from forceid.kalman.robust import WILD, drop_wild, runs, unswap
@@ -23,6 +26,12 @@ SPIKES = (
 )
 
 
+def prepared(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+    """The motion cleaned, with lost nodes that carry mass bridged, and what was done about it."""
+    motion, told = cleaned(body, motion)
+    return without_gaps(body, motion), told
+
+
 def cleaned(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion with markers in their places and without spikes, and what was done about it.
 
@@ -30,7 +39,7 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     >>> cleaned(Body(), Motion(time=np.arange(3.0)))[1]
     ()
     """
-    if motion.position is None:
+    if motion.position is None or motion.bridged is not None:
         return motion, ()
     told = []
     position, traded = unswap(motion.position)
@@ -47,10 +56,62 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     return (replace(motion, position=position), tuple(told)) if told else (motion, ())
 
 
+@dataclass(frozen=True)
+class Dropped:
+    """Frames (time,) taken out: of the mass center, and of the rotation; empty where none are."""
+
+    center: Flags
+    rotation: Flags
+
+    @property
+    def any(self) -> bool:
+        """Whether a frame is."""
+        return bool(self.center.any() or self.rotation.any())
+
+    def beside(self, more: Dropped) -> Dropped:
+        """These frames and more."""
+        return more if not self.any else Dropped(self.center | more.center, self.rotation | more.rotation)
+
+
+NONE_DROPPED = Dropped(np.zeros(0, bool), np.zeros(0, bool))
+
+
+def kinematics_without(
+    dropped: Dropped, body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None
+) -> Kinematics:
+    """Kinematics of a recording without frames; a mass center that is a mean loses its own only."""
+    if not dropped.any:
+        return kinematics(body, motion, settings, noise)
+    centers = without_frames(motion, dropped.center)
+    if noise is None and motion.position is not None:
+        noise = kinematics(body, centers, settings.model_copy(update={"model": "rigid"})).noise
+    kin = kinematics(body, without_frames(motion, dropped.center | dropped.rotation), settings, noise)
+    mean = mass_center(centers, kin.inertia, kin.noise.get("position", 0.0) ** 2)
+    if mean is None:
+        return kin
+    pose, frames = with_center(kin.pose, kin.frames, mean)
+    return replace(kin, pose=pose, frames=frames)
+
+
 def wild_frames(
-    flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
+    flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState], apart: bool
+) -> tuple[Dropped, str]:
+    """Frames that nothing else agrees with, and a sentence on them.
+
+    apart: whether mass center and rotation are smoothed by themselves, and are judged so.
+    """
+    if not apart:
+        dropped, sentence = wild_among(slice(None), flight, first, solve)
+        return Dropped(dropped, dropped), sentence
+    center, of_center = wild_among(slice(0, 3), flight, first, solve)
+    rotation, of_rotation = wild_among(slice(3, 6), flight, first, solve)
+    return Dropped(center, rotation), of_center or of_rotation
+
+
+def wild_among(
+    channels: slice, flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
 ) -> tuple[Flags, str]:
-    """Frames (time,) that nothing else agrees with, and a sentence on them.
+    """Frames (time,) that nothing else agrees with in some channels of a pose, and a sentence on them.
 
     A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
     wildness stays, it is not the frames but the motion: then none is dropped.
@@ -59,9 +120,9 @@ def wild_frames(
     def again(dropped: Flags) -> Array:
         kept = np.where(dropped[:, 0], np.nan, 1.0)[:, None]
         center, rotation = flight.center * kept, flight.rotation * kept[..., None]
-        return wildest(solve(replace(flight, center=center, rotation=rotation)))
+        return wildest(solve(replace(flight, center=center, rotation=rotation)), channels)
 
-    every = wildest(first)
+    every = wildest(first, channels)
     wild, ended = drop_wild(every, again)
     dropped, size = wild[:, 0], float(every.max())
     if not dropped.any():
@@ -80,9 +141,10 @@ def wild_frames(
     )
 
 
-def wildest(state: FlightState) -> Array:
+def wildest(state: FlightState, channels: slice = slice(None)) -> Array:
     """Largest innovation (time, 1) of every frame, in standard deviations; zero where nothing is seen."""
-    return np.asarray(np.abs(np.nan_to_num(state.innovation)).max(1, keepdims=True))
+    seen = np.abs(np.nan_to_num(state.innovation[:, channels]))
+    return np.asarray(seen.max(1, keepdims=True, initial=0.0))
 
 
 def without_frames(motion: Motion, dropped: Flags) -> Motion:

@@ -29,6 +29,7 @@ from forceid.estimation.load_checks import (
     judge_roughness,
 )
 from forceid.estimation.model_choice import Choice, without_choice
+from forceid.estimation.outliers import prepared
 from forceid.estimation.sensitivity import sensitivity
 from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape, judge_size
 from forceid.estimation.thin_mass import with_known_moment
@@ -125,10 +126,12 @@ def solved_at_level(
     recording: Recording, settings: Settings, solve: Callable[..., Solution], unmarked: bool
 ) -> tuple[Solution, Choice]:
     """The solution at the level asked for, or at the one that the ladder takes, and why that."""
-    body, motion, passes = recording.body, recording.motion, engine(settings.engine)
+    body, passes = recording.body, engine(settings.engine)
+    motion, told = (recording.motion, ()) if unmarked else prepared(body, recording.motion)
 
     def at(level: Settings) -> Solution:
-        return solve(body, motion, level, passes)
+        solution = solve(body, motion, level, passes)
+        return replace(solution, reasons=(*told, *solution.reasons))
 
     if settings.model != "auto":
         return at(settings), without_choice(settings.model, "it was asked for")

@@ -175,6 +175,20 @@ def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal:
     )  # fmt: skip
 
 
+def with_translation(state: FlightState, free: FlightState) -> FlightState:
+    """The flight with force and mass center smoothed by themselves: no error links them to the rotation."""
+    wrench_cov, pose_cov = state.wrench_cov.copy(), state.pose_cov.copy()
+    for cov, own in ((wrench_cov, free.wrench_cov), (pose_cov, free.pose_cov)):
+        cov[:, :3, :3], cov[:, :3, 3:], cov[:, 3:, :3] = own[:, :3, :3], 0.0, 0.0
+    innovation = np.concatenate([free.innovation, state.innovation[:, 3:]], 1)
+    gauged = state.gauge_innovation
+    return replace(
+        state, center=free.center, velocity=free.velocity, force=free.force, wrench_cov=wrench_cov,
+        pose_cov=pose_cov, innovation=innovation,
+        nis=mean_square(np.concatenate([innovation, *([gauged] if len(gauged) else [])], 1)),
+    )  # fmt: skip
+
+
 def read(
     flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, force: LoadPrior
 ) -> FlightState:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import Pose, body_axes, exp, pose_gain
+from forceid.motion.pose import Pose, alike, body_axes, exp, pose_gain
 from forceid.principal.operator import summation_operator
-from forceid.records import Array
+from forceid.records import Array, Flags, Indices
 
 BLIND = 1e-8  # of the information on the amplitude known best: less is none
 
@@ -31,36 +31,38 @@ class Frames:
     rows: Array
 
 
-def fit_frames(position: Array, pose: Pose, shape: Array, shapes: Array, cov: Array) -> Frames:
+def fit_frames(
+    position: Array, pose: Pose, shape: Array, shapes: Array, cov: Array, own: Array | None = None
+) -> Frames:
     """The pose and the further numbers of every frame, from markers near a pose.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
-    cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes. Generalized least
-    squares: what the fit of the pose leaves is independent of it, and shows the amplitudes with the
-    information Phi^T (V^-1 - V^-1 S C S^T V^-1) Phi, whose square root the rows are. So nothing is lost
-    where markers show less than m amplitudes, or none. Source: principal equations 4b, 4d.
+    cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes; own (time, node):
+    variance of single readings beside. Generalized least squares: what the fit of the pose leaves is
+    independent of it, and shows the amplitudes with the information Phi^T (V^-1 - V^-1 S C S^T V^-1) Phi,
+    whose square root the rows are. So nothing is lost where markers show less than m amplitudes, or none.
+    Source: principal equations 4b, 4d.
     """
     T, m = len(position), len(shapes)
     center, R = pose.center.copy(), pose.rotation.copy()
     flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
     leak, rows, told = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
     out = np.full((T, 6, 6), np.nan)
-    patterns, which = np.unique(np.isfinite(position).all(2), axis=0, return_inverse=True)
-    for i, pattern in enumerate(patterns):
-        at = (which.ravel() == i) & np.isfinite(center).all(1)
-        gain = pose_gain(S, pattern, cov) if at.any() else None
+    for pattern, more, frames in alike(position, own):
+        at = frames[np.isfinite(center[frames]).all(1)]
+        gain = pose_gain(S, pattern, cov + more) if len(at) else None
         if gain is None:
             continue
         K, C, V_inv = gain
         seen = np.repeat(pattern, 3)
 
-        def left(at: Array = at, pattern: Array = pattern) -> Array:
-            return (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(at.sum(), -1)
+        def left(at: Indices = at, pattern: Flags = pattern) -> Array:
+            return (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(len(at), -1)
 
         d = left() @ K.T
         center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])
         R[at] = R[at] @ exp(d[:, 3:])
-        turn = np.zeros((at.sum(), 6, 6))
+        turn = np.zeros((len(at), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
         out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
         weighed = flat[seen].T @ V_inv

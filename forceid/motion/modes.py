@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
-from forceid.motion.pose import body_axes, fit_rotation, log
+from forceid.motion.pose import alike, body_axes, fit_rotation, log
 from forceid.motion.telling import log_evidence, shown_by
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags
@@ -191,10 +191,13 @@ def stretches(shape: Array) -> Array:
     return np.array([shape @ E for E in strains])
 
 
-def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise: Array | float) -> tuple[Array, Array]:
+def fit_amplitudes(
+    residual: Array, shapes: Array, rigid: Array, noise: Array | float, own: Array | None = None
+) -> tuple[Array, Array]:
     """Amplitudes q (time, mode) of shapes (mode, node, 3) and their noise variance, NaN where not determined.
 
-    noise: variance of a coordinate (m2), or covariance (3 node, 3 node). Fitted together with the six rigid
+    noise: variance of a coordinate (m2), or covariance (3 node, 3 node); own (time, node) m2: variance of
+    single readings beside. Fitted together with the six rigid
     modes `rigid` (3 node, 6), so that no error of the pose enters: the markers seen in a frame must fix all
     of them, or q is NaN there.
     """
@@ -202,16 +205,14 @@ def fit_amplitudes(residual: Array, shapes: Array, rigid: Array, noise: Array | 
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
     cov = np.eye(len(rigid)) * noise if np.ndim(noise) == 0 else np.asarray(noise)
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
-    seen = np.isfinite(residual).all(2)
-    patterns, which = np.unique(seen, axis=0, return_inverse=True)
-    for i, pattern in enumerate(patterns):
-        rows, at = np.repeat(pattern, 3), which.ravel() == i
+    for pattern, more, at in alike(residual, own):
+        rows = np.repeat(pattern, 3)
         if rows.sum() < 6 + count:
             continue
         if np.linalg.matrix_rank(G[rows], rtol=1e-6) == 6 + count:
-            root = np.linalg.cholesky(cov[np.ix_(rows, rows)])
+            root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
             fit = np.linalg.pinv(np.linalg.solve(root, G[rows]))[6:]
-            q[at] = residual[at][:, pattern].reshape(at.sum(), -1) @ np.linalg.solve(root.T, fit.T)
+            q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, fit.T)
             var[at] = (fit**2).sum(1)
     return q, var
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -61,25 +62,24 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
     return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
 
 
-def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
+def fit_pose(position: Array, shape: Array, weight: Array, cov: Array, own: Array | None = None) -> Pose:
     """Pose of every frame by generalized least squares from the markers seen in it.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
     rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
     deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
-    neither center nor rotation. Source: principal equations 2.5, 4b.
+    neither center nor rotation. own (time, node) m2: variance that single readings have beside. Source:
+    principal equations 2.5, 4b.
     """
     # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
     start = weight + weight.max()
     T, S = len(position), summation_operator(shape)
-    patterns, which = seen_together(position)
     center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
     out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
-    for i, pattern in enumerate(patterns):
-        gain = pose_gain(S, pattern, cov)
+    for pattern, more, at in alike(position, own):
+        gain = pose_gain(S, pattern, cov + more)
         if gain is None:
             continue
-        at = np.flatnonzero(which == i)
         found = fitted(position, at, pattern, shape, start, gain)
         dof = np.full(len(at), 3.0 * pattern.sum() - 6)
         if len(at) == T:
@@ -89,6 +89,23 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array) -> Pose:
         ):
             whole[at] = part
     return out
+
+
+def alike(position: Array, own: Array | None = None) -> Iterator[tuple[Flags, Array | float, Indices]]:
+    """Frames of position (time, node, 3) that see the same markers equally well.
+
+    The markers seen (node,), the covariance (3 node, 3 node) that own (time, node), the variance of single
+    readings, adds to theirs, and which frames.
+    """
+    patterns, which = seen_together(position)
+    for i, pattern in enumerate(patterns):
+        at = np.flatnonzero(which == i)
+        if own is None or not own[at].any():
+            yield pattern, 0.0, at
+            continue
+        each, of = np.unique(np.where(pattern, own[at], 0.0), axis=0, return_inverse=True)
+        for j, var in enumerate(each):
+            yield pattern, np.diag(np.repeat(var, 3)), at[of.ravel() == j]
 
 
 def seen_together(position: Array) -> tuple[Flags, Indices]:

@@ -1,0 +1,174 @@
+"""Markers that are lost for some samples, bridged by their own smooth motion relative to their neighbors.
+
+A lost marker moves on beside its neighbors: on the rigid body those spanned by three or more of them make, or
+with their mean where that is all there is, or by itself. Its position in such a frame is continued by
+polynomials of time from the samples on both sides. Which frame, how many samples and which degree is no
+choice of ours: gaps of the same length are made where the marker is seen, and the bridge that fills those
+best is taken. What it missed there is the error that it is claimed with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.motion.pose import fit_rotation
+from forceid.records import Array, Flags, Indices
+
+TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
+LENGTHS = 1.5  # ratio of two lengths of gaps that are judged apart
+NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three are the fewest that turn
+SIDES = (2, 4, 12, 40)  # samples on either side that a bridge rests on
+DEGREES = (1, 3)  # of its polynomial: with the slopes at both ends, and the curvatures
+
+
+@dataclass(frozen=True)
+class Bridged:
+    """position (time, node, 3) m with lost readings filled, and error_var (time, node) m2 of those filled.
+
+    error_var: of one coordinate, zero where the marker was seen, NaN where nothing bridges it. Errors of a
+    gap follow each other: as noise of one sample they count as often as the gap has samples.
+    """
+
+    position: Array
+    error_var: Array
+
+
+def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
+    """Tracks position (time, node, 3) m, NaN = not seen, with the gaps of `nodes` (node,) filled.
+
+    time (time,) s. A sample in which none of these nodes is seen stays empty. The other nodes help.
+
+    >>> t = np.linspace(0, 1, 60)
+    >>> x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]) + np.sin(9 * t)[:, None, None]
+    >>> lost = x.copy(); lost[20:30, 2] = np.nan
+    >>> bool(abs(bridged(t, lost, np.ones(4, bool)).position - x).max() < 1e-9)
+    True
+    """
+    seen: Flags = np.asarray(np.isfinite(position).all(2))
+    x, var = position.copy(), np.where(seen, 0.0, np.nan)
+    some = seen[:, nodes].any(1)
+    judged: dict[tuple[int, int], list[tuple[float, Bridge]]] = {}
+    for k in np.flatnonzero(nodes & seen.any(0) & ~seen[some].all(0)).tolist():
+        near = neighbors(position, seen, k)
+        for first, length in gaps(seen[:, k] | ~some):
+            size = int(np.round(np.log(length) / np.log(LENGTHS)))
+            if (k, size) not in judged:
+                judged[k, size] = judge(time, position, seen, k, near, length)
+            gap = np.arange(first, first + length)
+            for mean_square, bridge in judged[k, size]:
+                filled = bridge.fill(time, position, seen, k, near, gap)
+                if filled is not None:
+                    x[gap, k], var[gap, k] = filled, mean_square
+                    break
+    return Bridged(x, var)
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """One way to fill a gap: the number of neighbors of its frame, samples on either side, the degree."""
+
+    count: int
+    side: int
+    degree: int
+
+    def fill(
+        self, time: Array, position: Array, seen: Flags, k: int, near: Indices, gap: Indices
+    ) -> Array | None:
+        """Positions (gap, 3) of node k in a gap, or None where this bridge has nothing to rest on."""
+        own = np.flatnonzero(seen[:, k])
+        own = own[(own < gap[0]) | (own > gap[-1])]
+        at = np.searchsorted(own, gap[0])
+        before, after = own[max(0, at - self.side) : at], own[at : at + self.side]
+        rest = np.concatenate([before, after])
+        degree = self.degree if len(before) and len(after) else 0
+        if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
+            return None
+        frames = np.concatenate([rest, gap])
+        shared = near[seen[np.ix_(frames, near)].all(0)][: self.count]
+        if len(shared) < self.count and not (self.count == len(near) and len(shared) >= NEIGHBORS[2]):
+            return None
+        origin, R = frame_of(position[np.ix_(frames, shared)], len(frames))
+        y = np.einsum("tba,tb->ta", R[: len(rest)], position[rest, k] - origin[: len(rest)])
+        z = weights(time[rest], time[gap], degree) @ y
+        return np.asarray(origin[len(rest) :] + np.einsum("tab,tb->ta", R[len(rest) :], z))
+
+
+def bridges(neighbors: int) -> Iterator[Bridge]:
+    """All ways to fill a gap beside a number of neighbors."""
+    for count in sorted({*(n for n in NEIGHBORS if n < neighbors), neighbors}):
+        for side in SIDES:
+            for degree in DEGREES:
+                if 2 * side > degree:
+                    yield Bridge(count, side, degree)
+
+
+def judge(
+    time: Array, position: Array, seen: Flags, k: int, near: Indices, length: int
+) -> list[tuple[float, Bridge]]:
+    """Ways to bridge gaps of a length of node k, best first, each with its mean square error (m2)."""
+    whole = np.flatnonzero(seen[:, k])
+    count = np.concatenate([[0], np.cumsum(seen[:, k])])
+    starts = np.flatnonzero(count[length:] - count[:-length] == length)
+    if not len(starts):  # it is never seen for so long: gaps that hide what is seen of it
+        starts = whole
+    starts = starts[np.unique(np.linspace(0, len(starts) - 1, TRIALS).astype(int))]
+    found = []
+    for bridge in bridges(len(near)):
+        missed = []
+        for a in starts:
+            gap = np.arange(a, min(a + length, len(seen)))
+            gap = gap[seen[gap, k]]
+            filled = bridge.fill(time, position, seen, k, near, gap)
+            if filled is not None:
+                missed.append(float(((filled - position[gap, k]) ** 2).mean()))
+        if missed:
+            found.append((float(np.mean(missed)), bridge))
+    return sorted(found, key=lambda f: f[0])
+
+
+def neighbors(position: Array, seen: Flags, k: int) -> Indices:
+    """The other nodes that are seen beside node k, those that keep their distance to it best first."""
+    with_k = position[seen[:, k]]
+    distance = np.linalg.norm(with_k - with_k[:, [k]], axis=2)
+    count = np.isfinite(distance).sum(0)
+    often = count >= 2
+    often[k] = False
+    spread = np.full(len(often), np.inf)
+    spread[often] = np.nanstd(distance[:, often], axis=0)
+    order = np.argsort(spread, kind="stable")
+    return np.asarray(order[often[order]])
+
+
+def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
+    """Origin (time, 3) and rotation (time, 3, 3) of the frame that markers x (time, node, 3) make.
+
+    None stand still in the world; one or two carry their mean along; three or more turn with their best fit
+    to the first sample.
+    """
+    if x.shape[1] == 0:
+        return np.zeros((samples, 3)), np.broadcast_to(np.eye(3), (samples, 3, 3))
+    origin = x.mean(1)
+    if x.shape[1] < NEIGHBORS[2]:
+        return origin, np.broadcast_to(np.eye(3), (samples, 3, 3))
+    shape = x[0] - x[0].mean(0)
+    return fit_rotation(x, shape, np.ones(x.shape[1]))
+
+
+def weights(at: Array, to: Array, degree: int) -> Array:
+    """Weights (to, at) that continue samples at some times to others, by a polynomial of least squares."""
+    middle, half = to.mean(), max(float(np.abs(at - to.mean()).max()), 1e-300)
+    rows = np.vander((at - middle) / half, degree + 1)
+    return np.asarray(np.vander((to - middle) / half, degree + 1) @ np.linalg.pinv(rows))
+
+
+def gaps(seen: Flags) -> list[tuple[int, int]]:
+    """Start and length of every run of false entries.
+
+    >>> gaps(np.array([1, 0, 0, 1, 0], bool))
+    [(1, 2), (4, 1)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], seen.astype(int), [1]])))
+    return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
