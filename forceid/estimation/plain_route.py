@@ -9,21 +9,21 @@ angular momentum that of the fit. Gaps of a marker are bridged by straight lines
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.estimation.inertia import Inertia, inertia_of
 from forceid.motion.first_moment import angular_channel
+from forceid.motion.plain_cut import moves, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
 from forceid.principal.operator import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 
-Fit: TypeAlias = Literal["none", "affine", "rigid"]
-LOUDER = 4.0  # in variance: what a mass center that no stretch moves may cost beside one of a rigid fit
+LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
 FEWEST = 24  # samples of a channel below which it has no spectrum to speak of
 SLENDER = 1e-6  # of the largest principal moment of inertia: mass on a line has none about it
+BRIDGED = 0.1  # of the frames: with more, errors of a bridge add up in the momentum of a body that deforms
 
 
 @dataclass(frozen=True)
@@ -31,16 +31,15 @@ class Channel:
     """What a load drives: z (sample, 3) at times (sample,), of which the load is the second derivative.
 
     frame (sample,): which frame of the recording each sample is; whole (sample,): nothing was bridged there.
-    fit: the motion of the body that z takes for granted, and residual (sample, column) m, what it leaves of
-    the markers, of whose columns the part `free` is not fitted; lever: change of z by one marker that is off.
-    corner (3,) Hz: below it the noise of z adds up from frame to frame, as that of a turn does in a spin.
+    residual (sample, column) m: what an affine motion leaves of the markers where z takes it for granted, no
+    columns where it does not, of which the part `free` is not fitted; lever: change of z by one marker that
+    is off. corner (3,) Hz: below it the noise of z adds up, as that of a turn does in a spin.
     """
 
     time: Array
     z: Array
     frame: Indices
     whole: Flags
-    fit: Fit
     residual: Array
     free: float = 1.0
     lever: float = 0.0
@@ -66,46 +65,47 @@ def plain_route(body: Body, motion: Motion) -> Route:
 
 
 def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
-    """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center."""
+    """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
+
+    A rigid fit is a part of them only where it leaves nothing of the markers that moves.
+    """
     ever = np.asarray(np.isfinite(x).all(2)).any(0)
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
     whole = np.asarray(np.isfinite(x).all((1, 2)))
     rotation = rotations(x, X)
+    turned = np.asarray(np.isfinite(rotation).all((1, 2)))
     x = bridged(motion.time, x, X, rotation)
-    each = np.ones(len(X))
-    rigid = np.where(
-        np.asarray(np.isfinite(rotation).all((1, 2)))[:, None], fit_rotation(x, X, each)[0], np.nan
-    )
-    left = (body_axes(x, rigid, rotation) - X).reshape(len(x), -1)
-    free = 1 - 6 / left.shape[1]
+    rigid = np.where(turned[:, None], fit_rotation(x, X, np.ones(len(X)))[0], np.nan)
+    bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
     summed = inertia.weight.sum() > 0 and mass.sum() > (1 - 1e-9) * inertia.weight.sum()
+    force = None
     if summed:
-        force = channel(motion, inertia.mass, np.einsum("n,tna->ta", mass / mass.sum(), x), whole)
+        center = np.einsum("n,tna->ta", mass / mass.sum(), x)
+        force = channel(motion, inertia.mass, center, whole)
     elif (shares := affine_shares(X)) is not None:
-        stretched, part = beside_affine(x, X)
-        lever = inertia.mass * float(np.linalg.norm(shares))
-        center = np.einsum("n,tna->ta", shares, x)
-        force = channel(motion, inertia.mass, center, whole, "affine", stretched, part, lever)
-    else:
-        force = channel(motion, inertia.mass, rigid, whole, "rigid", left, free)
+        left, free = beside_affine(x, X)
+        force = channel(motion, inertia.mass, np.einsum("n,tna->ta", shares, x), whole)
+        if force is not None:
+            lever = inertia.mass * float(np.linalg.norm(shares))
+            force = replace(force, residual=left[force.frame], free=free, lever=lever)
+    elif not bends:
+        force = channel(motion, inertia.mass, rigid, whole)
+    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.zeros((len(x), 3))
     if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
-        b = body_axes(x, np.einsum("n,tna->ta", mass / mass.sum(), x), rotation)
-        return Route(force, turning(motion, rotation, whole, *momenta(motion.time, b, mass)))
-    J = np.broadcast_to(inertia.tensor, rotation.shape)
-    return Route(force, turning(motion, rotation, whole, J, np.zeros((len(x), 3)), "rigid", left, free))
+        J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
+        if bends:
+            return Route(
+                force, turning(motion, rotation, whole, J, momentum) if whole.mean() > 1 - BRIDGED else None
+            )
+        known = np.asarray(np.isfinite(J).all((1, 2)))
+        J = np.broadcast_to(J[known].mean(0) if known.any() else inertia.tensor, rotation.shape)
+    return Route(force, None if bends else turning(motion, rotation, whole, J, h))
 
 
-def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
-    """Inertia (time, 3, 3) of nodes b (time, node, 3) about their mass center, and h = sum m b x b'.
-
-    NaN in frames where a node is not known.
-    """
-    J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
-    known = np.asarray(np.isfinite(b).all((1, 2)))
-    if known.sum() > 1:
-        J[known] = np.einsum("n,tnij->tij", mass, squares(b[known]))
-        h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
-    return J, h
+def bending_shows(time: Array, b: Array) -> bool:
+    """Whether positions b (time, column) in the axes of a rigid fit move, and not by noise alone."""
+    seen = np.asarray(np.isfinite(b).all(1))
+    return bool(seen.sum() >= FEWEST and moves(spectrum_of(time[seen], b[seen])))
 
 
 def of_mean_motion(inertia: Inertia, motion: Motion, center: Array) -> Route:
@@ -120,32 +120,13 @@ def of_mean_motion(inertia: Inertia, motion: Motion, center: Array) -> Route:
     return Route(force, turning(motion, R, read, np.broadcast_to(inertia.tensor, R.shape), np.zeros((T, 3))))
 
 
-def channel(
-    motion: Motion,
-    mass: float,
-    center: Array,
-    whole: Flags,
-    fit: Fit = "none",
-    residual: Array | None = None,
-    free: float = 1.0,
-    lever: float = 0.0,
-) -> Channel | None:
+def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> Channel | None:
     """The channel of the force: mass times the mass center (time, 3) with the fall taken out."""
     t = motion.time - motion.time[0]
-    z = mass * (center - 0.5 * t[:, None] ** 2 * motion.gravity)
-    return seen_of(motion.time, z, whole, fit, residual, free, lever)
+    return seen_of(motion.time, mass * (center - 0.5 * t[:, None] ** 2 * motion.gravity), whole)
 
 
-def turning(
-    motion: Motion,
-    rotation: Array,
-    whole: Flags,
-    inertia: Array,
-    h: Array,
-    fit: Fit = "none",
-    residual: Array | None = None,
-    free: float = 1.0,
-) -> Channel | None:
+def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Array) -> Channel | None:
     """The channel of the moment: the integral of J omega + h, of inertia (time, 3, 3) and h (time, 3).
 
     None where few rotations (time, 3, 3) are seen, or where J is not known or near singular.
@@ -153,35 +134,39 @@ def turning(
     seen = np.asarray(np.isfinite(rotation).all((1, 2)) & np.isfinite(inertia).all((1, 2)))
     if seen.sum() < FEWEST:
         return None
-    rotation = np.where(seen[:, None, None], rotation, np.nan)
     principal = np.linalg.eigvalsh(inertia[seen].mean(0))
     if principal[0] < SLENDER * principal[-1]:
         return None
+    rotation = np.where(seen[:, None, None], rotation, np.nan)
     alike = np.broadcast_to(np.eye(3), rotation.shape)  # errors of the turn about all axes
     turned = angular_channel(motion.time, rotation, alike, inertia, h)
     z = np.full((len(rotation), 3), np.nan)
     z[seen] = turned.Y
-    found = seen_of(motion.time, z, whole, fit, residual, free)
+    found = seen_of(motion.time, z, whole)
     white = np.diagonal(turned.noise_cov, axis1=1, axis2=2).mean(0) * np.median(np.diff(turned.time))
     corner = np.sqrt(np.diagonal(turned.drift).clip(0) / white) / (2 * np.pi)
     return None if found is None else replace(found, corner=corner)
 
 
-def seen_of(
-    time: Array,
-    z: Array,
-    whole: Flags,
-    fit: Fit,
-    residual: Array | None,
-    free: float,
-    lever: float = 0.0,
-) -> Channel | None:
+def seen_of(time: Array, z: Array, whole: Flags) -> Channel | None:
     """A channel of those frames that show z (time, 3); None where they are few."""
-    frame = np.flatnonzero(np.asarray(np.isfinite(z).all(1)))
+    frame = np.flatnonzero(np.isfinite(z).all(1))
     if len(frame) < FEWEST:
         return None
-    left = np.zeros((len(frame), 0)) if residual is None else residual[frame]
-    return Channel(time[frame], z[frame], frame, whole[frame], fit, left, free, lever)
+    return Channel(time[frame], z[frame], frame, whole[frame], np.zeros((len(frame), 0)))
+
+
+def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
+    """Inertia (time, 3, 3) of nodes b (time, node, 3) about their mass center, and h = sum m b x b'.
+
+    NaN in frames where a node is not known.
+    """
+    J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
+    known = np.asarray(np.isfinite(b).all((1, 2)))
+    if known.sum() > 1:
+        J[known] = np.einsum("n,tnij->tij", mass, squares(b[known]))
+        h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
+    return J, h
 
 
 def rotations(x: Array, X: Array) -> Array:

@@ -18,7 +18,7 @@ from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.plain_route import FEWEST, Channel, plain_route
 from forceid.estimation.verdict import Finding
 from forceid.kalman.flight import FlightState
-from forceid.motion.plain_cut import STEEP, STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
+from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Array, Flags, Motion, Recording, Witness
 
@@ -69,15 +69,12 @@ def compared(
 ) -> tuple[tuple[Array, Array], dict[str, Array]] | None:
     """What a channel says of its load, beside an estimate of it (time, 3) with its claimed deviation.
 
-    The load and its deviation (time, 3), and by name the numbers of `Witness` by axis. None where the channel
-    rests on a rigid fit and the body deforms.
+    The load and its deviation (time, 3), and by name the numbers of `Witness` by axis.
     """
     if channel is None:
         return None
     at, found = channel.frame, spectrum_of(channel.time, channel.z, channel.corner)
     cuts = plain_cuts(found)
-    if channel.fit == "rigid" and deforms(channel, max(cut.frequency for cut in cuts)):
-        return None
     values, std = np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
     maps: dict[float, tuple[SmoothingSpline, Array]] = {}
     for a, cut in enumerate(cuts):
@@ -167,14 +164,6 @@ def central(time: Array) -> Flags:
     """Samples (time,) of the central part of the record."""
     middle, span = (time[0] + time[-1]) / 2, time[-1] - time[0]
     return np.asarray(np.abs(time - middle) <= CENTRAL * span / 2)
-
-
-def deforms(channel: Channel, cutoff: float) -> bool:
-    """Whether what a rigid fit leaves has more below the cut-off than errors that are so large above."""
-    found = spectrum_of(channel.time, channel.residual)
-    power, f = found.power.mean(1), found.frequency
-    below, above = f <= max(cutoff, f[0]), (f > cutoff) & (f <= 4 * cutoff)
-    return bool(above.any() and power[below].mean() > STEEP * power[above].mean())
 
 
 def judge_witness(witness: Witness | None, state: FlightState) -> list[Finding]:

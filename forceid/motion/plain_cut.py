@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtri
 
-from forceid.records import Array, Indices
+from forceid.records import Array, Flags
 
 STEEP = 8.0  # in power, an octave: midway between what errors rise by (4) and what motion does (16)
 VALLEY = 4.0  # in power, an octave: as the acceleration of errors like a random walk rises
@@ -99,40 +99,57 @@ def plain_cuts(found: Spectrum) -> list[Cut]:
     >>> bool(2.0 < cut.frequency < 5.0), bool(0.8e-6 < cut.noise < 1.2e-6)
     (True, True)
     """
-    f = found.frequency
-    half = 2 ** (1 / RUNGS)  # of a band to either side of its rung
-    top = min(f[-1], STRETCH / found.step) / half
-    count = int(np.log2(top / f[0]) * RUNGS) + 1 if top > f[0] else 1
-    rung = max(top, f[0]) * half ** -np.arange(count)[::-1]
-    first = np.minimum(np.searchsorted(f, rung / half), len(f) - 1)
-    last = np.maximum(np.searchsorted(f, rung * half), first + 1)
-    dof = found.dof * (last - first)
     cuts = []
     for power, moved in zip(found.power.T, found.moved.T, strict=True):
-        level = mean_between(power, first, last)
+        rung, level, dof = rungs(found, power)
         if (i := motion_begins(level, dof)) is None:
             fastest = int(np.argmax(level * rung**2))
-            i = first_valley(mean_between(power * moved, first, last), dof, fastest)
+            i = first_valley(rungs(found, power * moved)[1], dof, fastest)
         cuts.append(least_risk(found, power, moved, rung[i]))
     return cuts
 
 
-def mean_between(values: Array, first: Indices, last: Indices) -> Array:
-    """Means (band,) of values from `first` to before `last`."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray((total[last] - total[first]) / (last - first))
+def moves(found: Spectrum) -> bool:
+    """Whether the channels of a spectrum, taken together, show motion beside noise.
+
+    >>> t, rng = np.arange(200) / 100, np.random.default_rng(0)
+    >>> z = 1e-3 * rng.standard_normal((200, 6))
+    >>> moves(spectrum_of(t, z)), moves(spectrum_of(t, z + 0.01 * np.sin(9 * t[:, None])))
+    (False, True)
+    """
+    _, level, dof = rungs(found, found.power.mean(1))
+    if len(level) <= RUNGS:
+        return False
+    return bool(steep(level, dof * found.power.shape[1]).any())
+
+
+def rungs(found: Spectrum, power: Array) -> tuple[Array, Array, Array]:
+    """Frequency (rung,) of the ladder, mean of power (bin,) in the band about each, degrees of freedom."""
+    f, half = found.frequency, 2 ** (1 / RUNGS)
+    top = max(min(f[-1], STRETCH / found.step) / half, f[0])
+    rung = top * half ** -np.arange(int(np.log2(top / f[0]) * RUNGS) + 1)[::-1]
+    first = np.minimum(np.searchsorted(f, rung / half), len(f) - 1)
+    last = np.maximum(np.searchsorted(f, rung * half), first + 1)
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    return rung, (total[last] - total[first]) / (last - first), found.dof * (last - first)
+
+
+def steep(level: Array, dof: Array) -> Flags:
+    """Rungs (rung - RUNGS,) from which an octave falls as motion does, by more than chance."""
+    return np.asarray(
+        level[:-RUNGS] > np.maximum(STEEP, fdtri(dof[:-RUNGS], dof[RUNGS:], 1 - CHANCE)) * level[RUNGS:]
+    )
 
 
 def motion_begins(level: Array, dof: Array) -> int | None:
     """The rung half an octave above the highest octave that rises as motion does; None: it is the top."""
     if len(level) <= RUNGS:
         return 0
-    above = level[RUNGS:]
-    steep = level[:-RUNGS] > np.maximum(STEEP, fdtri(dof[:-RUNGS], dof[RUNGS:], 1 - CHANCE)) * above
-    if not steep.any():
+    falls = steep(level, dof)
+    if not falls.any():
         return 0
-    highest = int(np.flatnonzero(steep)[-1])
-    return None if highest == len(above) - 1 else highest + RUNGS // 2
+    highest = int(np.flatnonzero(falls)[-1])
+    return None if highest == len(falls) - 1 else highest + RUNGS // 2
 
 
 def first_valley(level: Array, dof: Array, start: int) -> int:
