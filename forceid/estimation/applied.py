@@ -118,4 +118,6 @@ def place(point: str | Vector, body: Body, state: FlightState, shape: Array) -> 
     if point == "mass_center":
         return state.center
     node = shape[:, body.node.index(point)]
+    if not node.any():  # at the mass center, however the body turns
+        return state.center
     return np.asarray(state.center + np.einsum("tab,tb->ta", state.rotation, node))

@@ -33,6 +33,11 @@ class Inertia:
     beside: Array | None = None
     point: bool = False
 
+    @property
+    def on_line(self) -> bool:
+        """Whether all mass lies on a line, to rounding."""
+        return self.line is not None and self.beside is None
+
 
 def inertia_of(body: Body) -> Inertia:
     """Mass, center and inertia tensor of a body, however the file describes it."""

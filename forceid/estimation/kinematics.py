@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,6 +26,7 @@ from forceid.motion.pose import (
     fit_rotation,
     log,
 )
+from forceid.motion.products import products
 from forceid.motion.window import noise_variance
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Body, Flags, Motion
@@ -101,9 +102,8 @@ def from_markers(
     measured = np.where(filled[..., None] > 0, np.nan, x)
     sigma = noise.get("position") or marker_noise(motion.time, measured)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
-    inertia, spin = thinned(inertia, X), None
-    thin = inertia.line is not None or inertia.point
-    if thin:  # a shape would give it the inertia that it has not
+    thin, spin = thinned(inertia, X), None
+    if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
     level, known = {"position": sigma}, {"position": "position" in stated}
     mean = mass_center(motion, inertia, sigma**2)
@@ -111,6 +111,7 @@ def from_markers(
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
     none = np.zeros((0, *X.shape))
     if shown_rank(X, seen, sigma) < 6:
+        inertia = thin
         center, var = (
             center_of_mass(x, X, inertia.weight, sigma**2) if mean is None else (mean.center, mean.var)
         )
@@ -126,7 +127,7 @@ def from_markers(
             motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown),
             spin=spin, apart=mean is not None,
         )  # fmt: skip
-    modes = None if thin else modes_of(body, inertia)
+    modes = None if thin.on_line or thin.point else modes_of(body, inertia)
     shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
     # in the gauge of the weights, before any marker's noise is weighed
     center, R = fit_rotation(x, shape, weight)
@@ -145,6 +146,10 @@ def from_markers(
     shown, own = (x, filled) if len(shapes) else (measured, None)
     pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
+    if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
+        thin = thinned(replace(inertia, tensor=products(inertia.nodal, shape, none).inertia[0, 0]), X)
+    if not len(shapes):
+        inertia = thin
     if inertia.line is not None:
         pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
     frames, beside = None, period(motion, modes) * rest

@@ -57,7 +57,7 @@ def climb(
     if settings.modes == 0:
         return without_choice("rigid", "no modes are asked for"), solve(rigid)
     most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
-    if most.inertia.line is not None or most.inertia.point:
+    if most.inertia.on_line or most.inertia.point:
         return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)
     beyond = None
     if most.attitude and motion.position is not None:

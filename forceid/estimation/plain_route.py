@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.estimation.inertia import Inertia, inertia_of
+from forceid.estimation.thin_mass import SLENDER, thinned
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.plain_cut import moves, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
@@ -22,7 +23,6 @@ from forceid.records import Array, Body, Flags, Indices, Motion
 
 LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
 FEWEST = 24  # samples of a channel below which it has no spectrum to speak of
-SLENDER = 1e-6  # of the largest principal moment of inertia: mass on a line has none about it
 BRIDGED = 0.1  # of the frames: with more, errors of a bridge add up in the momentum of a body that deforms
 
 
@@ -57,6 +57,9 @@ class Route:
 def plain_route(body: Body, motion: Motion) -> Route:
     """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
     inertia = inertia_of(body)
+    thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
+    if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
+        inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
     if motion.position is not None and body.position is not None:
         return of_markers(inertia, body.position - inertia.center, motion, motion.position)
     if motion.center is not None:
@@ -90,6 +93,8 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
             force = replace(force, residual=left[force.frame], free=free, lever=lever)
     elif not bends:
         force = channel(motion, inertia.mass, rigid, whole)
+    if not np.isfinite(inertia.tensor).all():
+        return Route(force)
     J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.zeros((len(x), 3))
     if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
         J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
@@ -135,7 +140,7 @@ def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Ar
     if seen.sum() < FEWEST:
         return None
     principal = np.linalg.eigvalsh(inertia[seen].mean(0))
-    if principal[0] < SLENDER * principal[-1]:
+    if principal[0] < SLENDER**2 * principal[-1]:
         return None
     rotation = np.where(seen[:, None, None], rotation, np.nan)
     alike = np.broadcast_to(np.eye(3), rotation.shape)  # errors of the turn about all axes

@@ -111,7 +111,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         kin = solution.kinematics
         # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
         smoothing = solution.smoothing if kin.inertia.line is None else None
-        state = with_known_moment(solution.state, kin.inertia, kin.spin)
+        state = with_known_moment(solution.state, kin.inertia, kin.spin, kin.pose.rotation)
         solution = replace(solution, state=state, smoothing=smoothing)
     compared = choice.level is not None
     witness = witness_of(recording, solution)

@@ -23,8 +23,8 @@ from forceid.motion.pose import RANK_TOLERANCE, Pose, body_axes
 from forceid.records import Array, Flags
 
 # width over length, both rms: poses err by about 1e-3 rad, and the momentum that such an error of the line
-# makes along it is that of a spin as fast as the turn itself: with it as a state no path settles
-SLENDER = 0.02
+# makes along it is that of a spin near half as fast as the turn itself: such a state does not settle
+SLENDER = 0.05
 NARROW = 0.01  # width over length at which the momentum of a spin is 1e-4 of that of a turn as fast
 NOMINAL = 0.1  # m: radius of gyration of a point where its turn is reckoned; no moment is read from it
 NOTHING = 1e-12  # m: no body is so small
@@ -70,7 +70,7 @@ def second_moments(tensor: Array) -> tuple[Array, Array]:
 def on_line(inertia: Inertia, noise_std: float) -> bool:
     """Whether mass leaves its line by less than a reading errs, m, and by less than NARROW of its length."""
     if inertia.line is None or inertia.beside is None:
-        return inertia.line is not None
+        return inertia.on_line
     second, _ = second_moments(inertia.tensor + inertia.beside)
     width, length = np.sqrt(np.maximum(second[1:], 0.0) / inertia.mass)
     return bool(width <= min(noise_std, NARROW * length))
@@ -139,17 +139,21 @@ def seen_line(position: Array, X: Array, inertia: Inertia, noise_std: float) -> 
     return directions(position, along, usable, weight, noise_std)
 
 
-def with_known_moment(state: FlightState, inertia: Inertia, spin: Spin | None) -> FlightState:
+def with_known_moment(
+    state: FlightState, inertia: Inertia, spin: Spin | None, measured: Array | None = None
+) -> FlightState:
     """The state with what is known of the moment beside the flight: along a line of mass, and about a point.
 
     On a point no moment acts. Along a line the smoother's own says nothing; there momentum, moment and rate
     of turn are those of the spin, or none, and the moment errs by what an error of the line turns of it.
+    measured (time, 3, 3): rotations of the frames, those of a flight of a point that turns none.
     """
     if inertia.point:
         cov = state.wrench_cov.copy()
         cov[:, 3:], cov[:, :, 3:] = 0.0, 0.0
         none = np.where(np.isfinite(state.force), 0.0, np.nan)
-        return replace(state, moment=none, H=none, wrench_cov=cov)
+        rotation = state.rotation if measured is None else measured
+        return replace(state, moment=none, H=none, wrench_cov=cov, rotation=rotation)
     if inertia.line is None or not np.isfinite(state.rotation).any():
         return state
     n = state.rotation @ inertia.line

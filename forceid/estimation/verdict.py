@@ -130,7 +130,7 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
     marked = int(kin.seen.sum())
     if kin.inertia.point:
         pass
-    elif not kin.attitude and kin.inertia.line is not None and kin.inertia.beside is None and marked:
+    elif not kin.attitude and kin.inertia.on_line and marked:
         found.append(
             "the mass lies on a line whose direction no marker shows: the moment is not seen, force only; "
             "mark a second point of that line"
