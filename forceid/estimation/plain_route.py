@@ -75,10 +75,10 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
     ever = np.asarray(np.isfinite(x).all(2)).any(0)
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
     whole = np.asarray(np.isfinite(x).all((1, 2)))
-    rotation = rotations(x, X)
-    turned = np.asarray(np.isfinite(rotation).all((1, 2)))
+    rigid, rotation = rigid_fits(x, X)
     x = bridged(motion.time, x, X, rotation)
-    rigid = np.where(turned[:, None], fit_rotation(x, X, np.ones(len(X)))[0], np.nan)
+    if not whole.all():
+        rigid = rigid_fits(x, X)[0]
     bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
     summed = inertia.weight.sum() > 0 and mass.sum() > (1 - 1e-9) * inertia.weight.sum()
     force = None
@@ -174,13 +174,17 @@ def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
     return J, h
 
 
-def rotations(x: Array, X: Array) -> Array:
-    """Rotation (time, 3, 3) of a rigid fit of X (node, 3) to the markers seen, every one alike; else NaN."""
-    R = fit_rotation(x, X, np.ones(len(X)))[1]
+def rigid_fits(x: Array, X: Array) -> tuple[Array, Array]:
+    """Place of the mass center (time, 3) and rotation (time, 3, 3) of a rigid fit of X (node, 3), all alike.
+
+    To the markers x (time, node, 3) that are seen, NaN where they do not fix it.
+    """
+    center, R = fit_rotation(x, X, np.ones(len(X)))
     patterns, which = seen_together(x)
     S = summation_operator(X).reshape(len(X), 3, 6)
     fixed = np.array([p.sum() > 2 and pose_rank(S[p].reshape(-1, 6)) == 6 for p in patterns])
-    return np.where(fixed[which][:, None, None], R, np.nan)
+    told = fixed[which]
+    return np.where(told[:, None], center, np.nan), np.where(told[:, None, None], R, np.nan)
 
 
 def bridged(time: Array, x: Array, X: Array, rotation: Array) -> Array:

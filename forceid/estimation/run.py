@@ -32,6 +32,7 @@ from forceid.estimation.model_choice import Choice, without_choice
 from forceid.estimation.outliers import prepared
 from forceid.estimation.sensitivity import sensitivity
 from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape, judge_size
+from forceid.estimation.stand_in import stand_in
 from forceid.estimation.thin_mass import with_known_moment
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import (
@@ -43,12 +44,12 @@ from forceid.estimation.verdict import (
     judge_rounding,
     judge_tuning,
 )
-from forceid.estimation.witness import judge_witness, witness_of, yielding
+from forceid.estimation.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
 from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation
 from forceid.principal.objectivity import objectivity
-from forceid.records import Array, Body, Estimate, Recording
+from forceid.records import Array, Body, Estimate, Motion, Recording
 
 if TYPE_CHECKING:
     import xarray
@@ -106,7 +107,15 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         return refused(recording, settings, findings), None
     solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     solve = estimate_unmarked if unmarked else solve
-    solution, choice = solved_at_level(recording, settings, solve, unmarked)
+    motion, told = (recording.motion, ()) if unmarked else prepared(recording.body, recording.motion)
+    try:
+        solution, choice = solved_at_level(recording.body, motion, settings, solve, unmarked)
+    except EstimationError as e:
+        plain = None if unmarked else stand_in(recording.body, as_measured(motion), kin, e)
+        if plain is None:
+            raise
+        solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
+    solution = replace(solution, reasons=(*told, *solution.reasons))
     if not unmarked:
         kin = solution.kinematics
         # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
@@ -114,24 +123,22 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         state = with_known_moment(solution.state, kin.inertia, kin.spin, kin.pose.rotation)
         solution = replace(solution, state=state, smoothing=smoothing)
     compared = choice.level is not None
-    witness = witness_of(recording, solution)
+    witness = witness_of(recording.body, motion, solution.state)
     solution = replace(solution, state=yielding(solution.state, witness))
-    told = judge_witness(witness, solution.state)
-    result = assemble(recording, settings, solution, findings, compared, told)
+    differs = judge_witness(witness, solution.state)
+    result = assemble(recording, settings, solution, findings, compared, differs)
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 
 
 def solved_at_level(
-    recording: Recording, settings: Settings, solve: Callable[..., Solution], unmarked: bool
+    body: Body, motion: Motion, settings: Settings, solve: Callable[..., Solution], unmarked: bool
 ) -> tuple[Solution, Choice]:
     """The solution at the level asked for, or at the one that the ladder takes, and why that."""
-    body, passes = recording.body, engine(settings.engine)
-    motion, told = (recording.motion, ()) if unmarked else prepared(body, recording.motion)
+    passes = engine(settings.engine)
 
     def at(level: Settings) -> Solution:
-        solution = solve(body, motion, level, passes)
-        return replace(solution, reasons=(*told, *solution.reasons))
+        return solve(body, motion, level, passes)
 
     if settings.model != "auto":
         return at(settings), without_choice(settings.model, "it was asked for")

@@ -14,13 +14,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import fdtri
 
-from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.plain_route import FEWEST, Channel, plain_route
 from forceid.estimation.verdict import Finding
 from forceid.kalman.flight import FlightState
 from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
 from forceid.motion.smoothing_spline import SmoothingSpline
-from forceid.records import Array, Flags, Motion, Recording, Witness
+from forceid.records import Array, Body, Flags, Motion, Witness
 
 CHANCE = 1e-4  # of saying of an honest recording that both differ: one in ten thousand loses its `ok`
 LOWEST = 3  # bin up to which the lowest band goes: the taper spreads a constant so far
@@ -31,51 +30,49 @@ COMPARED = ("band", "apart", "difference", "limit")
 UNITS = {"force": "N", "moment": "N m"}
 
 
-def witness_of(recording: Recording, solution: Solution) -> Witness | None:
-    """The plain route of a recording beside its solution; None where it shows neither center nor turn."""
-    state, motion = solution.state, as_used(recording.motion, solution)
-    route = plain_route(recording.body, motion)
+def witness_of(body: Body, motion: Motion, state: FlightState) -> Witness | None:
+    """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
+
+    Positions that were filled in count as gaps.
+    """
+    time, route = motion.time, plain_route(body, as_measured(motion))
     std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
-    sides = [
-        compared(motion.time, one, load, claim)
-        for one, load, claim in (
-            (route.force, state.force, std[:, :3]),
-            (route.moment, state.moment, std[:, 3:]),
-        )
-    ]
-    if all(side is None for side in sides):
+    if route.force is None and route.moment is None:
         return None
-    nothing, none = np.full((len(motion.time), 3), np.nan), np.full(3, np.nan)
     found: dict[str, Array] = {}
-    for name, side in zip(UNITS, sides, strict=True):
-        series = side[0] if side else (nothing, nothing)
-        found |= {name: series[0], f"{name}_std": series[1]}
-        found |= {f"{k}_{name}": side[1][k] if side else none for k in ("cutoff", *COMPARED)}
+    for name, channel, load, claim in (
+        ("force", route.force, state.force, std[:, :3]),
+        ("moment", route.moment, state.moment, std[:, 3:]),
+    ):
+        values = deviations = np.full((len(time), 3), np.nan)
+        numbers = {key: np.full(3, np.nan) for key in ("cutoff", *COMPARED)}
+        if channel is not None:
+            spectrum, cuts = spectrum_and_cuts(channel)
+            values, deviations = low_passed(time, channel, cuts)
+            numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
+            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim)
+        found |= {name: values, f"{name}_std": deviations}
+        found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)
 
 
-def as_used(motion: Motion, solution: Solution) -> Motion:
-    """The motion without the readings that the solution found to be wrong: these count as gaps."""
-    left = solution.kinematics.pose.residual
-    if motion.position is None or left.shape != motion.position.shape or not np.isfinite(left).any():
+def as_measured(motion: Motion) -> Motion:
+    """The motion without the positions that were filled in."""
+    if motion.position is None or motion.bridged is None:
         return motion
-    frames = np.asarray(np.isfinite(left).all(2))
-    taken = frames | ~frames.any(1, keepdims=True)  # a frame without a pose says nothing of its readings
-    return replace(motion, position=np.where(taken[..., None], motion.position, np.nan))
+    measured = (motion.bridged == 0)[..., None]
+    return replace(motion, position=np.where(measured, motion.position, np.nan), bridged=None)
 
 
-def compared(
-    time: Array, channel: Channel | None, load: Array, claim: Array
-) -> tuple[tuple[Array, Array], dict[str, Array]] | None:
-    """What a channel says of its load, beside an estimate of it (time, 3) with its claimed deviation.
+def spectrum_and_cuts(channel: Channel) -> tuple[Spectrum, list[Cut]]:
+    """The spectrum of a channel over the shape of its noise, and its cut on every axis."""
+    spectrum = spectrum_of(channel.time, channel.z, channel.corner)
+    return spectrum, plain_cuts(spectrum)
 
-    The load and its deviation (time, 3), and by name the numbers of `Witness` by axis.
-    """
-    if channel is None:
-        return None
-    at, found = channel.frame, spectrum_of(channel.time, channel.z, channel.corner)
-    cuts = plain_cuts(found)
-    values, std = np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
+
+def low_passed(time: Array, channel: Channel, cuts: list[Cut]) -> tuple[Array, Array]:
+    """The load that a channel shows below its cuts, and its standard deviation, (time, 3) each."""
+    at, values, std = channel.frame, np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
     maps: dict[float, tuple[SmoothingSpline, Array]] = {}
     for a, cut in enumerate(cuts):
         if cut.frequency not in maps:
@@ -86,8 +83,7 @@ def compared(
         left = spline.second(channel.residual)[central(channel.time)] if channel.lever else np.zeros(1)
         values[at, a] = spline.second(channel.z[:, a : a + 1])[:, 0]
         std[at, a] = np.sqrt(BIASED * noise + off_by_fit(channel, float(np.mean(left**2))))
-    cutoff = {"cutoff": np.array([cut.frequency for cut in cuts])}
-    return (values, std), cutoff | apart_in_bands(channel, found, cuts, time, load, claim)
+    return values, std
 
 
 def apart_in_bands(
@@ -151,13 +147,12 @@ def allowed(moved: Array, dof: float, known_by: float, bands: int) -> float:
 
 def integrated_twice(time: Array, load: Array) -> Array:
     """A load (time, 3) integrated twice from its start, straight across what is not known of it."""
-    out = np.zeros_like(load)
-    for a, column in enumerate(load.T):
+    filled = np.zeros_like(load)
+    for column, out in zip(load.T, filled.T, strict=True):
         seen = np.isfinite(column)
-        if seen.sum() > 1:
-            filled = np.interp(time, time[seen], column[seen])
-            out[:, a] = CubicSpline(time, filled).antiderivative(2)(time)
-    return out
+        if seen.any():
+            out[:] = np.interp(time, time[seen], column[seen])
+    return np.asarray(CubicSpline(time, filled).antiderivative(2)(time))
 
 
 def central(time: Array) -> Flags:

@@ -98,13 +98,15 @@ class SmoothingSpline:
     def gain(self) -> Array:
         """Variance (time,) of that second derivative per variance of white noise in the record.
 
-        From the weights themselves within REACH knots of the ends, and constant between.
+        From the weights themselves within REACH knots of the ends, and constant between; one end of a regular
+        clock is the other's mirror image.
         """
         count = self.pieces + DEGREE
         near = min(REACH + DEGREE, count)
         found = np.full(len(self.time), np.nan)
-        place = (self.time - self.time[0]) / self.interval
-        for first in (0, count - near):
+        place, steps = (self.time - self.time[0]) / self.interval, np.diff(self.time)
+        regular = np.ptp(steps) < 1e-6 * steps[0]
+        for first in (0,) if regular else (0, count - near):
             unit = np.zeros((count, near))
             unit[first + np.arange(near), np.arange(near)] = 1.0
             rows = cho_solve_banded((self.factor, True), unit, check_finite=False)
@@ -113,8 +115,9 @@ class SmoothingSpline:
             close = (place <= near - DEGREE) if first == 0 else (place >= count - near)
             at = self.bend[close][:, first : first + near - 2]
             found[close] = np.einsum("ti,ij,tj->t", at.toarray(), bent, at.toarray())
-        inner = found[place <= near - DEGREE][-1]
-        return np.where(np.isnan(found), inner, found)
+        found = np.where(np.isnan(found), found[place <= near - DEGREE][-1], found)
+        half = len(found) // 2
+        return np.concatenate([found[: len(found) - half], found[:half][::-1]]) if regular else found
 
 
 def banded_times(band: Array, x: Array) -> Array:

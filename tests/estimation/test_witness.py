@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from forceid.errors import EstimationError
+from forceid.estimation import run
 from forceid.estimation.plain_route import plain_route
-from forceid.estimation.witness import compared
+from forceid.estimation.witness import apart_in_bands, low_passed, spectrum_and_cuts
 from forceid.files.result import read_result, write_result
 from forceid.records import Body
 from forceid.scenes.drawn_loads import draw
@@ -40,6 +42,15 @@ def stretching(offset, seed=0, frames=150):
     known = Body(node=(*cf.NAMES, "tip"), position=X, **whole)
     flown = cf.toss(t)
     return replace(flown, body=known, motion=replace(flown.motion, position=x), truth={})
+
+
+def compared(time, channel, load, claim):
+    """The load of a channel with its deviation, and its numbers beside a load."""
+    spectrum, cuts = spectrum_and_cuts(channel)
+    numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
+    return low_passed(time, channel, cuts), numbers | apart_in_bands(
+        channel, spectrum, cuts, time, load, claim
+    )
 
 
 def off_in(result, name):
@@ -135,3 +146,20 @@ def test_twice_the_mass_takes_twice_the_force():
         np.testing.assert_allclose(double, 2 * load, rtol=1e-6, atol=1e-9 * np.abs(load).max())
         np.testing.assert_allclose(wide, 2 * std, rtol=1e-6)
         np.testing.assert_allclose(same["cutoff"], numbers["cutoff"])
+
+
+def test_smoother_that_fails_leaves_the_plain_route_as_the_estimate(estimated, monkeypatch):
+    def fails(*args):
+        raise EstimationError("does not settle", "the smoother on rotations", "add a gyro")
+
+    monkeypatch.setattr(run, "estimate_flight", fails)
+    recording = cf.toss()
+    result = estimated(recording, model="rigid")
+    assert result.verdict.level == "degraded"
+    assert any(
+        "does not settle: force and moment are those of the plain route" in r for r in result.verdict.reasons
+    )
+    for name in ("force", "moment"):
+        np.testing.assert_array_equal(getattr(result, name), getattr(result.witness, name))
+        score = (getattr(result, name) - recording.truth[name]) / getattr(result, f"{name}_std")
+        assert 0.2 < cf.rms(score[15:-15]) < 2.5
