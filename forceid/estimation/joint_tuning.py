@@ -34,14 +34,20 @@ FACTOR = 7.0  # of a log-likelihood: by which a bias that wanders has to be like
 
 
 def tune_together(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, stated: Set[str] = frozenset()
+    flight: Flight,
+    force: LoadPrior,
+    moment: LoadPrior,
+    engine: Engine,
+    stated: Set[str] = frozenset(),
+    first: Reference | None = None,
 ) -> tuple[Flight, LoadPrior, LoadPrior]:
     """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
 
     force, moment: as the markers alone have them, which misses axes by more than sensors forgive: first each
     load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
     for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
-    moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between.
+    moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between,
+    from a `first` one along the axes of both loads, if one is known.
     """
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
     loud = [i for i in free if FAMILIES[i] not in stated]
@@ -56,7 +62,7 @@ def tune_together(
         return louder(flight, loud, best[4:]), moved(force, best[:2]), moved(moment, best[2:4])
 
     force, moment = round_prior(force), round_prior(moment)
-    _, _, _, about = settled(flight, force, moment, engine)
+    _, _, _, about = settled(flight, force, moment, engine, first)
     flight, force, moment = searched(about)
     flight = wandering(
         [i for i in free if f"{FAMILIES[i]}_walk" not in stated], flight, force, moment, about, engine
@@ -106,10 +112,15 @@ def uneven(
 ) -> tuple[tuple[LoadPrior, LoadPrior], Reference]:
     """Both priors, that of one load along the axes of what a reference holds of it; the reference on them."""
     assert about.force is not None
+    prior, chain = (force, about.force) if load == "force" else (moment, about.chain)
+    found = along_world(chain, prior.axes, prior.lines)[1]
+    if prior.carried is not None:  # its axes turn with the body, its states do not
+        along = along_own_axes(prior, np.einsum("tba,tb->ta", about.rotation, found))
+        along = replace(along, axes=prior.axes, carried=along.axes)
+        return ((along, moment) if load == "force" else (force, along)), about
+    along = along_own_axes(prior, found)
     if load == "force":
-        along = along_own_axes(force, along_world(about.force, force.axes, force.lines)[1])
         return (along, moment), replace(about, force=on_axes(about.force, force, along))
-    along = along_own_axes(moment, along_world(about.chain, moment.axes, moment.lines)[1])
     return (force, along), replace(about, chain=on_axes(about.chain, moment, along), axes=along.axes)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.kalman.channels import Start
-from forceid.kalman.dead_reckoning import gyro_rate
+from forceid.kalman.dead_reckoning import gyro_rate, reckoned
+from forceid.kalman.flight import steps_of
 from forceid.kalman.flight_model import Flight
 from forceid.kalman.prior import LoadPrior
 from forceid.kalman.tuning import Tuned
+from forceid.kalman.turning import apply
 from forceid.records import Array
 
 ORDER = 3
@@ -21,9 +23,10 @@ def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
     omega = gyro_rate(time, sensors)
     assert sensors is not None
     assert omega is not None
-    span, alpha = float(np.ptp(time)), np.gradient(omega, time, axis=0)
-    H = np.einsum("tij,tj->ti", flight.inertia, omega)
-    T = np.einsum("tij,tj->ti", flight.inertia, alpha) + np.cross(omega, H)
+    span, H = float(np.ptp(time)), np.einsum("tij,tj->ti", flight.inertia, omega) + flight.h
+    R = reckoned(time, steps_of(flight, H), flight.rotation)  # a free body keeps R H, however far it turns
+    T = apply(R.swapaxes(1, 2), np.gradient(apply(R, H), time, axis=0))
+    alpha = np.linalg.solve(flight.inertia, (T - np.cross(omega, H))[..., None])[..., 0]
     pulled = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.specific_force)
     swept = np.cross(alpha[:, None], sensors.position)
     swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))

@@ -229,7 +229,8 @@ def reach(solution: Solution) -> Array:
     inertia, channels = solution.kinematics.inertia, solution.state.innovation.shape[1]
     covs = (solution.kinematics.pose.cov, solution.state.wrench_cov)
     var = [np.diagonal(cov, axis1=1, axis2=2)[:, :channels] for cov in covs]
-    moved, claimed = (np.sqrt(np.nanmean(v, axis=0)) for v in var)
+    # zero where a load is open throughout
+    moved, claimed = (np.sqrt(np.nansum(v, 0) / np.maximum(np.isfinite(v).sum(0), 1)) for v in var)
     if inertia.line is not None and channels > 3:  # along the line hardly any moment can hide
         claimed[3:] = np.sqrt(np.mean(claimed[3:] ** 2))
     moving = np.repeat([inertia.mass, np.trace(inertia.tensor) / 3], 3)[:channels]

@@ -15,7 +15,6 @@ from forceid.errors import EstimationError
 from forceid.kalman.dead_reckoning import gyro_rate, reckoned
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight_model import (
-    UNSETTLED,
     Flight,
     Reference,
     course_of,
@@ -23,6 +22,7 @@ from forceid.kalman.flight_model import (
     linear_flight,
     translation,
     turn,
+    unsettled,
 )
 from forceid.kalman.flight_sensors import Sensors
 from forceid.kalman.long_flight import kinds_of, loads_of, settled_in_lanes, step_kinds
@@ -30,9 +30,14 @@ from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.kalman.prior import LoadPrior, along_world, load_rows
 from forceid.kalman.turning import apply, turned
 from forceid.motion.free_turn import free_turn, momentum_between
+from forceid.motion.pose import exp
+from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
 
 ITERATIONS = 40
+LEFT = 0.1  # standard deviations: where sensors alone tell the rotation, a path that moves by less is at rest
+PATIENCE = 4  # steps until it is looked at how well they do
+SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
 STANDSTILL = 1e-6  # of the standard deviation of a measured rotation
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
@@ -77,21 +82,21 @@ def smooth_flight(
     moment: LoadPrior,
     engine: Engine,
     causal: bool = False,
+    first: Reference | None = None,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
 
-    Raises EstimationError when the reference does not come to rest.
+    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
     """
-    first = None
     if engine.name == "compiled":
         stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
         if stiff is not None and flight.modes is None:
             return stiff
-        first = None if stiff is None else stiff.reference  # near to where a flight that bends settles
+        first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
     model, z, about, _ = settled(flight, force, moment, engine, first)
     path = engine.smooth(model, z)
     n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
-    return read(flight, about, path.filtered if causal else path, path.filtered, n, force)
+    return read(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
 
 
 def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
@@ -126,28 +131,94 @@ def settled(
     """The flight linearized where it comes to rest, what it measures, that reference, and where it leads.
 
     first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
+    Where sensors alone tell the rotation a step that leaves more to correct than there was is halved (the
+    natural test of monotony: Deuflhard, Newton Methods for Nonlinear Problems, 3.3), and a path as near as it
+    gets is taken: what is left of the way stands in the smoothed states.
     """
     reference = first_reference(flight, moment) if first is None else first
-    n, m = (3 * (p.tuned.order + 3) + 2 * len(p.lines) for p in (force, moment))
+    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
     seen = np.isfinite(flight.rotation).all((1, 2))
-    rest = STANDSTILL * float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
-    size = np.inf
+    told = is_told(flight)
+    rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
+    rest *= STANDSTILL if told else LEFT
+    lead = partial(led, flight, force, moment)
+    found: tuple[StateSpace, Array, Reference, Array] | None = None
+    size, share, steps = np.inf, 1.0, 0
     for _ in range(ITERATIONS):
-        model, z = linear_flight(flight, force, moment, reference)
-        x = engine.smooth_states(model, z)
-        theta = x[:, n : n + 3]
-        previous = reference
-        turned_to = turned(theta, reference.rotation)
-        chain = at_rest(x[:, n : n + m])
-        clock = clocks(flight.sensors, x[-1])
-        modes = None if flight.modes is None else x[:, n + m :][:, : flight.modes.path.shape[1]]
-        reference = Reference(turned_to, chain, moment.axes, moment.lines, x[:, :n], clock, modes)
-        last, size = size, float(np.abs(theta).max())
+        try:
+            model, z = linear_flight(flight, force, moment, reference)
+            x = engine.smooth_states(model, z)
+            far = float(np.abs(x[:, n : n + 3]).max())
+        except EstimationError:
+            if found is None:
+                raise
+            far = np.inf
+        too_long = not far < (np.inf if told else size)
+        if found is not None and too_long and size > SETTLED:
+            share *= 0.5
+            if share < SHORTEST:
+                break
+            reference = lead(*found[2:], share)
+            continue
+        last, size, share = size, far, min(1.0, 2 * share)
+        found, reference = (model, z, reference, x), lead(reference, x, share)
+        steps += 1
+        if steps == PATIENCE and not told:  # far is then what the sensors cannot tell
+            var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
+            rest = max(rest, LEFT * float(np.sqrt(var.max())))
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
-    if size > SETTLED:
-        raise EstimationError(f"does not settle: its last step turned the path by {size:.1e} rad", *UNSETTLED)
-    return model, z, previous, reference
+    assert found is not None
+    if size > SETTLED and told:
+        what = f"does not settle: its last step turned the path by {size:.1e} rad"
+        raise EstimationError(what, *unsettled(flight))
+    return *found[:3], reference
+
+
+def is_told(flight: Flight) -> bool:
+    """Whether more than one rotation, that of a start, is measured."""
+    return bool(np.isfinite(flight.rotation).all((1, 2)).sum() > 1)
+
+
+def led(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference, x: Array, share: float
+) -> Reference:
+    """Where the states x (time, state) about a reference lead, after that share of the way.
+
+    Where sensors alone tell the rotation, the chains are turned along with the body: what these read depends
+    on the vectors in body axes alone, so it stays linear in the step, however far that turns the path.
+    """
+    n, m = (3 * (p.tuned.order + 3) + 2 * len(p.lines) for p in (force, moment))
+    theta = share * x[:, n : n + 3]
+    chain, pushed = x[:, n : n + m], x[:, :n]
+    was = np.zeros_like(pushed) if reference.force is None else reference.force
+    chain, pushed = reference.chain + share * (chain - reference.chain), was + share * (pushed - was)
+    if not is_told(flight):
+        chain = turned_along(chain, reference.chain, theta, moment, 3)
+        pushed = turned_along(pushed, was, theta, force, 6)
+    clock, modes = clocks(flight.sensors, x[-1]), None
+    clock = reference.clock + share * (clock - reference.clock)
+    if flight.modes is not None:
+        modes = x[:, n + m :][:, : flight.modes.path.shape[1]]
+        before = flight.modes.path if reference.modes is None else reference.modes
+        modes = before + share * (modes - before)
+    R = turned(theta, reference.rotation)
+    return Reference(R, at_rest(chain), moment.axes, moment.lines, pushed, clock, modes)
+
+
+def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, first: int) -> Array:
+    """A chain (time, state) whose vectors from state `first` on turn by exp(theta).
+
+    To first order as the linear model says, where the chain before stands for what theta moves: nothing of a
+    load that turns with the body, whose states stand in it.
+    """
+    smooth, out = chain.shape[1] - 2 * len(prior.lines), chain.copy()
+    v, v0 = (a[:, first:smooth].reshape(len(a), -1, 3) @ prior.axes.T for a in (chain, before))
+    if prior.carried is not None:
+        v0[:, (6 - first) // 3 :] = 0.0
+    body = v - np.cross(theta[:, None], v0)
+    out[:, first:smooth] = (np.einsum("tab,tkb->tka", exp(theta), body) @ prior.axes).reshape(len(chain), -1)
+    return out
 
 
 def clocks(sensors: Sensors | None, state: Array) -> Array:
@@ -190,7 +261,13 @@ def with_translation(state: FlightState, free: FlightState) -> FlightState:
 
 
 def read(
-    flight: Flight, reference: Reference, path: Smoothed | Filtered, f: Filtered, n: int, force: LoadPrior
+    flight: Flight,
+    reference: Reference,
+    path: Smoothed | Filtered,
+    f: Filtered,
+    n: int,
+    force: LoadPrior,
+    moment: LoadPrior,
 ) -> FlightState:
     """The physical quantities in the state of a path; its moment part starts at state n."""
     flight = flexed(flight, reference)
@@ -199,9 +276,12 @@ def read(
     P, F, _ = along_world(x[:, :n], axes, force.lines)
     end = n + reference.chain.shape[1]
     H, T, _ = along_world(x[:, n:end], reference.axes, reference.lines)
-    read_wrench, read_pose = np.zeros((2, 6, x.shape[1]))
-    read_wrench[:3, :n] = load_rows(n, axes, force.lines)
-    read_wrench[3:, n:end] = load_rows(end - n, reference.axes, reference.lines)
+    read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
+    read_wrench[:, :3, :n] = load_rows(n, axes, force.lines)
+    read_wrench[:, 3:, n:end] = load_rows(end - n, reference.axes, reference.lines)
+    for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
+        if prior.carried is not None:  # turned by what the rotation is off
+            read_wrench[:, part, n : n + 3] = -skew(load)
     read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
@@ -215,7 +295,7 @@ def read(
     biases = slice(end, end + white.shape[1] - shown)
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
-        read_wrench @ P_all @ read_wrench.T, read_pose @ P_all @ read_pose.T,
+        read_wrench @ P_all @ read_wrench.mT, read_pose @ P_all @ read_pose.T,
         white[:, :6], f.nis, f.log_likelihood, reference,
         white[:, shown:], x[-1, biases], std[biases], clocks(flight.sensors, x[-1]),
         clocks(flight.sensors, std), modes, white[:, told:shown],

@@ -25,18 +25,13 @@ from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
 from forceid.kalman.turning import Course, between, cubics
 from forceid.kalman.turning import turn as turn_along
 from forceid.motion.pose import log
+from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
 
 
 FARTHEST = 60.0  # rad that a path on its way to rest may turn from one sample to the next
-
-
-UNSETTLED = (
-    "the smoother on rotations",
-    "raise the sample rate, or state a noise_std nearer to the truth; past half a turn a frame, add a gyro",
-)
 
 
 @dataclass(frozen=True)
@@ -61,6 +56,14 @@ class Flight:
     gravity: Array
     sensors: Sensors | None = None
     modes: FlyingModes | None = None
+
+
+def unsettled(flight: Flight) -> tuple[str, str]:
+    """What does not come to rest, and what to do about it."""
+    step = "raise the sample rate, or state a noise_std nearer to the truth"
+    if flight.sensors is None or 0 not in flight.sensors.family:
+        step += "; past half a turn a frame, add a gyro"
+    return "the smoother on rotations", step
 
 
 @dataclass(frozen=True)
@@ -116,9 +119,27 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
     omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
     far = float((np.linalg.norm(omega, axis=1) * step).max())
     if not far < FARTHEST:
-        raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *UNSETTLED)
+        raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *unsettled(flight))
     n = max(1, int(np.ceil(far / SUBSTEP)))
     return Course(step, R, H, T, dT, inertia, h, n)
+
+
+def foretold(reference: Reference, F: Array) -> tuple[Array, Array]:
+    """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
+    load = reference.chain[:-1, 6:, None]
+    Y, H = ((F[:, rows, 6:] @ load)[..., 0] @ reference.axes.T for rows in (slice(0, 3), slice(3, 6)))
+    return Y, H
+
+
+def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Course:
+    """The flight about its reference, under a moment b + 2 c s in each step, of H = b s + c s^2 with Y and H.
+
+    For one that turns with the body, whose rate in world axes is more than that of its states.
+    """
+    s = np.diff(flight.time)[:, None]
+    b, c = 6 * Y / s**2 - 2 * H / s, 3 * H / s**2 - 6 * Y / s**3
+    T, dT = (np.concatenate([a, a[-1:]]) for a in (b, 2 * c))
+    return course_of(flight, reference.rotation, reference.chain[:, 3:6] @ reference.axes.T, T, dT)
 
 
 def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
@@ -134,7 +155,9 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
     F, Q, P0 = chain_along(prior, step, reference.rotation)
-    R, d_theta, d_H = turn(flight, reference)
+    Y, H = foretold(reference, F)
+    along = course(flight, reference) if prior.carried is None else pushed(flight, reference, Y, H)
+    R, d_theta, d_H = turn_along(along)
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
     s = step[:, None, None]
@@ -142,6 +165,9 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     start = d_H[0] @ prior.axes
     F[:, :3, 6:] = by_Y @ F[:, :3, 6:] + by_H @ F[:, 3:6, 6:]
     F[:, :3, 3:6], F[:, :3, :3] = start, d_theta
+    if prior.carried is not None:  # its states say where it stands in the body: in the world theta turns it
+        F[:, 3:6, :3] = -skew(H)
+        F[:, :3, :3] -= by_Y @ skew(Y) + by_H @ skew(H)
     Q[:, :3] = by_Y @ Q[:, :3] + by_H @ Q[:, 3:6]
     Q[:, :, :3] = Q[:, :, :3] @ by_Y.swapaxes(1, 2) + Q[:, :, 3:6] @ by_H.swapaxes(1, 2)
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
@@ -202,6 +228,9 @@ def linear_flight(
     to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
     moved = moved_along(flight, force, replace(reference, force=chain))
     y, by_theta, by_H, by_T, by_F, rate = sensed_late(flight.sensors, moved, reference.clock)
+    for prior, by, load in ((force, by_F, moved.F), (moment, by_T, moved.T)):
+        if prior.carried is not None:
+            by_theta = by_theta - by @ skew(load)
     rows = np.concatenate([by_F @ to_F, by_T @ to_T], 2)
     rows[:, :, n : n + 3] += by_theta
     rows[:, :, n + 3 : n + 6] += by_H @ reference.axes

@@ -1,0 +1,60 @@
+"""Thrown boxes that a gyro and an accelerometer alone watch: they end, and the truth lies in the claims."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.thrown_box import draw, judge, write
+from forceid.config import load_settings
+from forceid.estimation.rough_priors import rough_priors
+from forceid.estimation.run import estimate_recording
+from forceid.estimation.unmarked import LEFT, unmarked_flight, unmarked_kinematics, with_left_over
+from forceid.files.hdf5 import read_motion
+from forceid.kalman import engine
+from forceid.kalman.flight import smooth_flight
+from forceid.kalman.flight_model import unsettled
+
+# seed and number of a draw of a short record: what pushes, how often it is sampled, how fast it turns
+BODY_55 = 1, 31  # 55 Hz, 3.6 rev/s
+WORLD_95 = 2, 25  # 95 Hz, 1.6 rev/s
+BODY_17 = 0, 6  # 17 Hz, 0.4 rev/s
+
+
+def thrown_box(seed, number, folder):
+    thrown = draw(np.random.default_rng([seed, number]))
+    write(folder / "box.h5", thrown)
+    return thrown, folder / "box.h5"
+
+
+@pytest.mark.parametrize("which", [WORLD_95, BODY_17])
+def test_a_thrown_box_without_markers_ends_with_force_and_moment_within_their_claims(which, tmp_path):
+    found = judge(*thrown_box(*which, tmp_path))
+    assert found.said == "degraded"
+    assert (found.inside > 0.8).all(), found.inside
+    assert (found.off < 1.7).all(), found.off
+    assert (found.relative < 0.5).all(), found.relative
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_path_of_a_thrown_box_comes_to_rest_under_any_prior_with_biases_unknown(turns, tmp_path):
+    _, path = thrown_box(*BODY_55, tmp_path)
+    recording, settings = read_motion(path), load_settings()
+    kin = unmarked_kinematics(recording.body, recording.motion, settings)
+    flight = unmarked_flight(recording.body, recording.motion, settings, kin)
+    carried = np.eye(3) if turns else None
+    force, moment = (replace(prior, carried=carried) for prior in rough_priors(flight))
+    _, left = with_left_over(smooth_flight(flight, force, moment, engine()))
+    assert left < LEFT
+    assert "add a gyro" not in " ".join(unsettled(flight))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_gyro_alone_tells_the_moment_and_says_that_no_force_is_told(tmp_path):
+    _, path = thrown_box(*BODY_17, tmp_path)
+    recording = read_motion(path)
+    gyro = replace(recording, motion=replace(recording.motion, specific_force=None))
+    found = estimate_recording(gyro, load_settings(load_axes="body"))
+    assert np.isnan(found.force).all()
+    assert np.isfinite(found.moment).all()
+    assert any("no accelerometer reads: no force" in reason for reason in found.verdict.reasons)
