@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALL := -m pip install --quiet --disable-pip-version-check
-BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp)
+BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
 .PHONY: charts demo test bench study docs wheel clean
 demo: .venv/ready

@@ -1,6 +1,6 @@
 """The compiled passes: built where a C++ compiler is, and done without where none is."""
 
-import platform
+from glob import glob
 
 from setuptools import setup
 
@@ -9,16 +9,15 @@ try:
 except ImportError:  # no build requirement installed: the numpy engine is complete
     extensions = []
 else:
-    # for the processor it is compiled on; it checks that when loaded
-    flags = ["-O3", "-march=native", "-Wno-ignored-attributes", "-Wno-array-bounds"]
-    if platform.machine() in ("x86_64", "AMD64"):
-        flags.append("-mprefer-vector-width=512")
+    # no -march: one build runs on every processor, and holds what the better ones gain by (processor.hpp)
+    flags = ["-O3", "-g0", "-Wno-ignored-attributes", "-Wno-array-bounds", "-Wno-psabi"]
     extensions = [
         Pybind11Extension(
             f"forceid.{name}".replace("/", "."),
             [f"forceid/{name}.cpp"],
             cxx_std=17,
             extra_compile_args=flags + own,
+            depends=[*glob("forceid/*.hpp"), *glob("forceid/*/*.hpp")],
             optional=True,
         )
         for name, own in {
@@ -30,4 +29,4 @@ else:
         }.items()
     ]
 
-setup(ext_modules=extensions)
+setup(ext_modules=extensions, options={"build_ext": {"parallel": True}})

@@ -90,7 +90,7 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOO
 
     guess (time, state): where a lane may begin. mode: STATES alone, SMOOTHED, or FILTERED with covariances.
     """
-    n, T = len(model.x0), len(z)
+    n, T, lanes = len(model.x0), len(z), getattr(compiled, "lanes", 8)
     seen = np.isfinite(z).any(1)
     head = int(seen.argmax()) + 4 + -(-n // z.shape[1])
     if compiled is None or head > 64 or 2 * head > T:
@@ -101,8 +101,8 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOO
         return None
     for warm in (*(w for w in WARM if T - head >= 4 * w and not model.remembers), 0):
         cut = warm > 0
-        begin = head + (T - head - 2 * warm) // 8 * np.arange(8) - 1
-        x0 = np.array([start.x[-1], *guess[begin[1:]]]) if cut else np.tile(start.x[-1], (8, 1))
+        begin = head + (T - head - 2 * warm) // lanes * np.arange(lanes) - 1
+        x0 = np.array([start.x[-1], *guess[begin[1:]]]) if cut else np.tile(start.x[-1], (lanes, 1))
         found = compiled.smooth(
             model.F, model.Q, model.u, model.which, model.top, model.noise, model.push, model.H, model.R, z,
             model.read, model.theta, start.gains.P[-1], x0, head, warm, cut, mode,

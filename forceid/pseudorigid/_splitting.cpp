@@ -1,7 +1,6 @@
-// Kicks and drifts of Mooney-Rivlin bodies with diagonal second moment, eight bodies at a time, one in each vector lane.
-//
-// W = a I1 + b I2 + c J^2 - d log J. A body stays in registers and first-level cache through all its steps; sums of F
-// and V are compensated as in numpy. Bodies whose det F is not positive and finite are parked at F = I, V = 0, and told.
+// splitting.hpp, compiled for every kind of processor that gains by it.
+
+#include "../processor.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -19,141 +18,29 @@ namespace {
 using Array = py::array_t<double, py::array::c_style>;
 using Size = py::ssize_t;
 
-constexpr int LANES = 8;
-typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
-typedef std::int64_t Bits __attribute__((vector_size(LANES * 8), may_alias));
-
-#define INLINE inline __attribute__((always_inline))
-
-struct Law { // constants of the material, and 1/e of E = diag(e)
-  double a, b, c, d, over[3];
-  bool volumetric;
-};
-
-INLINE Lanes determinant(const Lanes *F) {
-  return F[0] * (F[4] * F[8] - F[5] * F[7]) + F[1] * (F[5] * F[6] - F[3] * F[8]) + F[2] * (F[3] * F[7] - F[4] * F[6]);
-}
-
-// F'' = -dW/dF E^-1
-INLINE void acceleration(const Law &law, const Lanes *F, Lanes *A) {
-  if (law.b != 0.0) { // 2 (a + b I1 - b F F^T) F
-    const double k = -2.0 * law.b;
-    Lanes B[9];
-    for (int i = 0; i < 3; ++i)
-      for (int j = i; j < 3; ++j)
-        B[3 * i + j] = B[3 * j + i] = F[3 * i] * F[3 * j] + F[3 * i + 1] * F[3 * j + 1] + F[3 * i + 2] * F[3 * j + 2];
-    const Lanes first = 2.0 * law.a - k * (B[0] + B[4] + B[8]);
-    for (int i = 0; i < 9; ++i) B[i] *= k;
-    for (int i = 0; i < 9; i += 4) B[i] += first;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) A[3 * i + j] = B[3 * i] * F[j] + B[3 * i + 1] * F[3 + j] + B[3 * i + 2] * F[6 + j];
-  } else {
-    for (int i = 0; i < 9; ++i) A[i] = 2.0 * law.a * F[i];
-  }
-  if (law.volumetric) {
-    Lanes C[9];
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        const int m = 3 * ((i + 1) % 3), n = 3 * ((i + 2) % 3), p = (j + 1) % 3, q = (j + 2) % 3;
-        C[3 * i + j] = F[m + p] * F[n + q] - F[m + q] * F[n + p];
-      }
-    const Lanes J = F[0] * C[0] + F[1] * C[1] + F[2] * C[2];
-    const Lanes slope = 2.0 * law.c * J - law.d / J;
-    for (int i = 0; i < 9; ++i) A[i] += slope * C[i];
-  }
-  for (int i = 0; i < 9; ++i) A[i] *= -law.over[i % 3];
-}
-
-INLINE void add(Lanes *x, Lanes *low, double factor, const Lanes *rate) {
-  for (int i = 0; i < 9; ++i) {
-    const Lanes change = factor * rate[i] + low[i], total = x[i] + change;
-    low[i] = (x[i] - total) + change;
-    x[i] = total;
-  }
-}
-
-// Park the lanes that left det F > 0; those already parked may do as they like.
-INLINE void guard(Lanes *F, Lanes *V, Lanes *F_low, Lanes *V_low, Bits &stopped) {
-  const Lanes J = determinant(F);
-  const Bits out = ~((J > 0.0) & (J - J == 0.0));
-  std::int64_t any = 0;
-  for (int l = 0; l < LANES; ++l) any |= out[l];
-  if (!any) return;
-  stopped |= out;
-  const Lanes zero = {};
-  for (int i = 0; i < 9; ++i) {
-    F[i] = out ? zero + (i % 4 == 0 ? 1.0 : 0.0) : F[i];
-    V[i] = out ? zero : V[i];
-    F_low[i] = out ? zero : F_low[i];
-    V_low[i] = out ? zero : V_low[i];
-  }
-}
-
-void load(const double *from, Size bodies, Size at, int count, Lanes *to, bool identity) {
-  for (int i = 0; i < 9; ++i) {
-    to[i] = Lanes{} + (identity && i % 4 == 0 ? 1.0 : 0.0);
-    for (int l = 0; l < count; ++l) to[i][l] = from[i * bodies + at + l];
-  }
-}
-
-void save(double *to, Size bodies, Size at, int count, const Lanes *from) {
-  for (int i = 0; i < 9; ++i)
-    for (int l = 0; l < count; ++l) to[i * bodies + at + l] = from[i][l];
-}
-
-// Steps in place on F, V and their low parts (3, 3, body); stopped (body,) int8 is set where a body was parked.
-void steps(Array F, Array V, Array F_low, Array V_low, py::array_t<std::int8_t, py::array::c_style> stopped,
-           const std::vector<double> &kick, const std::vector<double> &drift, Size n, double a, double b, double c,
-           double d, bool volumetric, std::vector<double> over) {
-  const Size bodies = F.shape(2);
-  for (const auto &X : {F, V, F_low, V_low})
-    if (X.ndim() != 3 || X.size() != 9 * bodies) throw py::value_error("expected (3, 3, body)");
-  if (stopped.size() != bodies || over.size() != 3 || kick.size() != drift.size() + 1)
-    throw py::value_error("lengths do not fit");
-  const Law law{a, b, c, d, {over[0], over[1], over[2]}, volumetric};
-  double *f = F.mutable_data(), *v = V.mutable_data(), *fl = F_low.mutable_data(), *vl = V_low.mutable_data();
-  std::int8_t *gone = stopped.mutable_data();
-  py::gil_scoped_release free;
-  const std::size_t stages = drift.size();
-  for (Size at = 0; at < bodies; at += LANES) {
-    const int count = int(std::min<Size>(LANES, bodies - at));
-    Lanes x[9], y[9], xl[9], yl[9], push[9];
-    load(f, bodies, at, count, x, true);
-    load(v, bodies, at, count, y, false);
-    load(fl, bodies, at, count, xl, false);
-    load(vl, bodies, at, count, yl, false);
-    Bits out = {};
-    acceleration(law, x, push);
-    for (Size step = 0; step < n; ++step) {
-      for (std::size_t i = 0; i < stages; ++i) {
-        // the last kick of a step and the first of the next are one
-        add(y, yl, i == 0 && step > 0 ? kick[0] + kick[stages] : kick[i], push);
-        add(x, xl, drift[i], y);
-        guard(x, y, xl, yl, out);
-        acceleration(law, x, push);
-      }
-    }
-    if (n > 0) add(y, yl, kick[stages], push);
-    save(f, bodies, at, count, x);
-    save(v, bodies, at, count, y);
-    save(fl, bodies, at, count, xl);
-    save(vl, bodies, at, count, yl);
-    for (int l = 0; l < count; ++l)
-      if (out[l]) gone[at + l] = 1;
-  }
-}
-
 } // namespace
 
-PYBIND11_MODULE(_splitting, m) {
-  m.doc() = "Kicks and drifts of many Mooney-Rivlin bodies";
-  // compiled for the processor at hand: refuse to run on a lesser one
-#if defined(__x86_64__) && defined(__GNUC__)
-#ifdef __AVX512F__
-  if (!__builtin_cpu_supports("avx512f")) throw py::import_error("built for another processor");
-#elif defined(__AVX2__)
-  if (!__builtin_cpu_supports("avx2")) throw py::import_error("built for another processor");
+#define ARCH baseline
+#define REGISTER 2
+#include "splitting.hpp"
+#undef ARCH
+#undef REGISTER
+
+#if DISPATCHES
+#pragma GCC push_options
+V3
+#define ARCH v3
+#define REGISTER 4
+#include "splitting.hpp"
+#undef ARCH
+#undef REGISTER
+#pragma GCC pop_options
+#else
+namespace v3 = baseline;
 #endif
-#endif
-  m.def("steps", &steps);
+
+PYBIND11_MODULE(_splitting, module) {
+  module.doc() = "Kicks and drifts of many Mooney-Rivlin bodies";
+  const bool wide = processor() != "baseline";
+  module.def("steps", wide ? v3::steps : baseline::steps);
 }

@@ -1,0 +1,1178 @@
+// The passes of the linear Gaussian estimators, for one kind of processor: included once for each, in a
+// namespace ARCH of its own with registers of REGISTER doubles, by _compiled.cpp.
+//
+// Each pass is the same recursion as its namesake in passes.py, which says what it computes. Row-major
+// doubles throughout. Sizes of states and channels are fixed at compile time where SIZES names them, and 0,
+// known at run time, elsewhere; a covariance gains by that only while it is small.
+
+namespace {
+namespace ARCH {
+
+constexpr int WIDEST = REGISTER; // doubles of a vector register; wider vectors the compiler takes apart badly
+constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
+constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
+constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
+constexpr double MOST = 0.99;       // of a variance that an update may take without Joseph's form
+constexpr double LOG_2PI = 1.8378770664093454836;
+
+// ---- small dense algebra; sizes are constants wherever the caller's are -------------------------------
+
+// c (n, m) = a (n, k) b (k, m), four terms at a time; zeros in a cost nothing
+INLINE void multiply(const double *__restrict a, const double *__restrict b, double *__restrict c, int n, int k,
+                     int m) {
+  for (int i = 0; i < n; ++i) {
+    double *__restrict row = c + i * m;
+    const double *f = a + i * k;
+    for (int j = 0; j < m; ++j) row[j] = 0.0;
+    int l = 0;
+    for (; l + 3 < k; l += 4) {
+      const double f0 = f[l], f1 = f[l + 1], f2 = f[l + 2], f3 = f[l + 3];
+      if (f0 == 0.0 && f1 == 0.0 && f2 == 0.0 && f3 == 0.0) continue;
+      const double *b0 = b + l * m, *b1 = b0 + m, *b2 = b1 + m, *b3 = b2 + m;
+      for (int j = 0; j < m; ++j) row[j] += f0 * b0[j] + f1 * b1[j] + f2 * b2[j] + f3 * b3[j];
+    }
+    for (; l < k; ++l) {
+      if (f[l] == 0.0) continue;
+      for (int j = 0; j < m; ++j) row[j] += f[l] * b[l * m + j];
+    }
+  }
+}
+
+INLINE void transpose(const double *__restrict a, double *__restrict t, int n, int m) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < m; ++j) t[j * n + i] = a[i * m + j];
+}
+
+INLINE void symmetrize(double *a, int n) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) a[i * n + j] = a[j * n + i] = 0.5 * (a[i * n + j] + a[j * n + i]);
+}
+
+// s = a p a^T of a symmetric p; a is sparse as a rule and goes first in both products
+INLINE void sandwich(const double *a, const double *p, double *s, double *work, int n) {
+  multiply(a, p, s, n, n, n);
+  transpose(s, work, n, n);
+  multiply(a, work, s, n, n, n);
+  symmetrize(s, n);
+}
+
+// Lower Cholesky factor in place, then its inverse w; false where a is not positive definite.
+INLINE bool whitening(double *a, double *w, int m) {
+  for (int j = 0; j < m; ++j) {
+    double d = a[j * m + j];
+    for (int l = 0; l < j; ++l) d -= a[j * m + l] * a[j * m + l];
+    if (!(d > 0.0)) return false;
+    d = a[j * m + j] = std::sqrt(d);
+    for (int i = j + 1; i < m; ++i) {
+      double s = a[i * m + j];
+      for (int l = 0; l < j; ++l) s -= a[i * m + l] * a[j * m + l];
+      a[i * m + j] = s / d;
+    }
+  }
+  for (int j = 0; j < m; ++j) {
+    for (int i = 0; i < j; ++i) w[i * m + j] = 0.0;
+    w[j * m + j] = 1.0 / a[j * m + j];
+    for (int i = j + 1; i < m; ++i) {
+      double s = 0.0;
+      for (int l = j; l < i; ++l) s -= a[i * m + l] * w[l * m + j];
+      w[i * m + j] = s / a[i * m + i];
+    }
+  }
+  return true;
+}
+
+// y -= f x
+INLINE void subtract(double f, const double *__restrict x, double *__restrict y, int n) {
+  for (int i = 0; i < n; ++i) y[i] -= f * x[i];
+}
+
+// x (n, m) = a^-1 x by elimination with row exchange; a is overwritten.
+INLINE void solve(double *a, double *x, int n, int m) {
+  for (int j = 0; j < n; ++j) {
+    int pivot = j;
+    for (int i = j + 1; i < n; ++i)
+      if (std::fabs(a[i * n + j]) > std::fabs(a[pivot * n + j])) pivot = i;
+    if (pivot != j) {
+      for (int l = 0; l < n; ++l) std::swap(a[j * n + l], a[pivot * n + l]);
+      for (int l = 0; l < m; ++l) std::swap(x[j * m + l], x[pivot * m + l]);
+    }
+    const double inverse = 1.0 / a[j * n + j];
+    for (int i = j + 1; i < n; ++i) {
+      const double f = a[i * n + j] * inverse;
+      if (f == 0.0) continue;
+      subtract(f, a + j * n + j + 1, a + i * n + j + 1, n - j - 1);
+      subtract(f, x + j * m, x + i * m, m);
+    }
+  }
+  for (int j = n - 1; j >= 0; --j) {
+    double *__restrict row = x + j * m;
+    for (int i = j + 1; i < n; ++i)
+      if (a[j * n + i] != 0.0) subtract(a[j * n + i], x + i * m, row, m);
+    const double inverse = 1.0 / a[j * n + j];
+    for (int l = 0; l < m; ++l) row[l] *= inverse;
+  }
+}
+
+// ---- models -------------------------------------------------------------------------------------------
+
+// A matrix of each sample or step, or one for all: (1 or time, model or 1, ...).
+struct Along {
+  const double *data;
+  py::ssize_t time, model, size;
+  explicit Along(const Array &a) : data(a.data()), time(a.shape(0)), model(a.shape(1)), size(1) {
+    for (int i = 2; i < a.ndim(); ++i) size *= a.shape(i);
+  }
+  const double *at(py::ssize_t k, py::ssize_t j = 0) const {
+    return data + ((time > 1 ? k : 0) * model + (model > 1 ? j : 0)) * size;
+  }
+};
+
+bool is_driven(const Along &u) {
+  return u.time > 1 || std::any_of(u.data, u.data + u.size, [](double v) { return v != 0.0; });
+}
+
+// Whether a covariance that is looked at sample by sample has come to rest.
+struct Rest {
+  Buffer before;
+  double change = 0.0;
+  int since = 0;
+
+  void restart() { since = -1; }
+
+  bool reached(const double *P, int n) {
+    if (since < 0) {
+      before.assign(P, P + n * n);
+      since = 0;
+      change = 0.0;
+      return false;
+    }
+    if (++since < LAG) return false;
+    since = 0;
+    double now = 0.0;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j <= i; ++j) {
+        const double d = std::fabs(P[i * n + j] - before[i * n + j]);
+        if (d > 0.0) now = std::max(now, d / std::sqrt(std::fabs(P[i * n + i] * P[j * n + j])));
+      }
+    before.assign(P, P + n * n);
+    // no rate tells that while it still falls from a start as good as unknown
+    const double ratio = change > 0.0 && change < 1.0 ? now / change : 1.0;
+    change = now;
+    return now < ROUNDING || (ratio < 1.0 && now * ratio < REMAINING * (1.0 - ratio));
+  }
+};
+
+// One step of the covariance, prediction and update in Joseph's form.
+template <int N, int M> struct Covariance {
+  const int n, m;
+  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, W_t, PH, white, I_KH, work, work2;
+  int count = 0; // of the channels seen
+  std::vector<int> channel;
+
+  Covariance(int n_, int m_)
+      : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), H_s(m * n), H_t(n * m),
+        R_s(m * m), S(m * m), W_t(m * m), PH(n * m), white(n * m), I_KH(n * n), work(std::max(n, m) * std::max(n, m)),
+        work2(std::max(n, m) * std::max(n, m)), channel(m) {}
+
+  void predict(const double *F, const double *Q) {
+    const int n = N ? N : this->n;
+    sandwich(F, P.data(), P_pred.data(), work.data(), n);
+    for (int i = 0; i < n * n; ++i) P_pred[i] += Q[i];
+  }
+
+  // inflated: of a single channel, the least innovation variance to be believed
+  bool update(const double *H, const double *R, const unsigned char *seen, double inflated = 0.0) {
+    count = 0;
+    for (int c = 0; c < m; ++c)
+      if (seen[c]) channel[count++] = c;
+    std::fill(K.begin(), K.end(), 0.0);
+    std::fill(W.begin(), W.end(), 0.0);
+    if (count == 0) {
+      P = P_pred;
+      return true;
+    }
+    return count == M ? gain<M>(H, R, M, inflated) : gain<0>(H, R, count, inflated);
+  }
+
+  template <int C> bool gain(const double *H, const double *R, int c_, double inflated) {
+    const int n = N ? N : this->n, m = M ? M : this->m, c = C ? C : c_;
+    for (int i = 0; i < c; ++i) {
+      std::memcpy(&H_s[i * n], H + channel[i] * n, n * sizeof(double));
+      for (int j = 0; j < c; ++j) R_s[i * c + j] = R[channel[i] * m + channel[j]];
+    }
+    transpose(H_s.data(), H_t.data(), c, n);
+    multiply(P_pred.data(), H_t.data(), PH.data(), n, n, c);
+    multiply(H_s.data(), PH.data(), S.data(), c, n, c);
+    for (int i = 0; i < c * c; ++i) S[i] += R_s[i];
+    if (inflated > S[0]) { // the sample is believed less: its noise grows by what is missing
+      R_s[0] += inflated - S[0];
+      S[0] = inflated;
+    }
+    if (!whitening(S.data(), work.data(), c)) return false;
+    for (int i = 0; i < c; ++i)
+      for (int j = 0; j < c; ++j) W[channel[i] * m + channel[j]] = work[i * c + j];
+    // white = P H^T W^T, K = white W; the inverse of S is never formed
+    transpose(work.data(), W_t.data(), c, c);
+    multiply(PH.data(), W_t.data(), white.data(), n, c, c);
+    multiply(white.data(), work.data(), work2.data(), n, c, c); // K of the channels seen
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < c; ++j) K[i * m + channel[j]] = work2[i * c + j];
+    // P - white white^T is as good as Joseph's form until it takes most of a variance away
+    transpose(white.data(), H_t.data(), n, c);
+    multiply(white.data(), H_t.data(), P.data(), n, c, n);
+    double taken = 0.0;
+    for (int i = 0; i < n; ++i) {
+      taken = std::max(taken, P_pred[i * n + i] > 0.0 ? P[i * n + i] / P_pred[i * n + i] : 0.0);
+      for (int j = 0; j < n; ++j) P[i * n + j] = P_pred[i * n + j] - P[i * n + j];
+    }
+    if (taken > MOST) joseph(c);
+    symmetrize(P.data(), n);
+    return true;
+  }
+
+  void joseph(int c) { // gain of the channels seen in work2
+    const int n = N ? N : this->n;
+    multiply(work2.data(), H_s.data(), I_KH.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) I_KH[i] = -I_KH[i];
+    for (int i = 0; i < n; ++i) I_KH[i * n + i] += 1.0;
+    transpose(work2.data(), H_t.data(), n, c); // K^T
+    multiply(work2.data(), R_s.data(), PH.data(), n, c, c);
+    sandwich(I_KH.data(), P_pred.data(), P.data(), work.data(), n);
+    multiply(PH.data(), H_t.data(), work.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) P[i] += work[i];
+  }
+};
+
+// ---- a recursion y <- A y + ... in vector registers -----------------------------------------------------
+
+constexpr int padded(int n) { return n <= 2 ? n : n <= 4 ? 4 : (n + WIDEST - 1) / WIDEST * WIDEST; }
+
+// Columns of a matrix (rows, columns), each padded with zeros to full vectors.
+template <int N> struct Columns {
+  static constexpr int NP = padded(N), LONG = NP < WIDEST ? NP : WIDEST, COUNT = NP / LONG;
+  typedef double Vector __attribute__((vector_size(LONG * 8), may_alias));
+  std::vector<double> memory;
+  double *data;
+
+  Columns(const double *a, int columns) : memory(NP * columns + 8, 0.0) {
+    data = memory.data();
+    while (reinterpret_cast<std::uintptr_t>(data) % 64) ++data;
+    for (int j = 0; j < columns; ++j)
+      for (int i = 0; i < N; ++i) data[j * NP + i] = a[i * columns + j];
+  }
+  Columns(const Columns &) = delete;
+
+  // y += this x, in two independent sums so that the chain of additions is half as long
+  INLINE void add(const double *x, Vector *y, int columns) const {
+    Vector odd[COUNT] = {};
+    const Vector *column = reinterpret_cast<const Vector *>(data);
+    int j = 0;
+    for (; j + 1 < columns; j += 2)
+      for (int b = 0; b < COUNT; ++b) {
+        y[b] += column[j * COUNT + b] * x[j];
+        odd[b] += column[(j + 1) * COUNT + b] * x[j + 1];
+      }
+    if (j < columns)
+      for (int b = 0; b < COUNT; ++b) y[b] += column[j * COUNT + b] * x[j];
+    for (int b = 0; b < COUNT; ++b) y[b] += odd[b];
+  }
+  // y_s += this x_s for four x, `stride` apart: each column is loaded once
+  INLINE void add_four(const double *x, py::ssize_t stride, Vector (*y)[COUNT], int columns) const {
+    const Vector *column = reinterpret_cast<const Vector *>(data);
+    for (int j = 0; j < columns; ++j)
+      for (int b = 0; b < COUNT; ++b) {
+        const Vector c = column[j * COUNT + b];
+        for (int s = 0; s < 4; ++s) y[s][b] += c * x[s * stride + j];
+      }
+  }
+};
+
+// The same for sizes known at run time, and a face that both share.
+template <> struct Columns<0> {
+  Buffer data;
+  int rows;
+  Columns(const double *a, int n, int columns) : data(n * columns), rows(n) {
+    transpose(a, data.data(), n, columns);
+  }
+  void add(const double *x, double *y, int columns) const {
+    for (int j = 0; j < columns; ++j)
+      for (int i = 0; i < rows; ++i) y[i] += data[j * rows + i] * x[j];
+  }
+};
+
+template <int N> struct Recursion { // y <- A y + B v
+  Columns<N> A, B;
+  alignas(64) double y[padded(N)] = {};
+  const int m;
+  Recursion(const double *a, const double *b, int n, int m_) : A(a, n), B(b, m_), m(m_) {}
+  INLINE void step(const double *v, int m) {
+    typename Columns<N>::Vector next[Columns<N>::COUNT] = {};
+    B.add(v, next, m);
+    A.add(y, next, N);
+    std::memcpy(y, next, sizeof y);
+  }
+};
+
+template <> struct Recursion<0> {
+  Columns<0> A, B;
+  Buffer memory, next;
+  double *y;
+  const int m;
+  Recursion(const double *a, const double *b, int n, int m_)
+      : A(a, n, n), B(b, n, m_), memory(n), next(n), y(memory.data()), m(m_) {}
+  void step(const double *v, int m) {
+    std::fill(next.begin(), next.end(), 0.0);
+    B.add(v, next.data(), m);
+    A.add(y, next.data(), static_cast<int>(next.size()));
+    std::copy(next.begin(), next.end(), y);
+  }
+};
+
+// y = this x, rows in vector registers
+template <int N> INLINE void times(const Columns<N> &a, const double *x, double *y, int columns) {
+  typename Columns<N>::Vector sum[Columns<N>::COUNT] = {};
+  a.add(x, sum, columns);
+  alignas(64) double out[padded(N)];
+  std::memcpy(out, sum, sizeof out);
+  std::copy(out, out + N, y);
+}
+
+INLINE void times(const Columns<0> &a, const double *x, double *y, int columns) {
+  std::fill(y, y + a.rows, 0.0);
+  a.add(x, y, columns);
+}
+
+template <int N> Columns<N> columns_of(const double *a, int rows, int columns) {
+  if constexpr (N > 0) return Columns<N>(a, columns);
+  else return Columns<N>(a, rows, columns);
+}
+
+INLINE void row_times(const double *a, const double *x, double *y, int n, int m) { // y = a x
+  for (int i = 0; i < n; ++i) {
+    double s = 0.0;
+    for (int j = 0; j < m; ++j) s += a[i * m + j] * x[j];
+    y[i] = s;
+  }
+}
+
+// (1 - K H) F, the transition of the filtered state
+void closed_loop(const double *F, const double *H, const double *K, double *A, int n, int m) {
+  Buffer HF(m * n);
+  multiply(H, F, HF.data(), m, n, n);
+  multiply(K, HF.data(), A, n, m, n);
+  for (int i = 0; i < n * n; ++i) A[i] = F[i] - A[i];
+}
+
+// Whether a covariance gains by sizes fixed at compile time: it does while it is small.
+template <int N, int M> constexpr bool tiny = N > 0 && N <= 6 && M == 1;
+
+// ---- the passes -----------------------------------------------------------------------------------------
+
+Array wrap(const Buffer &values, std::vector<py::ssize_t> shape) {
+  Array a(shape);
+  std::copy(values.begin(), values.end(), a.mutable_data());
+  return a;
+}
+
+py::array_t<py::ssize_t> wrap(const std::vector<py::ssize_t> &values) {
+  py::array_t<py::ssize_t> a(values.size());
+  std::copy(values.begin(), values.end(), a.mutable_data());
+  return a;
+}
+
+void append(Buffer &all, const Buffer &more) { all.insert(all.end(), more.begin(), more.end()); }
+
+// Returns (start, P_pred, P, K, W, failed sample or -1).
+template <int N, int M>
+py::tuple covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen_, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_);
+  const py::ssize_t T = seen_.shape(0);
+  const int m = static_cast<int>(seen_.shape(1)), n = static_cast<int>(P0.shape(0));
+  Covariance<N, M> now(n, m);
+  std::copy(P0.data(), P0.data() + n * n, now.P_pred.begin());
+  std::vector<py::ssize_t> start;
+  Buffer P_pred, P, K, W;
+  py::ssize_t failed = -1;
+  {
+    py::gil_scoped_release unlocked;
+    Rest rest;
+    rest.restart();
+    bool resting = false;
+    for (py::ssize_t k = 0; k < T; ++k) {
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k > 0 && std::memcmp(seen, seen - m, m) != 0) {
+        resting = false;
+        rest.restart();
+      }
+      if (resting) continue;
+      if (k > 0) now.predict(F.at(k - 1), Q.at(k - 1));
+      if (!now.update(H.at(k), R.at(k), seen)) {
+        failed = k;
+        break;
+      }
+      start.push_back(k);
+      append(P_pred, now.P_pred);
+      append(P, now.P);
+      append(K, now.K);
+      append(W, now.W);
+      if (steady && k > 0) resting = rest.reached(now.P.data(), n);
+    }
+  }
+  const auto r = static_cast<py::ssize_t>(start.size());
+  return py::make_tuple(wrap(start), wrap(P_pred, {r, n, n}), wrap(P, {r, n, n}), wrap(K, {r, n, m}),
+                        wrap(W, {r, m, m}), failed);
+}
+
+constexpr int LANES = WIDEST; // signals, or models, side by side: what is fast whatever their sizes
+typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
+using Columnwise = std::vector<Lanes, Aligned<Lanes>>;
+
+// Rows of LANES signals, (lane, n) in memory, as one vector a column; and back.
+INLINE void gather(const double *rows, Lanes *columns, int n) {
+  for (int i = 0; i < n; ++i) {
+    Lanes column;
+    for (int l = 0; l < LANES; ++l) column[l] = rows[l * n + i];
+    columns[i] = column;
+  }
+}
+
+INLINE void scatter(const Lanes *columns, double *rows, int n) {
+  for (int i = 0; i < n; ++i) {
+    const Lanes column = columns[i];
+    for (int l = 0; l < LANES; ++l) rows[l * n + i] = column[l];
+  }
+}
+
+// sum += a row of a (., n) times x
+INLINE void accumulate(Lanes &sum, const double *row, const Lanes *x, int n) {
+  for (int j = 0; j < n; ++j) sum += x[j] * row[j];
+}
+
+INLINE double zero_if_missing(double z) { return z == z ? z : 0.0; }
+
+// A run of mean_pass behind its first sample, for as many signals as fill lanes; returns how many.
+py::ssize_t means_in_lanes(const double *A, const double *B, const Along &u, bool driven, const double *z, double *x,
+                           py::ssize_t first, py::ssize_t stop, py::ssize_t signals, int n, int m) {
+  const py::ssize_t fleets = signals / LANES;
+  const int inputs = driven ? m + n : m;
+  Columnwise X(fleets * n), next(n), push(n), Z(m);
+  for (py::ssize_t f = 0; f < fleets; ++f) gather(x + (first * signals + f * LANES) * n, &X[f * n], n);
+  for (py::ssize_t k = first + 1; k < stop; ++k) {
+    if (driven) // the same for all signals
+      for (int i = 0; i < n; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < n; ++j) sum += B[i * inputs + m + j] * u.at(k - 1)[j];
+        push[i] = Lanes{} + sum;
+      }
+    for (py::ssize_t f = 0; f < fleets; ++f) {
+      gather(z + (k * signals + f * LANES) * m, Z.data(), m);
+      for (int c = 0; c < m; ++c) Z[c] = Z[c] == Z[c] ? Z[c] : Lanes{};
+      for (int i = 0; i < n; ++i) {
+        Lanes sum = push[i], more = {};
+        accumulate(sum, B + i * inputs, Z.data(), m);
+        accumulate(more, A + i * n, &X[f * n], n);
+        next[i] = sum + more;
+      }
+      std::copy(next.begin(), next.end(), X.begin() + f * n);
+      scatter(next.data(), x + (k * signals + f * LANES) * n, n);
+    }
+  }
+  return fleets * LANES;
+}
+
+// Filtered states x (time, signal, state) under the gains of covariance_pass.
+template <int N, int M>
+Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0, Array z_) {
+  const Along F(F_), u(u_), H(H_);
+  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(z_.shape(2));
+  const bool driven = is_driven(u);
+  Array x_({T, signals, static_cast<py::ssize_t>(n)});
+  double *x = x_.mutable_data();
+  const double *z = z_.data();
+  const py::ssize_t *start = start_.data();
+  py::gil_scoped_release unlocked;
+  Buffer pred(n), e(m), A(n * n), v(m + 2 * n), B(n * (m + n)), I_KH(n * n);
+  for (py::ssize_t r = 0; r < runs; ++r) {
+    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+    const double *K = K_.data() + r * n * m;
+    // the first sample of a run in two steps: it may follow another gain
+    for (py::ssize_t s = 0; s < signals; ++s) {
+      double *now = x + (first * signals + s) * n;
+      if (first == 0) {
+        std::copy(x0.data() + s * n, x0.data() + (s + 1) * n, pred.begin());
+      } else {
+        row_times(F.at(first - 1), now - signals * n, pred.data(), n, n);
+        if (driven)
+          for (int i = 0; i < n; ++i) pred[i] += u.at(first - 1)[i];
+      }
+      row_times(H.at(first), pred.data(), e.data(), m, n);
+      for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[(first * signals + s) * m + c]) - e[c];
+      row_times(K, e.data(), now, n, m);
+      for (int i = 0; i < n; ++i) now[i] += pred[i];
+    }
+    if (stop - first < 2) continue;
+    closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
+    // inputs of the recursion: the measurement, and the known input through 1 - K H
+    const int inputs = driven ? m + n : m;
+    multiply(K, H.at(0), I_KH.data(), n, m, n);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < inputs; ++j)
+        B[i * inputs + j] = j < m ? K[i * m + j] : (i == j - m) - I_KH[i * n + j - m];
+    py::ssize_t s = 0;
+    if (signals >= LANES) s = means_in_lanes(A.data(), B.data(), u, driven, z, x, first, stop, signals, n, m);
+    for (; s < signals; ++s) {
+      Recursion<N> path(A.data(), B.data(), n, inputs);
+      std::copy(x + (first * signals + s) * n, x + (first * signals + s + 1) * n, path.y);
+      py::ssize_t k = first + 1;
+      if constexpr (N > 0 && M > 0) // what does not wait for the state, four samples at a time
+        for (; !driven && k + 4 <= stop; k += 4) {
+          double Z[4][M];
+          for (int i = 0; i < 4; ++i)
+            for (int c = 0; c < M; ++c) Z[i][c] = zero_if_missing(z[((k + i) * signals + s) * M + c]);
+          typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
+          path.B.add_four(Z[0], M, next, M);
+          for (int i = 0; i < 4; ++i) {
+            path.A.add(path.y, next[i], N);
+            std::memcpy(path.y, next[i], sizeof path.y);
+            std::copy(path.y, path.y + N, x + ((k + i) * signals + s) * N);
+          }
+        }
+      for (; k < stop; ++k) {
+        const double *zk = z + (k * signals + s) * m;
+        for (int c = 0; c < m; ++c) v[c] = zero_if_missing(zk[c]);
+        if (driven) {
+          std::copy(u.at(k - 1), u.at(k - 1) + n, v.begin() + m);
+          path.step(v.data(), inputs);
+        } else {
+          path.step(v.data(), m);
+        }
+        std::copy(path.y, path.y + n, x + (k * signals + s) * n);
+      }
+    }
+  }
+  return x_;
+}
+
+// A run of adjoint_pass but for its first sample, for as many signals as fill lanes; returns how many.
+py::ssize_t adjoints_in_lanes(const double *A_t, const double *E, const double *HF, const double *P, const double *H,
+                              const Along &u, bool driven, const double *z, const double *x, double *smoothed,
+                              double *adjoint, py::ssize_t first, py::ssize_t stop, py::ssize_t signals, int n, int m) {
+  const py::ssize_t fleets = signals / LANES;
+  Columnwise RT(fleets * n), now(n), before(n), next(n), Z(m);
+  Buffer Hu(m, 0.0);
+  for (py::ssize_t f = 0; f < fleets; ++f) gather(adjoint + f * LANES * n, &RT[f * n], n);
+  for (py::ssize_t k = stop - 1; k > first; --k) {
+    if (driven) row_times(H, u.at(k - 1), Hu.data(), m, n);
+    for (py::ssize_t f = 0; f < fleets; ++f) {
+      const py::ssize_t at = k * signals + f * LANES;
+      Lanes *rt = &RT[f * n];
+      gather(x + at * n, now.data(), n);
+      gather(x + (at - signals) * n, before.data(), n);
+      gather(z + at * m, Z.data(), m);
+      for (int i = 0; i < n; ++i) accumulate(now[i], P + i * n, rt, n);
+      scatter(now.data(), smoothed + at * n, n);
+      for (int c = 0; c < m; ++c) {
+        Lanes predicted = {};
+        accumulate(predicted, HF + c * n, before.data(), n);
+        Z[c] = (Z[c] == Z[c] ? Z[c] : Lanes{}) - Hu[c] - predicted;
+      }
+      for (int i = 0; i < n; ++i) {
+        Lanes sum = {}, more = {};
+        accumulate(sum, E + i * m, Z.data(), m);
+        accumulate(more, A_t + i * n, rt, n);
+        next[i] = sum + more;
+      }
+      std::copy(next.begin(), next.end(), rt);
+    }
+  }
+  for (py::ssize_t f = 0; f < fleets; ++f) scatter(&RT[f * n], adjoint + f * LANES * n, n);
+  return fleets * LANES;
+}
+
+// Smoothed states (time, signal, state): x + P rt, with the adjoint rt of Bryson and Frazier.
+template <int N, int M>
+Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array K_, Array W_, Array G_, Array z_,
+                   Array x_) {
+  const Along F(F_), u(u_), H(H_);
+  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = N ? N : static_cast<int>(x_.shape(2)), m = M ? M : static_cast<int>(z_.shape(2));
+  const bool driven = is_driven(u);
+  Array smoothed_({T, signals, static_cast<py::ssize_t>(n)});
+  double *smoothed = smoothed_.mutable_data();
+  const double *x = x_.data(), *z = z_.data();
+  const py::ssize_t *start = start_.data();
+  py::gil_scoped_release unlocked;
+  Buffer adjoint(signals * n, 0.0), pred(n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n),
+      A_t(n * n), HF(m * n), Hu(m), E(n * m), back(n);
+  for (py::ssize_t r = runs; r-- > 0;) {
+    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+    const double *K = K_.data() + r * n * m, *W = W_.data() + r * m * m, *P = P_.data() + r * n * n;
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j < m; ++j) {
+        double sum = 0.0;
+        for (int l = 0; l < m; ++l) sum += W[l * m + i] * W[l * m + j];
+        S_inv[i * m + j] = sum;
+      }
+    const bool steady = stop - first > 1;
+    const double *G = G_.data() + r * n * n;
+    if (steady && G[0] == G[0]) { // Rauch, Tung and Striebel's gain is given: half the work
+      Buffer I_GF(n * n), inverse(n * n), off(n);
+      multiply(G, F.at(0), I_GF.data(), n, n, n);
+      for (int i = 0; i < n * n; ++i) I_GF[i] = (i % (n + 1) == 0) - I_GF[i];
+      for (py::ssize_t s = 0; s < signals; ++s) {
+        double *rt = adjoint.data() + s * n;
+        Recursion<N> path(G, I_GF.data(), n, n);
+        py::ssize_t at = (stop - 1) * signals + s;
+        row_times(P, rt, path.y, n, n);
+        for (int i = 0; i < n; ++i) path.y[i] += x[at * n + i];
+        std::copy(path.y, path.y + n, smoothed + at * n);
+        py::ssize_t k = stop - 2;
+        if constexpr (N > 0)
+          for (; k - 3 > first; k -= 4) {
+            at = k * signals + s;
+            typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
+            path.B.add_four(x + at * N, -signals * N, next, N);
+            for (int i = 0; i < 4; ++i) {
+              path.A.add(path.y, next[i], N);
+              std::memcpy(path.y, next[i], sizeof path.y);
+              std::copy(path.y, path.y + N, smoothed + (at - i * signals) * N);
+            }
+          }
+        for (; k >= first; --k) {
+          at = k * signals + s;
+          path.step(x + at * n, n);
+          std::copy(path.y, path.y + n, smoothed + at * n);
+        }
+        for (int i = 0; i < n; ++i) off[i] = path.y[i] - x[at * n + i];
+        std::copy(P, P + n * n, inverse.begin());
+        solve(inverse.data(), off.data(), n, 1);
+        std::copy(off.begin(), off.end(), rt);
+      }
+    }
+    const bool by_adjoint = steady && G[0] != G[0];
+    if (by_adjoint) {
+      closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
+      transpose(A.data(), A_t.data(), n, n);
+      transpose(H.at(0), H_t.data(), m, n);
+      transpose(F.at(0), F_t.data(), n, n);
+      multiply(H_t.data(), S_inv.data(), E.data(), n, m, m);
+      Buffer E0 = E;
+      multiply(F_t.data(), E0.data(), E.data(), n, n, m);
+      multiply(H.at(0), F.at(0), HF.data(), m, n, n);
+    }
+    py::ssize_t in_lanes = 0; // signals whose run is done but for its first sample
+    if (by_adjoint && signals >= LANES)
+      in_lanes = adjoints_in_lanes(A_t.data(), E.data(), HF.data(), P, H.at(0), u, driven, z, x, smoothed,
+                                   adjoint.data(), first, stop, signals, n, m);
+    for (py::ssize_t s = 0; s < signals; ++s) {
+      double *rt = adjoint.data() + s * n;
+      py::ssize_t k = s < in_lanes || (steady && !by_adjoint) ? first : stop - 1;
+      if (by_adjoint && s >= in_lanes) {
+        Recursion<N> path(A_t.data(), E.data(), n, m);
+        const Columns<N> gain = columns_of<N>(P, n, n);
+        const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n);
+        std::copy(rt, rt + n, path.y);
+        if constexpr (N > 0 && M > 0) { // what does not wait for the adjoint, four samples at a time
+          using State = typename Columns<N>::Vector;
+          using Channels = typename Columns<M>::Vector;
+          constexpr int NP = padded(N), MP = padded(M);
+          const py::ssize_t back_one = -signals * N;
+          for (; k - 4 >= first; k -= 4) {
+            const py::ssize_t at = k * signals + s;
+            Channels predicted[4][Columns<M>::COUNT] = {};
+            HF_rows.add_four(x + (at - signals) * N, back_one, predicted, N);
+            alignas(64) double error[4][MP], adjoint_at[4][NP], out[4][NP];
+            std::memcpy(error, predicted, sizeof error);
+            for (int i = 0; i < 4; ++i) {
+              if (driven) row_times(H.at(0), u.at(k - i - 1), Hu.data(), M, N);
+              for (int c = 0; c < M; ++c)
+                error[i][c] = zero_if_missing(z[(at - i * signals) * M + c]) - error[i][c] - (driven ? Hu[c] : 0.0);
+            }
+            State told[4][Columns<N>::COUNT] = {}, sum[4][Columns<N>::COUNT] = {};
+            path.B.add_four(error[0], MP, told, M);
+            for (int i = 0; i < 4; ++i) {
+              std::memcpy(adjoint_at[i], path.y, sizeof path.y);
+              path.A.add(path.y, told[i], N);
+              std::memcpy(path.y, told[i], sizeof path.y);
+            }
+            gain.add_four(adjoint_at[0], NP, sum, N);
+            std::memcpy(out, sum, sizeof out);
+            for (int i = 0; i < 4; ++i)
+              for (int j = 0; j < N; ++j) smoothed[(at - i * signals) * N + j] = x[(at - i * signals) * N + j] + out[i][j];
+          }
+        }
+        for (; k > first; --k) {
+          const py::ssize_t at = k * signals + s;
+          if constexpr (N > 0) {
+            alignas(64) double out[padded(N)] = {};
+            std::copy(x + at * n, x + (at + 1) * n, out);
+            typename Columns<N>::Vector sum[Columns<N>::COUNT];
+            std::memcpy(sum, out, sizeof out);
+            gain.add(path.y, sum, N);
+            std::memcpy(out, sum, sizeof out);
+            std::copy(out, out + N, smoothed + at * n);
+          } else {
+            std::copy(x + at * n, x + (at + 1) * n, smoothed + at * n);
+            gain.add(path.y, smoothed + at * n, n);
+          }
+          times(HF_rows, x + (at - signals) * n, e.data(), n);
+          for (int c = 0; c < m; ++c) // a channel that is missing has a zero column in E
+            e[c] = zero_if_missing(z[at * m + c]) - e[c];
+          if (driven) {
+            row_times(H.at(0), u.at(k - 1), Hu.data(), m, n);
+            for (int c = 0; c < m; ++c) e[c] -= Hu[c];
+          }
+          path.step(e.data(), m);
+        }
+        std::copy(path.y, path.y + n, rt);
+      }
+      const py::ssize_t at = k * signals + s; // k == first
+      row_times(P, rt, smoothed + at * n, n, n);
+      for (int i = 0; i < n; ++i) smoothed[at * n + i] += x[at * n + i];
+      if (k == 0) continue;
+      row_times(F.at(k - 1), x + (at - signals) * n, pred.data(), n, n);
+      for (int i = 0; i < n; ++i) pred[i] += u.at(k - 1)[i];
+      row_times(H.at(k), pred.data(), e.data(), m, n);
+      // of a channel that is missing, S_inv and K are zero: it adds nothing
+      for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[at * m + c]) - e[c];
+      row_times(S_inv.data(), e.data(), g.data(), m, m);
+      for (int c = 0; c < m; ++c)
+        for (int i = 0; i < n; ++i) g[c] -= K[i * m + c] * rt[i];
+      for (int c = 0; c < m; ++c)
+        for (int i = 0; i < n; ++i) rt[i] += H.at(k)[c * n + i] * g[c];
+      for (int i = 0; i < n; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < n; ++j) sum += F.at(k - 1)[j * n + i] * rt[j];
+        back[i] = sum;
+      }
+      std::copy(back.begin(), back.end(), rt);
+    }
+  }
+  return smoothed_;
+}
+
+// Information of later samples: (start, later), later holding from start to the next; failed sample or -1.
+template <int N, int M>
+py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_);
+  const py::ssize_t T = seen_.shape(0);
+  const int m = M ? M : static_cast<int>(seen_.shape(1)), n = N ? N : static_cast<int>(F_.shape(3));
+  std::vector<py::ssize_t> last; // of each run, backwards
+  Buffer later, now(n * n, 0.0), D(n * n), X(n * (n + m)), S(m * m), W(m * m), H_s(m * n), YH(n * m),
+      told(n * n), F_t(n * n), work(n * std::max(n, m)), white(m * n);
+  std::vector<int> channel(m);
+  py::ssize_t failed = -1;
+  {
+    py::gil_scoped_release unlocked;
+    Rest rest;
+    rest.restart();
+    bool resting = false;
+    last.push_back(T - 1);
+    append(later, now);
+    for (py::ssize_t k = T - 1; k > 0; --k) { // from what is told after sample k to what after k - 1
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k < T - 1 && std::memcmp(seen, seen + m, m) != 0) {
+        resting = false;
+        rest.restart();
+      }
+      if (resting) continue;
+      const double *Qk = Q.at(k - 1), *Fk = F.at(k - 1), *Rk = R.at(k);
+      int c = 0;
+      for (int i = 0; i < m; ++i)
+        if (seen[i]) channel[c++] = i;
+      for (int i = 0; i < c; ++i) std::memcpy(&H_s[i * n], H.at(k) + channel[i] * n, n * sizeof(double));
+      // with Y = (1 + now Q)^-1: Y now, and Y H^T
+      multiply(Qk, now.data(), work.data(), n, n, n);
+      transpose(work.data(), D.data(), n, n);
+      for (int i = 0; i < n; ++i) {
+        D[i * n + i] += 1.0;
+        std::memcpy(&X[i * (n + c)], &now[i * n], n * sizeof(double));
+        for (int j = 0; j < c; ++j) X[i * (n + c) + n + j] = H_s[j * n + i];
+      }
+      solve(D.data(), X.data(), n, n + c);
+      for (int i = 0; i < n; ++i) {
+        std::memcpy(&told[i * n], &X[i * (n + c)], n * sizeof(double));
+        for (int j = 0; j < c; ++j) YH[i * c + j] = X[i * (n + c) + n + j];
+      }
+      if (c) {
+        multiply(Qk, YH.data(), work.data(), n, n, c);
+        multiply(H_s.data(), work.data(), S.data(), c, n, c);
+        for (int i = 0; i < c; ++i)
+          for (int j = 0; j < c; ++j) S[i * c + j] += Rk[channel[i] * m + channel[j]];
+        symmetrize(S.data(), c);
+        if (!whitening(S.data(), W.data(), c)) {
+          failed = k;
+          break;
+        }
+        transpose(YH.data(), work.data(), n, c);
+        multiply(W.data(), work.data(), white.data(), c, c, n);
+        for (int l = 0; l < c; ++l)
+          for (int i = 0; i < n; ++i) {
+            const double f = white[l * n + i];
+            for (int j = 0; j < n; ++j) told[i * n + j] += f * white[l * n + j];
+          }
+      }
+      symmetrize(told.data(), n);
+      transpose(Fk, F_t.data(), n, n);
+      sandwich(F_t.data(), told.data(), now.data(), work.data(), n);
+      last.push_back(k - 1);
+      append(later, now);
+      if (steady) resting = rest.reached(now.data(), n);
+    }
+  }
+  const auto r = static_cast<py::ssize_t>(last.size());
+  return py::make_tuple(wrap(last), wrap(later, {r, n, n}), failed);
+}
+
+// Lower C with C C^T = P in place, by correlations; a pivot that is zero to rounding ends its column.
+INLINE void semidefinite_root(double *P, double *size, double *column, int n) {
+  for (int i = 0; i < n; ++i) size[i] = std::sqrt(std::max(P[i * n + i], 1e-300));
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) P[i * n + j] /= size[i] * size[j];
+  for (int j = 0; j < n; ++j) {
+    const double pivot = P[j * n + j];
+    const double inverse = pivot > 1e-15 ? 1.0 / std::sqrt(pivot) : 0.0;
+    for (int i = j; i < n; ++i) P[i * n + j] *= inverse;
+    for (int i = 0; i < j; ++i) P[i * n + j] = 0.0;
+    for (int i = j + 1; i < n; ++i) column[i] = P[i * n + j];
+    for (int i = j + 1; i < n; ++i) {
+      const double f = column[i];
+      for (int l = j + 1; l <= i; ++l) P[i * n + l] -= f * column[l];
+    }
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) P[i * n + j] *= size[i];
+}
+
+// (P^-1 + later)^-1 of each sample: C (1 + C^T later C)^-1 C^T.
+template <int N> Array combine(Array P_, Array later_) {
+  const py::ssize_t T = P_.shape(0);
+  const int n = N ? N : static_cast<int>(P_.shape(1));
+  Array out_({T, P_.shape(1), P_.shape(2)});
+  double *out = out_.mutable_data();
+  py::gil_scoped_release unlocked;
+  Buffer C(n * n), C_t(n * n), known(n * n), work(n * n), size(n), column(n);
+  for (py::ssize_t k = 0; k < T; ++k) {
+    std::copy(P_.data() + k * n * n, P_.data() + (k + 1) * n * n, C.begin());
+    semidefinite_root(C.data(), size.data(), column.data(), n);
+    transpose(C.data(), C_t.data(), n, n);
+    sandwich(C_t.data(), later_.data() + k * n * n, known.data(), work.data(), n);
+    for (int i = 0; i < n; ++i) known[i * n + i] += 1.0;
+    semidefinite_root(known.data(), size.data(), column.data(), n);
+    for (int j = 0; j < n; ++j) { // C_t <- known^-1 C_t
+      const double inverse = 1.0 / known[j * n + j];
+      for (int l = 0; l < n; ++l) C_t[j * n + l] *= inverse;
+      for (int i = j + 1; i < n; ++i) {
+        const double f = known[i * n + j];
+        for (int l = 0; l < n; ++l) C_t[i * n + l] -= f * C_t[j * n + l];
+      }
+    }
+    transpose(C_t.data(), work.data(), n, n);
+    multiply(work.data(), C_t.data(), out + k * n * n, n, n, n);
+    symmetrize(out + k * n * n, n);
+  }
+  return out_;
+}
+
+// A step of many models of one channel, one in each lane; zeros common to all cost nothing.
+struct Fleet {
+  const int N;
+  Columnwise F, Q, P, P_pred, h, x, PH, K, FP, y, A;
+  Lanes r;
+  std::vector<char> holds_F, holds_h;
+
+  explicit Fleet(int n)
+      : N(n), F(n * n), Q(n * n), P(n * n), P_pred(n * n), h(n), x(n), PH(n), K(n), FP(n * n), y(n), A(n * n),
+        holds_F(n * n), holds_h(n) {}
+
+  static Lanes load(const Along &a, py::ssize_t k, const py::ssize_t *model, py::ssize_t entry) {
+    Lanes lanes;
+    for (int l = 0; l < LANES; ++l) lanes[l] = a.at(k, model[l])[entry];
+    return lanes;
+  }
+
+  static bool any(const Lanes &a) {
+    bool found = false;
+    for (int l = 0; l < LANES; ++l) found |= a[l] != 0.0;
+    return found;
+  }
+
+  void steps(const Along &F_, const Along &Q_, py::ssize_t k, const py::ssize_t *model) {
+    for (int i = 0; i < N * N; ++i) {
+      F[i] = load(F_, k, model, i);
+      Q[i] = load(Q_, k, model, i);
+      holds_F[i] = any(F[i]);
+    }
+  }
+
+  void reads(const Along &H_, py::ssize_t k, const py::ssize_t *model) {
+    for (int i = 0; i < N; ++i) {
+      h[i] = load(H_, k, model, i);
+      holds_h[i] = any(h[i]);
+    }
+  }
+
+  void predict() {
+    for (int i = 0; i < N; ++i) {
+      Lanes *__restrict row = &FP[i * N];
+      std::fill(row, row + N, Lanes{});
+      y[i] = Lanes{};
+      for (int l = 0; l < N; ++l) {
+        if (!holds_F[i * N + l]) continue;
+        const Lanes f = F[i * N + l];
+        y[i] += f * x[l];
+        for (int j = 0; j < N; ++j) row[j] += f * P[l * N + j];
+      }
+    }
+    for (int j = 0; j < N; ++j) {
+      x[j] = y[j];
+      for (int i = j; i < N; ++i) {
+        Lanes sum = Q[i * N + j];
+        for (int l = 0; l < N; ++l)
+          if (holds_F[j * N + l]) sum += FP[i * N + l] * F[j * N + l];
+        P_pred[i * N + j] = P_pred[j * N + i] = sum;
+      }
+    }
+  }
+
+  // Returns e^2 / S; S goes out by reference.
+  Lanes update(const Lanes &z, double limit, Lanes &S) {
+    Lanes e = z, noise = r;
+    S = r;
+    for (int i = 0; i < N; ++i) {
+      PH[i] = Lanes{};
+      for (int l = 0; l < N; ++l)
+        if (holds_h[l]) PH[i] += P_pred[i * N + l] * h[l];
+    }
+    for (int l = 0; l < N; ++l)
+      if (holds_h[l]) {
+        e -= h[l] * x[l];
+        S += h[l] * PH[l];
+      }
+    const Lanes least = (e / limit) * (e / limit);
+    noise = least > S ? noise + (least - S) : noise; // the sample is believed less
+    S = least > S ? least : S;
+    bool most = false;
+    for (int i = 0; i < N; ++i) {
+      K[i] = PH[i] / S;
+      x[i] += K[i] * e;
+      most |= any(Lanes(K[i] * PH[i] > MOST * P_pred[i * N + i] ? Lanes{} + 1.0 : Lanes{}));
+    }
+    if (most)
+      joseph(noise);
+    else
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j <= i; ++j) P[i * N + j] = P[j * N + i] = P_pred[i * N + j] - K[i] * PH[j];
+    return e * e / S;
+  }
+
+  void joseph(const Lanes &noise) {
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) A[i * N + j] = (i == j ? 1.0 : 0.0) - K[i] * h[j];
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) {
+        Lanes sum = {};
+        for (int l = 0; l < N; ++l) sum += A[i * N + l] * P_pred[l * N + j];
+        FP[i * N + j] = sum;
+      }
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j <= i; ++j) {
+        Lanes sum = K[i] * noise * K[j];
+        for (int l = 0; l < N; ++l) sum += FP[i * N + l] * A[j * N + l];
+        P[i * N + j] = P[j * N + i] = sum;
+      }
+  }
+};
+
+// Log-likelihood of LANES models of one channel; logarithms of a few innovation variances at a time.
+void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const Along &R, const Along &u,
+                          const double *x0, const double *P0, const Along &Z, const unsigned char *seen,
+                          py::ssize_t T, double limit, const py::ssize_t *model, double *total, int N) {
+  Fleet now(N);
+  const bool driven = is_driven(u);
+  for (int l = 0; l < LANES; ++l) {
+    for (int i = 0; i < N; ++i) now.x[i][l] = x0[model[l] * N + i];
+    for (int i = 0; i < N * N; ++i) now.P_pred[i][l] = P0[model[l] * N * N + i];
+  }
+  Lanes sum = {}, product = Lanes{} + 1.0;
+  py::ssize_t count = 0, pending = 0;
+  const auto settle = [&] {
+    for (int l = 0; l < LANES; ++l) sum[l] += std::log(product[l]);
+    product = Lanes{} + 1.0;
+    pending = 0;
+  };
+  for (py::ssize_t k = 0; k < T; ++k) {
+    if (k > 0) {
+      if (k == 1 || F.time > 1 || Q.time > 1) now.steps(F, Q, k - 1, model);
+      now.predict();
+      if (driven)
+        for (int i = 0; i < N; ++i) now.x[i] += Fleet::load(u, k - 1, model, i);
+    }
+    if (!seen[k]) {
+      now.P = now.P_pred;
+      continue;
+    }
+    if (count == 0 || H.time > 1) now.reads(H, k, model);
+    if (count == 0 || R.time > 1) now.r = Fleet::load(R, k, model, 0);
+    Lanes S;
+    sum += now.update(Fleet::load(Z, k, model, 0), limit, S);
+    product *= S;
+    ++count;
+    if (++pending == 4) settle(); // four variances stay far from the ends of the exponent
+  }
+  settle();
+  for (int l = 0; l < LANES; ++l) total[model[l]] = -0.5 * (sum[l] + count * LOG_2PI);
+}
+
+// Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
+template <int N, int M>
+Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
+                     Mask seen_, double limit, bool steady) {
+  const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
+  const py::ssize_t T = z_.shape(0), models = x0.shape(0);
+  const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(seen_.shape(1));
+  Array total_(models);
+  double *total = total_.mutable_data();
+  py::gil_scoped_release unlocked;
+  if (m == 1) {
+    if (models >= 4) {
+      for (py::ssize_t first = 0; first < models; first += LANES) {
+        py::ssize_t model[LANES];
+        for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
+        fleet_log_likelihood(F, Q, H, R, u, x0.data(), P0.data(), Z, seen_.data(), T, limit, model, total, n);
+      }
+      return total_;
+    }
+  }
+  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m, 0.0), v(m);
+  for (py::ssize_t j = 0; j < models; ++j) {
+    Covariance<tiny<N, M> ? N : 0, tiny<N, M> ? M : 0> now(n, m);
+    std::copy(P0.data() + j * n * n, P0.data() + (j + 1) * n * n, now.P_pred.begin());
+    std::copy(x0.data() + j * n, x0.data() + (j + 1) * n, pred.begin());
+    double sum = 0.0;
+    Rest rest;
+    rest.restart();
+    for (py::ssize_t k = 0; k < T; ++k) {
+      const unsigned char *seen = seen_.data() + k * m;
+      if (k > 0) {
+        now.predict(F.at(k - 1, j), Q.at(k - 1, j));
+        row_times(F.at(k - 1, j), x.data(), pred.data(), n, n);
+        for (int i = 0; i < n; ++i) pred[i] += u.at(k - 1, j)[i];
+        if (std::memcmp(seen, seen - m, m) != 0) rest.restart();
+      }
+      row_times(H.at(k, j), pred.data(), e.data(), m, n);
+      for (int c = 0; c < m; ++c) e[c] = seen[c] ? Z.at(k, j)[c] - e[c] : 0.0;
+      const double inflated = m == 1 ? (e[0] / limit) * (e[0] / limit) : 0.0;
+      if (!now.update(H.at(k, j), R.at(k, j), seen, inflated)) {
+        sum = std::numeric_limits<double>::quiet_NaN();
+        break;
+      }
+      row_times(now.W.data(), e.data(), white.data(), m, m);
+      double log_det = 0.0;
+      for (int c = 0; c < m; ++c) {
+        sum -= 0.5 * white[c] * white[c];
+        if (seen[c]) log_det += std::log(now.W[c * m + c]) - 0.5 * LOG_2PI;
+      }
+      sum += log_det;
+      row_times(now.K.data(), e.data(), x.data(), n, m);
+      for (int i = 0; i < n; ++i) x[i] += pred[i];
+      const bool wild = m == 1 && seen[0] && std::fabs(white[0]) >= 0.999999 * limit;
+      if (wild) rest.restart();
+      if (!steady || k == 0 || wild || !rest.reached(now.P.data(), n)) continue;
+      // at rest: one recursion, until the channels seen change or a sample is wild
+      closed_loop(F.at(0, j), H.at(0, j), now.K.data(), A.data(), n, m);
+      multiply(H.at(0, j), F.at(0, j), HF.data(), m, n, n);
+      Recursion<N> path(A.data(), now.K.data(), n, m);
+      const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n), W_rows = columns_of<M>(now.W.data(), m, m);
+      const bool driven = is_driven(u);
+      std::copy(x.begin(), x.end(), path.y);
+      for (; k + 1 < T && std::memcmp(seen, seen + m, m) == 0; ++k, seen += m) {
+        const double *z = Z.at(k + 1, j), *push = u.at(k, j);
+        times(HF_rows, path.y, e.data(), n);
+        if (driven) row_times(H.at(0, j), push, Hu.data(), m, n);
+        for (int c = 0; c < m; ++c) {
+          v[c] = (seen[c] ? z[c] : 0.0) - Hu[c];
+          e[c] = seen[c] ? v[c] - e[c] : 0.0;
+        }
+        times(W_rows, e.data(), white.data(), m);
+        if (m == 1 && std::fabs(white[0]) > limit) break;
+        double square = 0.0;
+        for (int c = 0; c < m; ++c) square += white[c] * white[c];
+        sum += log_det - 0.5 * square;
+        path.step(v.data(), m);
+        if (driven)
+          for (int i = 0; i < n; ++i) path.y[i] += push[i];
+      }
+      std::copy(path.y, path.y + n, x.begin());
+      rest.restart();
+    }
+    total[j] = sum;
+  }
+  return total_;
+}
+
+// ---- sizes ------------------------------------------------------------------------------------------------
+
+// call(N, M) with the sizes as constants where SIZES names them, with 0, 0 otherwise
+template <typename Call> auto sized(py::ssize_t n, py::ssize_t m, Call call) {
+#define TRY(N, M)                                                                                             \
+  if (n == N && m == M) return call(std::integral_constant<int, N>{}, std::integral_constant<int, M>{});
+  SIZES(TRY)
+#undef TRY
+  return call(std::integral_constant<int, 0>{}, std::integral_constant<int, 0>{});
+}
+
+#ifndef BELOW // a kind that holds a few sizes leaves all others to the one below
+py::tuple covariances(Array F, Array Q, Array H, Array R, Array P0, Mask seen, bool steady) {
+  return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+    constexpr bool fixed = tiny<N(), M()>;
+    return covariance_pass<fixed ? N() : 0, fixed ? M() : 0>(F, Q, H, R, P0, seen, steady);
+  });
+}
+
+py::tuple information(Array F, Array Q, Array H, Array R, Mask seen, bool steady) {
+  return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+    constexpr bool fixed = tiny<N(), M()>;
+    return information_pass<fixed ? N() : 0, fixed ? M() : 0>(F, Q, H, R, seen, steady);
+  });
+}
+
+Array combined(Array P, Array later) {
+  return sized(P.shape(1), 1, [&](auto N, auto M) { return combine<tiny<N(), M()> ? N() : 0>(P, later); });
+}
+#endif
+
+Array means(Array F, Array u, Array H, Starts start, Array K, Array x0, Array z) {
+  return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
+#ifdef BELOW
+    if constexpr (N() == 0) return BELOW::means(F, u, H, start, K, x0, z);
+    else
+#endif
+    return mean_pass<N(), M()>(F, u, H, start, K, x0, z);
+  });
+}
+
+Array smoothed(Array F, Array u, Array H, Starts start, Array P, Array K, Array W, Array G, Array z, Array x) {
+  return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
+#ifdef BELOW
+    if constexpr (N() == 0) return BELOW::smoothed(F, u, H, start, P, K, W, G, z, x);
+    else
+#endif
+    return adjoint_pass<N(), M()>(F, u, H, start, P, K, W, G, z, x);
+  });
+}
+
+Array likelihoods(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, double limit,
+                  bool steady) {
+  return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
+#ifdef BELOW
+    if constexpr (N() == 0) return BELOW::likelihoods(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
+    else
+#endif
+    return log_likelihood<N(), M()>(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
+  });
+}
+
+} // namespace ARCH
+} // namespace

@@ -1,0 +1,200 @@
+// Poses of frames, eight at a time, one in each vector lane: `fitted` of pose.py, of frames that see the same
+// markers. The rotation starts from the largest root of the quartic of Horn's matrix (Theobald 2005).
+//
+// Included once for each kind of processor, in a namespace ARCH of its own with registers of REGISTER doubles,
+// by _poses.cpp.
+
+namespace {
+namespace ARCH {
+
+constexpr int LANES = REGISTER, NEWTON = 50;
+constexpr double SMALL = 1e-3; // rad: a last step of Gauss-Newton beyond it has not arrived
+typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
+
+
+INLINE Lanes gathered(const double *const *at, Size i) { // entry i of a frame in each lane
+  Lanes out;
+  for (int l = 0; l < LANES; ++l) out[l] = at[l][i];
+  return out;
+}
+
+INLINE Lanes all(double v) { return Lanes{} + v; }
+INLINE Lanes magnitude(const Lanes &a) { return a < 0.0 ? -a : a; }
+INLINE Lanes root(const Lanes &a) {
+  Lanes out;
+  for (int l = 0; l < LANES; ++l) out[l] = std::sqrt(a[l]);
+  return out;
+}
+
+// R (9) of the quaternion q (w, x, y, z), of any size.
+INLINE void rotation(const Lanes *q, Lanes *R) {
+  const Lanes s = 2.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  const Lanes w = q[0], x = q[1], y = q[2], z = q[3];
+  R[0] = 1.0 - s * (y * y + z * z), R[1] = s * (x * y - w * z), R[2] = s * (x * z + w * y);
+  R[3] = s * (x * y + w * z), R[4] = 1.0 - s * (x * x + z * z), R[5] = s * (y * z - w * x);
+  R[6] = s * (x * z - w * y), R[7] = s * (y * z + w * x), R[8] = 1.0 - s * (x * x + y * y);
+}
+
+// Quaternion that maximizes tr(R^T G): eigenvector of Horn's matrix to its largest eigenvalue, which is at most
+// `bound`.
+INLINE void largest(const Lanes *G, const Lanes &bound, Lanes *q) {
+  Lanes K[16];
+  K[0] = G[0] + G[4] + G[8], K[5] = G[0] - G[4] - G[8], K[10] = G[4] - G[0] - G[8], K[15] = G[8] - G[0] - G[4];
+  K[1] = K[4] = G[7] - G[5], K[2] = K[8] = G[2] - G[6], K[3] = K[12] = G[3] - G[1];
+  K[6] = K[9] = G[1] + G[3], K[7] = K[13] = G[2] + G[6], K[11] = K[14] = G[5] + G[7];
+  const auto minor2 = [&](int a, int b, int i, int j) { // of rows a, b and columns i, j
+    return K[4 * a + i] * K[4 * b + j] - K[4 * a + j] * K[4 * b + i];
+  };
+  Lanes c2 = {}, c0 = {};
+  for (int i = 0; i < 9; ++i) c2 -= 2.0 * G[i] * G[i];
+  const Lanes c1 = -8.0 * (G[0] * (G[4] * G[8] - G[5] * G[7]) - G[1] * (G[3] * G[8] - G[5] * G[6]) +
+                           G[2] * (G[3] * G[7] - G[4] * G[6]));
+  c0 = minor2(0, 1, 0, 1) * minor2(2, 3, 2, 3) - minor2(0, 1, 0, 2) * minor2(2, 3, 1, 3) +
+       minor2(0, 1, 0, 3) * minor2(2, 3, 1, 2) + minor2(0, 1, 1, 2) * minor2(2, 3, 0, 3) -
+       minor2(0, 1, 1, 3) * minor2(2, 3, 0, 2) + minor2(0, 1, 2, 3) * minor2(2, 3, 0, 1);
+  Lanes x = bound;
+  for (int k = 0; k < NEWTON; ++k) { // from above, where the quartic is convex
+    const Lanes value = ((x * x + c2) * x + c1) * x + c0, slope = (4.0 * x * x + 2.0 * c2) * x + c1;
+    const Lanes step = value / slope;
+    x -= step;
+    bool done = true;
+    for (int l = 0; l < LANES; ++l) done &= !(std::fabs(step[l]) > 1e-11 * std::fabs(x[l]));
+    if (done) break;
+  }
+  for (int i = 0; i < 4; ++i) K[5 * i] -= x;
+  // every column of the adjugate is the eigenvector; the longest has the most digits
+  Lanes longest = all(-1);
+  for (int a = 0; a < 4; ++a) {
+    int row[3];
+    for (int i = 0, at = 0; i < 4; ++i)
+      if (i != a) row[at++] = i;
+    Lanes v[4], size = {};
+    for (int b = 0; b < 4; ++b) {
+      int c[3];
+      for (int i = 0, at = 0; i < 4; ++i)
+        if (i != b) c[at++] = i;
+      v[b] = K[4 * row[0] + c[0]] * minor2(row[1], row[2], c[1], c[2]) -
+             K[4 * row[0] + c[1]] * minor2(row[1], row[2], c[0], c[2]) +
+             K[4 * row[0] + c[2]] * minor2(row[1], row[2], c[0], c[1]);
+      if ((a + b) % 2) v[b] = -v[b];
+      size += v[b] * v[b];
+    }
+    for (int b = 0; b < 4; ++b) q[b] = size > longest ? v[b] : q[b];
+    longest = size > longest ? size : longest;
+  }
+}
+
+// center, rotation, covariance, chi-square, residual of `frames`, and whether each has arrived. nodes: those that
+// these frames see, with shape (node, 3), start weight (node of nodes,), gain A (6, channel), covariance C (6, 6)
+// and weight V_inv (channel,) or (channel, channel) of their errors.
+py::tuple fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_,
+                 Array V_) {
+  const Size frames = frames_.shape(0), N = shape_.shape(0);
+  const int k = static_cast<int>(nodes_.shape(0));
+  const bool diagonal = V_.ndim() == 1;
+  Array center_({frames, Size{3}}), R_({frames, Size{3}, Size{3}}), cov_({frames, Size{6}, Size{6}}), chi_(frames),
+      residual_({frames, N, Size{3}}), arrived_(frames);
+  double *center = center_.mutable_data(), *R_out = R_.mutable_data(), *cov = cov_.mutable_data(),
+         *chi = chi_.mutable_data(), *residual = residual_.mutable_data(), *arrived = arrived_.mutable_data();
+  const double *position = position_.data(), *shape = shape_.data(), *A = A_.data(), *C = C_.data(), *V = V_.data();
+  const Size *frame = frames_.data(), *node = nodes_.data();
+  std::unique_ptr<py::gil_scoped_release> unlocked(new py::gil_scoped_release);
+  std::vector<double> w(weight_.data(), weight_.data() + k);
+  double total = 0.0, mean[3] = {}, spread = 0.0;
+  for (int i = 0; i < k; ++i) {
+    total += w[i];
+    for (int a = 0; a < 3; ++a) mean[a] += w[i] * shape[3 * node[i] + a];
+  }
+  for (double &v : mean) v /= total;
+  for (int i = 0; i < k; ++i)
+    for (int a = 0; a < 3; ++a) spread += w[i] * std::pow(shape[3 * node[i] + a] - mean[a], 2);
+  std::vector<Lanes, Aligned<Lanes>> x(3 * k), e(3 * k);
+  for (Size first = 0; first < frames; first += LANES) {
+    const double *at[LANES];
+    for (int l = 0; l < LANES; ++l) at[l] = position + frame[std::min(first + l, frames - 1)] * N * 3;
+    Lanes c[3] = {}, G[9] = {}, R[9], q[4] = {}, bound = {}, last = {};
+    for (int i = 0; i < k; ++i)
+      for (int a = 0; a < 3; ++a) {
+        const Size entry = 3 * node[i] + a;
+        x[3 * i + a] = gathered(at, entry);
+        c[a] += w[i] * x[3 * i + a];
+      }
+    for (int a = 0; a < 3; ++a) c[a] /= total;
+    for (int i = 0; i < k; ++i)
+      for (int a = 0; a < 3; ++a) {
+        const Lanes rho = w[i] * (x[3 * i + a] - c[a]);
+        bound += rho * (x[3 * i + a] - c[a]);
+        for (int b = 0; b < 3; ++b) G[3 * a + b] += rho * (shape[3 * node[i] + b] - mean[b]);
+      }
+    largest(G, 0.5 * (bound + spread), q);
+    rotation(q, R);
+    for (int a = 0; a < 3; ++a) c[a] -= R[3 * a] * mean[0] + R[3 * a + 1] * mean[1] + R[3 * a + 2] * mean[2];
+    const auto errors = [&] { // R^T (x - c) - shape
+      for (int i = 0; i < k; ++i) {
+        const Lanes r[3] = {x[3 * i] - c[0], x[3 * i + 1] - c[1], x[3 * i + 2] - c[2]};
+        for (int b = 0; b < 3; ++b)
+          e[3 * i + b] = R[b] * r[0] + R[3 + b] * r[1] + R[6 + b] * r[2] - shape[3 * node[i] + b];
+      }
+    };
+    for (int round = 0; round < 2; ++round) {
+      errors();
+      Lanes d[6] = {};
+      for (int j = 0; j < 3 * k; ++j)
+        for (int i = 0; i < 6; ++i) d[i] += A[i * 3 * k + j] * e[j];
+      for (int a = 0; a < 3; ++a) c[a] += R[3 * a] * d[0] + R[3 * a + 1] * d[1] + R[3 * a + 2] * d[2];
+      // R exp([d]x), by the quaternion of a small turn, to the fifth order
+      const Lanes square = d[3] * d[3] + d[4] * d[4] + d[5] * d[5];
+      const Lanes sine = 0.5 - square * (1.0 / 48 - square / 3840.0), cosine = 1.0 - square * (0.125 - square / 384.0);
+      const Lanes turn[4] = {cosine, sine * d[3], sine * d[4], sine * d[5]};
+      Lanes E[9], next[9];
+      rotation(turn, E);
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) next[3 * a + b] = R[3 * a] * E[b] + R[3 * a + 1] * E[3 + b] + R[3 * a + 2] * E[6 + b];
+      std::copy(next, next + 9, R);
+      last = square;
+    }
+    errors();
+    Lanes sum = {};
+    for (int i = 0; i < 3 * k; ++i) {
+      if (diagonal) {
+        sum += V[i] * e[i] * e[i];
+      } else {
+        Lanes row = {};
+        for (int j = 0; j < 3 * k; ++j) row += V[i * 3 * k + j] * e[j];
+        sum += e[i] * row;
+      }
+    }
+    Lanes turned[36], turning[36];
+    for (int p = 0; p < 2; ++p)
+      for (int a = 0; a < 3; ++a)
+        for (int j = 0; j < 6; ++j)
+          turned[(3 * p + a) * 6 + j] =
+              R[3 * a] * C[18 * p + j] + R[3 * a + 1] * C[18 * p + 6 + j] + R[3 * a + 2] * C[18 * p + 12 + j];
+    for (int i = 0; i < 6; ++i)
+      for (int p = 0; p < 2; ++p)
+        for (int b = 0; b < 3; ++b)
+          turning[6 * i + 3 * p + b] = turned[6 * i + 3 * p] * R[3 * b] + turned[6 * i + 3 * p + 1] * R[3 * b + 1] +
+                                       turned[6 * i + 3 * p + 2] * R[3 * b + 2];
+    for (int l = 0; l < LANES && first + l < frames; ++l) {
+      const Size f = first + l;
+      for (int i = 0; i < 3; ++i) center[3 * f + i] = c[i][l];
+      for (int i = 0; i < 9; ++i) R_out[9 * f + i] = R[i][l];
+      for (int i = 0; i < 36; ++i) cov[36 * f + i] = turning[i][l];
+      chi[f] = sum[l];
+      arrived[f] = last[l] < SMALL * SMALL;
+      double *to = residual + f * N * 3;
+      if (k == N) {
+        for (int i = 0; i < 3 * k; ++i) to[i] = e[i][l];
+      } else {
+        for (Size i = 0; i < 3 * N; ++i) to[i] = std::nan("");
+        for (int i = 0; i < k; ++i)
+          for (int a = 0; a < 3; ++a) to[3 * node[i] + a] = e[3 * i + a][l];
+      }
+    }
+  }
+  unlocked.reset();
+  return py::make_tuple(center_, R_, cov_, chi_, residual_, arrived_);
+}
+
+} // namespace ARCH
+} // namespace
