@@ -50,7 +50,10 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     motion: where it may hold gyros and accelerometers beside what shows a pose.
     """
     if not np.isfinite(kin.pose.center).any():
-        text = "no frame shows the mass center: the markers seen do not span it; mark every node with mass"
+        text = (
+            "no frame shows the mass center, and so no force and no moment: the markers seen do not span it; "
+            "mark every node with mass, or add markers off their line"
+        )
         return [Finding(text, refuses=True)]
     found = [Finding(text, costs=False) for text in known_beforehand(kin)]
     found += [Finding(text) for text in unseen(kin, motion)]
