@@ -204,19 +204,34 @@ def draw(kind: str, rng: np.random.Generator) -> Case:
 
 
 def slow_part(error: Array, band: float, rate: float) -> Array:
-    """What of an error (time,) lies below a frequency, in the central three quarters; its mean at less than a
-    cycle."""
+    """What of an error (time,) lies below a frequency, in the central three quarters.
+
+    Of less than three cycles: its mean, weighed so that no faster part of it leaks in.
+    """
     edge = len(error) // 8
-    if band * len(error) / rate < 1.0:
-        return np.full(1, error[edge : len(error) - edge].mean())
+    if band * len(error) / rate < 3.0:
+        weight = np.sin(np.pi * np.linspace(0, 1, len(error))) ** 4
+        return np.full(1, weight @ error / weight.sum())
     if band < 0.45 * rate:
         error = sosfiltfilt(butter(4, 2 * band / rate, output="sos"), error)
     return error[edge : len(error) - edge]
 
 
+def amplitude_of(error: Array, frequency: float, t: Array) -> float:
+    """Amplitude of the wave of a frequency in an error (time,), the rest of which is slow or noise."""
+    weight = np.sin(np.pi * (t - t[0]) / np.ptp(t)) ** 4
+    return float(2 * np.abs(weight @ (error * np.exp(-2j * np.pi * frequency * t))) / weight.sum())
+
+
+def without_wave(error: Array, case: Case, t: Array) -> Array:
+    """An error (time, 3) without the wave that is beyond the band, which is judged by its amplitude."""
+    w = 2 * np.pi * float(case.facts["frequency"])
+    A = np.stack([np.cos(w * t), np.sin(w * t)], 1)
+    return np.asarray(error - A @ np.linalg.lstsq(A, error, rcond=None)[0])
+
+
 def judge(case: Case, found: Estimate) -> dict[str, float]:
-    """Error over claim within the band, of force and moment, and of an unseen line beyond it, over
-    hidden_load."""
+    """Error over claim within the band, and the amplitude of an unseen wave beyond it over hidden_load."""
     t, hidden = case.recording.motion.time, found.hidden
     assert hidden is not None
     edge, rate, scores = len(t) // 8, 1 / float(np.median(np.diff(t))), {}
@@ -224,23 +239,21 @@ def judge(case: Case, found: Estimate) -> dict[str, float]:
         error = getattr(found, name) - total(terms, 0, t)
         std = getattr(found, f"{name}_std")[edge : len(t) - edge]
         band = hidden.band[3 * first : 3 * first + 3]
-        parts = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(error.T, band, strict=True)]
+        slow = error
+        if case.kind == "oscillation" and case.facts["load"] == name:
+            slow = np.where(float(case.facts["frequency"]) > band, without_wave(error, case, t), error)
+        parts = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(slow.T, band, strict=True)]
         claims = (std**2).mean(0)
         scores[name] = float(np.sqrt(np.mean(np.array(parts) / claims)))
         scores[f"{name}_plain"] = float(np.sqrt(np.mean((error[edge : len(t) - edge] / std) ** 2)))
-    if case.kind == "oscillation":
-        load = str(case.facts["load"])
-        direction = (case.force if load == "force" else case.moment)[-1].direction
-        frequency = float(case.facts["frequency"])
-        first, worst = (0 if load == "force" else 3), 0.0
-        seen = [v for k, v in found.tuned.items() if k.startswith(f"{load}_line") and k.endswith("frequency")]
-        if not any(abs(f - frequency) * t[-1] < 2 for f in seen):
-            for axis in range(3):
-                curve = interp1d(np.log(hidden.frequency), np.log(hidden.amplitude[:, first + axis]))
+        if case.kind == "oscillation" and case.facts["load"] == name:
+            frequency, scores["unseen"] = float(case.facts["frequency"]), 0.0
+            for axis, beyond in enumerate(frequency > band):
+                curve = interp1d(np.log(hidden.frequency), np.log(hidden.amplitude[:, 3 * first + axis]))
                 least = float(np.exp(curve(np.log(frequency))))
-                if frequency > hidden.band[first + axis]:
-                    worst = max(worst, abs(direction[axis]) / least)
-        scores["unseen"] = worst
+                if beyond:
+                    left = amplitude_of(error[:, axis], frequency, t)
+                    scores["unseen"] = max(scores["unseen"], left / least)
     return scores
 
 

@@ -26,8 +26,8 @@ from forceid.config import Settings, load_settings
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.ladder import climb
 from forceid.estimation.levels import Step
-from forceid.estimation.run import estimate_recording
-from forceid.records import Body, Estimate, Motion, Recording
+from forceid.kalman.flight import FlightState
+from forceid.records import Body, Motion, Recording, deviation
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 FRAMES, RATE = 300, 500.0
@@ -121,11 +121,12 @@ def ladder_to(level: str) -> list[tuple[str, dict[str, Any]]]:
     return steps[: [name for name, _ in steps].index(level) + 1]
 
 
-def apart(one: Estimate, other: Estimate) -> float:
-    """The larger of the distances of force and moment, rms in standard errors of the other."""
-    inner = slice(FRAMES // 8, -(FRAMES // 8))
-    force = ((one.force - other.force) / other.force_std)[inner]
-    moment = ((one.moment - other.moment) / other.moment_std)[inner]
+def apart(one: FlightState, other: FlightState) -> float:
+    """The larger of the distances of force and moment, rms in standard errors under the priors of the
+    other."""
+    inner, std = slice(FRAMES // 8, -(FRAMES // 8)), deviation(other.wrench_cov)
+    force = ((one.force - other.force) / std[:, :3])[inner]
+    moment = ((one.moment - other.moment) / std[:, 3:])[inner]
     return float(np.sqrt(max(np.mean(force**2), np.mean(moment**2))))
 
 
@@ -133,8 +134,9 @@ def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str
     """The first level within one standard error of the true one, and how far those before it are off."""
     steps = ladder_to(level)
 
-    def estimate(settings: dict[str, Any]) -> Estimate:
-        return estimate_recording(recording, load_settings(lines="none", **settings))
+    def estimate(settings: dict[str, Any]) -> FlightState:
+        level, passes = load_settings(lines="none", **settings), kalman.engine("auto")
+        return estimate_flight(recording.body, recording.motion, level, passes).state
 
     truth, off = estimate(steps[-1][1]), {}
     for name, settings in steps[:-1]:

@@ -78,9 +78,11 @@ class Settings(Section):
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
     "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
-    smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with. lines:
-    oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
-    frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in these.
+    smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with.
+    internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
+    not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
+    for at these frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in
+    these.
     """
 
     method: Method = "smoother"
@@ -91,6 +93,7 @@ class Settings(Section):
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
     load_axes: Literal["world", "body"] = "world"
+    internal_momentum: Vector | None = None
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()

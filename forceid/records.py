@@ -29,6 +29,7 @@ class Body:
     position (node, 3) m, reference axes; mass (node,) kg or mass_matrix (dof, dof) kg, node-major, or
     total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
     mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
+    internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows.
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
     strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
     """
@@ -40,6 +41,7 @@ class Body:
     total_mass: float | None = None
     mass_center: Array | None = None
     inertia: Array | None = None
+    internal_momentum: Array | None = None
     stiffness: Array | None = None
     mode_shape: Array | None = None
     mode_frequency: Array | None = None

@@ -12,8 +12,9 @@ from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
 from forceid.estimation.hidden_load import hidden_load, lines_at_spin
+from forceid.estimation.inner_wheel import inner_wheel, with_momentum
 from forceid.estimation.kinematics import Kinematics, scaled
-from forceid.estimation.likely_orders import allow_for_orders
+from forceid.estimation.likely_priors import growth_along_world
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.load_lines import (
     MOST_LINES,
@@ -72,7 +73,8 @@ class Solution:
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
     less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench;
-    hidden: what that leaves out.
+    hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for what the record
+    does not tell of its priors, None for none. Levels are compared without it: it is alike at all of them.
     """
 
     kinematics: Kinematics
@@ -84,6 +86,7 @@ class Solution:
     reasons: tuple[str, ...] = ()
     smoothing: Smoothing | None = None
     hidden: HiddenLoad | None = None
+    growth: Array | None = None
 
 
 def estimate_flight(
@@ -108,12 +111,17 @@ def estimate_flight(
     gravity = motion.gravity
     stated = STATED if kin.stated[source] else UNSTATED
     causal = settings.method == "filter"
-    kin, deformation = undeformed(kin, engine, causal)
+
+    def at_rest(kin: Kinematics) -> tuple[Kinematics, Deformation]:
+        kin, deformation = undeformed(kin, engine, causal)
+        return kin, with_momentum(deformation, body.internal_momentum)
+
+    kin, deformation = at_rest(kin)
     force = tune_channel(force_channel(kin, gravity), stated, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = look(scaled(kin, {source: force.tuned.noise}))
-        kin, deformation = undeformed(kin, engine, causal)
+        kin, deformation = at_rest(kin)
     notes: tuple[str, ...] = ()
     hidden = not kin.stated[source] and (
         force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
@@ -121,7 +129,7 @@ def estimate_flight(
     if hidden:
         factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
         kin = look(scaled(kin, {source: factor}))
-        kin, deformation = undeformed(kin, engine, causal)
+        kin, deformation = at_rest(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
         notes = (HIDDEN.format(source, kin.noise[source], length),)
         at_limit = {}  # said in the note
@@ -192,14 +200,22 @@ def estimate_flight(
     elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
         reasons = (*reasons, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
     smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
-    if kin.attitude and settings.load_axes != "body":
-        state = allow_for_orders(state, told_by, priors, engine)
+    if kin.inertia.line is not None:  # mass on a line or a point shows not every moment
+        told_by.pop("moment", None)
+    growth = None
+    if settings.load_axes != "body":
+        growth = growth_along_world(state, told_by, priors, engine)
     deformation = as_smoothed(kin, deformation, state)
+    known = settings.load_axes == "body" or body.internal_momentum is not None
+    if "moment" in told_by and not known and not len(kin.shapes):
+        seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
+        wheel = inner_wheel(told_by["moment"], priors["moment"], state, seen, engine)
+        reasons = (*reasons, *([wheel] if wheel else []))
     hides = None
     if flight.sensors is None and not causal:  # these would show what poses do not
-        seen = np.isfinite(kin.pose.rotation).all((1, 2))
-        hides = hidden_load(told_by, priors, state.rotation[seen])
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing, hides)
+        turned = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
+        hides = hidden_load(told_by, priors, turned)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing, hides, growth)
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:

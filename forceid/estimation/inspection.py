@@ -16,7 +16,7 @@ from forceid.estimation.joint_prospects import JointProspects
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.leakage import Leakage, leakage
 from forceid.estimation.linkage_inspection import inspect_linkage
-from forceid.estimation.run import check_stiffness, with_gravity
+from forceid.estimation.run import check_stiffness, with_stated
 from forceid.estimation.sensitivity import Budget, sensitivity
 from forceid.estimation.shape_checks import judge_shape, judge_size
 from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
@@ -142,7 +142,7 @@ def wording(identifiable: bool, bandwidth: float | None) -> str:
 
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     """What the recording holds, which wrench components it determines, and up to which frequency."""
-    recording = with_gravity(recording, settings)
+    recording = with_stated(recording, settings)
     body, motion = recording.body, recording.motion
     check_stiffness(body)
     check_points(settings, body)

@@ -60,17 +60,19 @@ def plain_route(body: Body, motion: Motion) -> Route:
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
     if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
+    inside = np.zeros(3) if body.internal_momentum is None else body.internal_momentum
     if motion.position is not None and body.position is not None:
-        return of_markers(inertia, body.position - inertia.center, motion, motion.position)
+        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
     if motion.center is not None:
-        return of_mean_motion(inertia, motion, motion.center)
+        return of_mean_motion(inertia, motion, motion.center, inside)
     return Route()
 
 
-def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
+def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array) -> Route:
     """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
 
-    A rigid fit is a part of them only where it leaves nothing of the markers that moves.
+    inside (3,): angular momentum of what turns in the body, reference axes. A rigid fit is a part of them
+    only where it leaves nothing of the markers that moves.
     """
     ever = np.asarray(np.isfinite(x).all(2)).any(0)
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
@@ -95,13 +97,12 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array) -> Route:
         force = channel(motion, inertia.mass, rigid, whole)
     if not np.isfinite(inertia.tensor).all():
         return Route(force)
-    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.zeros((len(x), 3))
+    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.tile(inside, (len(x), 1))
     if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
         J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
         if bends:
-            return Route(
-                force, turning(motion, rotation, whole, J, momentum) if whole.mean() > 1 - BRIDGED else None
-            )
+            own = turning(motion, rotation, whole, J, momentum + inside)
+            return Route(force, own if whole.mean() > 1 - BRIDGED else None)
         known = np.asarray(np.isfinite(J).all((1, 2)))
         J = np.broadcast_to(J[known].mean(0) if known.any() else inertia.tensor, rotation.shape)
     return Route(force, None if bends else turning(motion, rotation, whole, J, h))
@@ -113,7 +114,7 @@ def bending_shows(time: Array, b: Array) -> bool:
     return bool(seen.sum() >= FEWEST and moves(spectrum_of(time[seen], b[seen])))
 
 
-def of_mean_motion(inertia: Inertia, motion: Motion, center: Array) -> Route:
+def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> Route:
     """Channels of a measured mass center (time, 3), and of the orientation where it was measured."""
     whole, T = np.asarray(np.isfinite(center).all(1)), len(center)
     force = channel(motion, inertia.mass, center, whole)
@@ -122,7 +123,8 @@ def of_mean_motion(inertia: Inertia, motion: Motion, center: Array) -> Route:
     R, read = np.full((T, 3, 3), np.nan), np.asarray(np.isfinite(motion.orientation).all(1))
     if read.any():
         R[read] = Rotation.from_quat(motion.orientation[read]).as_matrix()
-    return Route(force, turning(motion, R, read, np.broadcast_to(inertia.tensor, R.shape), np.zeros((T, 3))))
+    J = np.broadcast_to(inertia.tensor, R.shape)
+    return Route(force, turning(motion, R, read, J, np.tile(inside, (T, 1))))
 
 
 def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> Channel | None:

@@ -21,6 +21,7 @@ from forceid.estimation.joints import joint_forces
 from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.ladder import climb
 from forceid.estimation.leakage import leakage
+from forceid.estimation.likely_priors import grown
 from forceid.estimation.load_checks import (
     judge_haste,
     judge_loads,
@@ -75,7 +76,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    recording = with_gravity(recording, settings)
+    recording = with_stated(recording, settings)
     try:
         result, _ = estimate_whole(recording, settings)
     except EstimationError as e:
@@ -116,6 +117,8 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
             raise
         solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
     solution = replace(solution, reasons=(*told, *solution.reasons))
+    if solution.growth is not None:
+        solution = replace(solution, state=grown(solution.state, solution.growth))
     if not unmarked:
         kin = solution.kinematics
         # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
@@ -148,11 +151,14 @@ def solved_at_level(
     return solution, choice
 
 
-def with_gravity(recording: Recording, settings: Settings) -> Recording:
-    """The recording under the gravity of the settings, where they name one."""
-    if settings.gravity is None:
-        return recording
-    return replace(recording, motion=replace(recording.motion, gravity=np.array(settings.gravity)))
+def with_stated(recording: Recording, settings: Settings) -> Recording:
+    """The recording under the gravity, and of a body with the momentum inside, that the settings state."""
+    body, motion = recording.body, recording.motion
+    if settings.gravity is not None:
+        motion = replace(motion, gravity=np.array(settings.gravity))
+    if settings.internal_momentum is not None:
+        body = replace(body, internal_momentum=np.array(settings.internal_momentum))
+    return replace(recording, body=body, motion=motion)
 
 
 def check_stiffness(body: Body) -> None:

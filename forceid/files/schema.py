@@ -50,6 +50,9 @@ BODY = {
     "total_mass": Variable((), "kg", "mass of the rigid body"),
     "mass_center": Variable(("axis",), "m", "mass center of the rigid body, reference axes"),
     "inertia": Variable(("axis", "axis_2"), "kg m2", "inertia tensor about the mass center, reference axes"),
+    "internal_momentum": Variable(
+        ("axis",), "kg m2 s-1", "angular momentum of what turns inside the body, reference axes"
+    ),
     "stiffness": Variable(("dof", "dof_2"), "N m-1", "stiffness matrix, node-major"),
     "mode_shape": Variable(("mode", "node", "axis"), "1", "shape of the deformation modes"),
     "mode_frequency": Variable(("mode",), "Hz", "frequency of the deformation modes"),

@@ -134,7 +134,8 @@ def foretold(reference: Reference, F: Array) -> tuple[Array, Array]:
 def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Course:
     """The flight about its reference, under a moment b + 2 c s in each step, of H = b s + c s^2 with Y and H.
 
-    For one that turns with the body, whose rate in world axes is more than that of its states.
+    A moment that oscillates between two samples is not known by its value and rate at the first, and one that
+    turns with the body has more of a rate in world axes than its states.
     """
     s = np.diff(flight.time)[:, None]
     b, c = 6 * Y / s**2 - 2 * H / s, 3 * H / s**2 - 6 * Y / s**3
@@ -156,8 +157,7 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     step = np.diff(flight.time)
     F, Q, P0 = chain_along(prior, step, reference.rotation)
     Y, H = foretold(reference, F)
-    along = course(flight, reference) if prior.carried is None else pushed(flight, reference, Y, H)
-    R, d_theta, d_H = turn_along(along)
+    R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
     s = step[:, None, None]

@@ -88,7 +88,7 @@ def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[floa
     span, count = float(np.ptp(time)), len(time)
     step = span / (count - 1)
     frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
-    v = np.clip(np.nan_to_num(innovation), -OUTLIER, OUTLIER)
+    v = held(innovation)
     power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
     stands = (power / np.maximum((v**2).sum(0), 1.0)).max(1)
     for f in taken:
@@ -106,6 +106,17 @@ def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[floa
         found.append((stands[k], Candidate(float(frequency[k]), named=False)))
         stands[np.abs(frequency - frequency[k]) * span <= 2 * REACH] = 0.0
     return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
+
+
+def held(innovation: Array) -> Array:
+    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none.
+
+    >>> held(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).tolist()
+    [[1.0, 9.0], [-1.0, -9.0], [5.930408874022408, 9.0]]
+    """
+    v = np.nan_to_num(innovation)
+    typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
+    return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
 
 
 def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
@@ -184,7 +195,7 @@ def find_line(
     have no line.
     """
     span, center = float(np.ptp(time)), candidate.frequency
-    v = np.clip(np.nan_to_num(filtered.innovation), -OUTLIER, OUTLIER)
+    v = held(filtered.innovation)
     subsets = [s for n in (1, 2, 3) for s in combinations(range(3), n)]
 
     def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from forceid.kalman import turning
 from forceid.kalman.flight_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
+from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows, pushes
 from forceid.kalman.turning import Course, apply, between, turned
 from forceid.records import Array, Indices
 
@@ -37,8 +37,9 @@ class Kinds:
 
     which (step,): kind of each; F, Q (kind, state, state), u (kind, state), x0, P0: translation, then the
     chain of the moment, from state `theta` on; H (6, state); read (12, state): rows of wrench and pose; loads
-    (5, state, 3): columns of momentum, force, angular momentum, moment and its rate, world axes; chain (state
-    from theta on,): which states of the whole chain they are, of `size`.
+    (5, state, 3): columns of momentum, force, angular momentum, moment and its rate, world axes; pushed (2,
+    kind, state, 3): of moment and rate over each kind of step; chain (state from theta on,): which states of
+    the whole chain they are, of `size`.
     """
 
     which: Indices
@@ -50,6 +51,7 @@ class Kinds:
     H: Array
     read: Array
     loads: Array
+    pushed: Array
     theta: int
     chain: Indices
     size: int
@@ -66,6 +68,8 @@ def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, mo
     F, Q, P0 = chain_along(moment, np.diff(time))
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     n, m = len(free.x0), len(P0)
+    pushed = np.zeros((2, len(F), n + m, 3))
+    pushed[:, :, n:] = np.stack(pushes(F, np.diff(time), moment.axes)).swapaxes(2, 3)
     both = np.zeros((2, len(F), n + m, n + m))
     both[0, :, :n, :n], both[1, :, :n, :n], both[0, :, n:, n:], both[1, :, n:, n:] = free.F, free.Q, F, Q
     F, Q, P0 = *both, block_diag(free.P0, P0)
@@ -86,13 +90,21 @@ def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, mo
     columns = np.ascontiguousarray(loads[:, s].reshape(5, 3, len(s)).swapaxes(1, 2))
     return Kinds(
         which, F[:, s][:, :, s], Q[:, s][:, :, s], u, x0, P0[s][:, s], H, read[:, s], columns,
-        int((s < n).sum()), s[s >= n] - n, m,
+        np.ascontiguousarray(pushed[:, :, s]), int((s < n).sum()), s[s >= n] - n, m,
     )  # fmt: skip
 
 
 def loads_of(kinds: Kinds, x: Array, first: int = 0) -> list[Array]:
     """Momentum, force, angular momentum, moment and its rate (time, 3), from `first` on, of states x."""
     return [x @ columns for columns in kinds.loads[first:]]
+
+
+def pushed_by(kinds: Kinds, x: Array) -> list[Array]:
+    """The moment and its rate (time, 3) over the step that each sample begins; no step begins at the last."""
+    which = np.append(kinds.which, 0)
+    if len(kinds.F) == 1:
+        return [x @ columns[0] for columns in kinds.pushed]
+    return [np.einsum("ts,tsa->ta", x, columns[which]) for columns in kinds.pushed]
 
 
 def about(kinds: Kinds, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
@@ -153,7 +165,7 @@ def settled_in_lanes(
     guess[1:-1, 3:6] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
     for alone in (True, *[False] * ROUNDS):
         chain = guess[:, t:].copy()
-        parts = course_of(R, *loads_of(kinds, guess, 2)).parts
+        parts = course_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
         rows = turning.compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
         theta = between(flight.rotation, R)
         if alone:

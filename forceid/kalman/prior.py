@@ -79,6 +79,20 @@ def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) ->
     return F[which], Q[which], P0
 
 
+def pushes(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
+    """Rows (step, 3, state), world axes, that read a load over a step, and its rate, out of the chain before
+    it.
+
+    Of the load that changes evenly over the step and does as much to Y and H as the chain's own: a load that
+    oscillates between two samples is not known by its value and rate at the first. F: of the chain, along
+    axes.
+    """
+    s = step[:, None, None]
+    Y, H = F[:, :3].copy(), F[:, 3:6].copy()
+    Y[:, :, :6] = H[:, :, :6] = 0.0
+    return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
+
+
 def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -> tuple[Array, Array, Array]:
     """A chain of n states whose load keeps to axes (3, 3) of a body, with all of its states in world axes.
 

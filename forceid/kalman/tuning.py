@@ -31,7 +31,7 @@ class Tuned:
     """Matern prior of loads: order, std (axis,), rate (axis,) 1/s, and the noise found with it.
 
     noise: factor on the stated standard deviation of the measurement; noise_at_limit: the likelihood
-    would have taken a smaller one than allowed; rivals: other orders that are e^-PATIENCE as likely at least.
+    would have taken a smaller one than allowed.
     """
 
     order: int
@@ -40,7 +40,6 @@ class Tuned:
     noise: float
     noise_at_limit: bool
     log_likelihood: float
-    rivals: tuple[Tuned, ...] = ()
 
 
 def tune_loads(
@@ -112,9 +111,7 @@ def tune_loads(
     if value - quiet[2] < PATIENCE * axes:
         return tuned(order, *quiet)
     each = objective(np.stack([at, none], 1)[None], np.array([level]), order)[0]
-    top = max(other for _, _, other in found.values())
-    rivals = (tuned(o, *f) for o, f in found.items() if o != order and f[2] > top - PATIENCE)
-    best = replace(tuned(order, at, level, value), rivals=tuple(rivals))
+    best = tuned(order, at, level, value)
     still = each[:, 0] - each[:, 1] < PATIENCE
     if still.any():
         # the axes are known to about a hundredth, and by that much of it a load leaks to a still one

@@ -1,0 +1,74 @@
+"""A wheel inside a body that no marker shows, and fast moments, on flights integrated apart."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from benchmarks.hidden_loads import SUBSTEPS, Term, box, total, turned, wave
+from forceid.config import load_settings
+from forceid.estimation.run import estimate_recording
+from forceid.records import Body, Motion, Recording
+
+J = np.diag([2.0e-3, 2.6e-3, 3.1e-3])  # kg m2
+X = 0.15 * np.array([[1, 0, 0], [-1, 0.3, 0], [0, 1, 0.2], [0.1, -1, 0], [0, 0.2, 1.0]])
+RATE, NOISE = 200.0, 3e-4  # Hz, m
+WHEEL = np.array([4e-3, -2e-3, 3e-3])  # kg m2/s
+
+
+def flown(h, moment=(), samples=240, spin=(3.0, 5.0, 2.0), noise=NOISE, seed=0):
+    """Markers of a body with a momentum h inside, under moments from outside."""
+    t = np.arange(samples) / RATE
+    fine = np.arange(2 * SUBSTEPS * (samples - 1) + 1) / (2 * SUBSTEPS * RATE)
+    inside = np.tile(h, (len(fine), 1))
+    H = J @ np.array(spin) + h + total(list(moment), 1, fine)
+    R = turned(fine, Rotation.identity(), H, J, inside)
+    gravity = np.array([0.0, 0.0, -9.81])
+    center = np.outer(t, [1.0, 0.5, 2.0]) + 0.5 * np.outer(t**2, gravity)
+    x = center[:, None] + np.einsum("tab,nb->tna", R, X)
+    x = x + noise * np.random.default_rng(seed).standard_normal(x.shape)
+    body = Body(tuple("abcde"), X, total_mass=1.0, mass_center=np.zeros(3), inertia=J)
+    return Recording(body, Motion(t, x, gravity=gravity, noise_std={"position": noise}))
+
+
+def estimated(recording, **settings):
+    return estimate_recording(recording, load_settings(model="rigid", **settings))
+
+
+def test_a_wheel_that_passes_for_a_moment_is_named_with_its_momentum():
+    found = estimated(flown(WHEEL))
+    assert found.verdict.level == "degraded"
+    (said,) = [r for r in found.verdict.reasons if "inside the body" in r]
+    h = np.array([float(v) for v in said.split("(")[1].split(")")[0].split(", ")])
+    np.testing.assert_allclose(h, WHEEL, atol=0.15 * np.linalg.norm(WHEEL))
+
+
+def test_a_wheel_that_is_stated_makes_no_moment():
+    found = estimated(flown(WHEEL), internal_momentum=tuple(WHEEL))
+    assert found.verdict.level == "ok"
+    score = found.moment / found.moment_std
+    assert np.sqrt(np.mean(score[30:-30] ** 2)) < 2.0
+
+
+def test_a_body_without_a_wheel_is_not_said_to_have_one():
+    slow = [
+        Term(np.array([0.02, 0.01, -0.01]), wave(1.3, 0.4)),
+        Term(np.array([-0.01, 0.02, 0.02]), wave(2.1, 2.0)),
+    ]
+    for moment in ([], slow, [Term(np.array([0.02, 0.0, 0.01]), box(0.4, 2.0))]):
+        found = estimated(flown(np.zeros(3), moment))
+        assert not [r for r in found.verdict.reasons if "inside the body" in r]
+
+
+@pytest.mark.parametrize(
+    "samples", [200, 260]
+)  # the longer one goes through compiled lanes, if there are any
+def test_a_moment_that_oscillates_between_few_samples_keeps_its_size(samples):
+    frequency = 0.4 * RATE
+    size = 2e-4 * np.trace(J) / 3 * (2 * np.pi * frequency) ** 2  # a turn of 0.2 mrad
+    acts = [Term(np.array([size, 0.0, 0.0]), wave(frequency, 0.3))]
+    recording = flown(np.zeros(3), acts, samples, noise=1e-5)
+    found = estimated(recording, lines=(frequency,))
+    true = total(acts, 0, recording.motion.time)
+    inner = slice(samples // 8, -samples // 8)
+    rest = (found.moment - true)[inner, 0]
+    assert np.sqrt(np.mean(rest**2)) < 0.04 * size

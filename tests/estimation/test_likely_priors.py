@@ -1,0 +1,126 @@
+"""Claims that allow for the priors that a record does not tell apart, on loads drawn from known ones."""
+
+import numpy as np
+
+from forceid.estimation.hidden_load import densities
+from forceid.estimation.likely_priors import LONGEST, growth_of, innovations_of, likeliest
+from forceid.estimation.load_channels import tune_channel
+from forceid.kalman.channels import Channel
+from forceid.kalman.engines import engine
+from forceid.kalman.prior import channel_model, load_rows
+from forceid.kalman.process import discretize, integrate, matern
+
+STEP, SIGMA, MASS = 2e-3, 3e-4, 0.5
+INNER = slice(75, -75)
+
+
+def drawn(order, seed, samples=600, step=STEP, rate=30.0, mass=MASS, sigma=SIGMA):
+    """A channel that a Matern load of that order drives, and the load (time, 3)."""
+    rng = np.random.default_rng(seed)
+    process = integrate(integrate(matern(order, 1.0, rate), 0.0), 0.0)
+    F, Q = discretize(process, step)
+    F, root = np.squeeze(F), np.linalg.cholesky(np.squeeze(Q) + 1e-18 * np.eye(order + 2))
+    start = np.zeros((order + 2, 3))
+    start[2:] = np.linalg.cholesky(np.squeeze(process.P0)[2:, 2:]) @ rng.standard_normal((order, 3))
+    states = [start]
+    for _ in range(samples - 1):
+        states.append(F @ states[-1] + root @ rng.standard_normal((order + 2, 3)))
+    states = np.array(states)
+    z = states[:, 0] / mass + sigma * rng.standard_normal((samples, 3))
+    cov = np.broadcast_to(sigma**2 * np.eye(3), (samples, 3, 3))
+    return Channel(step * np.arange(samples), z, 1 / mass, cov, np.zeros((3, 3))), states[:, 2]
+
+
+def with_load(times, seed=0, samples=600, frequency=1.5):
+    """A channel of noise beside a slow wave of so many standard deviations of the noise."""
+    rng, t = np.random.default_rng(seed), STEP * np.arange(samples)
+    wave = np.sin(2 * np.pi * frequency * t)
+    z = SIGMA * (rng.standard_normal((samples, 3)) + times * wave[:, None] * [1, 0, 0])
+    cov = np.broadcast_to(SIGMA**2 * np.eye(3), (samples, 3, 3))
+    return Channel(t, z, 1 / MASS, cov, np.zeros((3, 3)))
+
+
+def smoothed(channel, prior):
+    """The load (time, 3), what its prior claims of it, and what is claimed for all that are likely."""
+    model = channel_model(channel, prior)
+    path = engine().smooth(model, channel.moved)
+    rows = load_rows(len(model.x0), prior.axes, prior.lines)
+    along = prior.axes.T @ rows
+    var = np.einsum("as,tsr,ar->ta", along, path.P, along)
+    grown = var * growth_of(channel, prior, var[INNER].mean(0), engine()) ** 2
+    return path.x @ rows.T, *(np.sqrt(v @ (prior.axes**2).T) for v in (var, grown))
+
+
+def test_loads_of_any_order_lie_within_claims_that_allow_for_other_ones():
+    alone, allowed, score = {}, {}, []
+    for order in (2, 3, 4):
+        inside, grown_inside = [], []
+        for seed in range(4):
+            channel, load = drawn(order, seed)
+            found, std, grown = smoothed(channel, tune_channel(channel, (1.0, 1.0), ()))
+            for share, claim in ((inside, std), (grown_inside, grown)):
+                share.append((np.abs(found - load) <= 1.959964 * claim)[INNER].mean())
+            score.append(np.mean(((found - load) / grown)[INNER] ** 2))
+        alone[order], allowed[order] = np.mean(inside), np.mean(grown_inside)
+    assert alone[2] < 0.88  # the smoothest likely order is smoother than this load
+    assert 0.92 <= np.mean(list(allowed.values())) <= 0.98
+    assert min(allowed.values()) > 0.89
+    assert 0.8 < np.sqrt(np.mean(score)) < 1.2
+
+
+def test_of_a_constant_load_the_claim_stays_what_it_is_and_grows_as_evidence_for_a_load_comes_near():
+    grown = []
+    for times in (0.0, 0.1, 0.2):
+        channel = with_load(times, seed=3)
+        prior = tune_channel(channel, (1.0, 1.0), ())
+        assert not prior.tuned.std.max() > 1e-3
+        _, std, claim = smoothed(channel, prior)
+        grown.append(float((claim / std)[INNER].max()))
+    assert grown[0] < 1.5
+    assert grown[1] > grown[0]
+    assert grown[2] > 3.0
+
+
+def test_likelihoods_in_the_frequency_domain_differ_as_exact_ones_do():
+    channel, _ = drawn(3, 5)
+    own = tune_channel(channel, (1.0, 1.0), (), (3,))
+    spectrum = innovations_of(channel, own, engine())
+    noise, smooth, _ = densities(channel, own, spectrum.frequency)
+
+    def told(prior):
+        other = densities(channel, prior, spectrum.frequency)[1]
+        ratio = (other + noise) / (smooth + noise)
+        return float((spectrum.count @ (-np.log(ratio) - spectrum.power / ratio)).sum())
+
+    exact = {o: tune_channel(channel, (1.0, 1.0), (), (o,)) for o in (2, 4)}
+    for prior in exact.values():
+        a, b = (
+            float(engine().log_likelihood(channel_model(channel, p), channel.moved)) for p in (prior, own)
+        )
+        turned = np.abs(prior.axes.T @ own.axes).max(0).min()
+        assert turned > 0.999  # the axes are those of the channel, whatever the order
+        assert abs((told(prior) - told(own)) - (a - b)) < 2.5
+
+
+def test_likeliest_candidates_gain_by_what_explains_the_channel():
+    t = STEP * np.arange(600)
+    wave = np.sin(2 * np.pi * 1.5 * t)[:, None, None] * np.array([1.0, 0.0, 0.0])[:, None]
+    channel = with_load(3.0)
+    prior = tune_channel(channel, (1.0, 1.0), ())
+    before, after = likeliest(channel, prior, engine()), likeliest(channel, prior, engine(), wave)
+    assert after > before + 5
+    assert abs(likeliest(channel, prior, engine(), np.roll(wave, 1, axis=1)) - before) < 3
+
+
+def test_long_records_are_looked_at_in_their_middle():
+    channel, _ = drawn(2, 1, LONGEST + 400)
+    prior = tune_channel(channel, (1.0, 1.0), ())
+    growth = growth_of(channel, prior, np.ones(3), engine())
+    assert np.isfinite(growth).all()
+    assert (growth >= 1.0).all()
+
+
+def test_a_search_that_misses_the_peak_of_one_order_hides_no_rougher_one():
+    for seed in (0, 2, 4, 13):
+        channel, _ = drawn(2, seed, samples=480, step=1 / 120, rate=20.0, mass=0.1, sigma=1.5e-4)
+        assert tune_channel(channel, (1.0, 1.0), ()).tuned.order <= 3
