@@ -4,7 +4,7 @@ BIN := .venv/bin
 INSTALL := -m pip install --quiet --disable-pip-version-check
 BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
-.PHONY: charts demo test bench study docs wheel clean
+.PHONY: charts demo test test-long kernels bench study docs wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -13,6 +13,23 @@ test: .venv/test-ready
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2 --dist worksteal
+
+# the claims that take long to check
+test-long: .venv/test-ready
+	$(BIN)/pytest -n 2 --dist worksteal -m long
+
+# the numerical core under three kernels of BLAS, with the scalar and the vector engines
+NUMERICAL := tests/kalman/test_square_root.py tests/kalman/test_linear.py tests/kalman/test_long_flight.py \
+  tests/motion/test_pose.py tests/principal tests/partition/test_partition_dynamics.py \
+  tests/partition/test_tandem_commands.py
+kernels: .venv/test-ready
+	@for run in Prescott:baseline:sse2 Haswell:v3:avx2 SkylakeX:v4:avx512f; do \
+	  set -- $$(echo $$run | tr : ' '); \
+	  if grep -qw "$$3" /proc/cpuinfo; then \
+	    echo "BLAS kernel $$1, engine $$2"; \
+	    OPENBLAS_CORETYPE=$$1 FORCEID_ENGINE_ARCH=$$2 $(BIN)/pytest -n 2 --dist worksteal $(NUMERICAL) || exit 1; \
+	  else echo "BLAS kernel $$1 skipped: this processor has no $$3"; fi; \
+	done
 
 # paired ratios against the peers, which live in a venv of their own; BENCH=--quick for under 90 s
 bench: .venv-bench/ready

@@ -103,6 +103,7 @@ def test_a_carried_prior_of_equal_axes_and_no_rotation_is_the_one_in_world_axes(
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.long
 def test_asked_for_body_axes_an_estimate_says_how_much_more_likely_they_are_and_stays_within_its_claim() -> (
     None
 ):

@@ -73,6 +73,7 @@ def test_stretch_is_that_of_the_map_from_the_reference(block, result):
     assert rms(result.stretch @ result.stretch - F.mT @ F) < 0.01  # of one frame: noise of 2 sigma / size
 
 
+@pytest.mark.long
 def test_rigid_and_filtered_flights_have_none(block):
     rigid = estimate_recording(block, load_settings(model="rigid", method="savgol"))
     assert rigid.first_moment is rigid.first_moment_cov is rigid.stretch is None
@@ -81,6 +82,7 @@ def test_rigid_and_filtered_flights_have_none(block):
     assert filtered.stretch is not None
 
 
+@pytest.mark.long
 def test_a_rejected_spike_does_not_enter_the_first_moments(block, result):
     x = block.motion.position.copy()
     x[300, 2] += 0.05
@@ -90,6 +92,7 @@ def test_a_rejected_spike_does_not_enter_the_first_moments(block, result):
     assert np.abs(found.first_moment - result.first_moment).max() < 0.1 * np.abs(result.first_moment).max()
 
 
+@pytest.mark.long
 def test_a_body_known_as_a_whole_has_the_loads_of_the_same_body_known_by_its_masses(block, result):
     known = inertia_of(block.body)
     body = replace(

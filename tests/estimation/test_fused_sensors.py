@@ -63,6 +63,7 @@ def rms(values):
     return np.array([np.sqrt(np.mean(values[:, i : i + 3] ** 2)) for i in (0, 3)])
 
 
+@pytest.mark.long
 def test_sensors_beside_rare_markers_halve_the_error_and_more_and_say_how_large_it_is():
     recording = recorded(marker_every=4)
     _, flight, priors = by_markers(recording)
@@ -82,6 +83,7 @@ def test_noise_that_nobody_stated_is_found():
     assert np.nanmean(state.sensor_innovation**2) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_sensor_that_stands_elsewhere_than_stated_is_named():
     recording = recorded(seed=4, marker_every=4)
     shifted = recording.body.sensor_position + np.array([[0.02, 0.0, 0.0], [0.0, 0.0, 0.0]])

@@ -106,6 +106,7 @@ def drawn_chains(blocks):
     return records
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("blocks", [2, 3])
 def test_joint_force_and_moment_are_off_by_what_they_claim_and_no_more(blocks):
     off = [errors(found, truth)[INNER] for found, truth in drawn_chains(blocks)]
@@ -127,6 +128,7 @@ def test_nees_of_drawn_joint_loads_is_in_its_band(blocks):
     assert all(found.verdict.level != "refused" for found, _ in drawn_chains(blocks))
 
 
+@pytest.mark.long
 def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
@@ -137,6 +139,7 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
     assert rms(apart.force_std[INNER]) > 1.5 * rms(linked.force_std[INNER])
 
 
+@pytest.mark.long
 def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=TIME[:80])
@@ -155,6 +158,7 @@ def lost(parts, priors, ties, engine):
     return wrench, np.full((len(wrench), 6 * len(parts), 6 * len(parts)), np.nan)
 
 
+@pytest.mark.long
 def test_a_ball_said_to_be_a_hinge_is_noticed_and_not_held_as_one():
     parameters = chain(2, drive=0.0, joint=("ball",), stiffness=(0.0,), damping=(0.0,), swing=(0.0,))
     parameters = parameters.model_copy(update={"axis": ((0.0, 0.0, 1.0),), "stiffness": (0.3,)})
@@ -241,6 +245,7 @@ def test_a_loop_of_welds_is_said_to_hide_its_joints_and_a_tree_beside_it_is_told
     assert any("joint_0, strut: the joints close a loop" in reason for reason in found.verdict.reasons)
 
 
+@pytest.mark.long
 def test_a_joint_put_in_the_wrong_place_is_noticed():
     parameters = chain(0)
     settings = jointed(parameters, method="spline")
@@ -313,6 +318,7 @@ def test_parts_and_joints_that_do_not_fit_are_one_line(parts, joints, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.long
 def test_a_part_may_be_given_with_its_mass_and_without_the_masses_of_its_nodes():
     parameters = chain(0)
     recording = seen(parameters, 0)
@@ -325,6 +331,7 @@ def test_a_part_may_be_given_with_its_mass_and_without_the_masses_of_its_nodes()
     np.testing.assert_allclose(found.force, expected.force, atol=0.02)
 
 
+@pytest.mark.long
 def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
     monkeypatch.setattr(linked_flight, "climb", lambda _, start: start)
     parameters = chain(1)

@@ -72,6 +72,7 @@ def test_modes_of_a_scene_hold_no_rigid_motion():
     np.testing.assert_allclose(spin, 0.0, atol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("level", "noise", "seed"),
     [("rigid", 1e-4, 3), ("modal 3", 1e-3, 4)],
@@ -90,6 +91,7 @@ def test_level_of_most_evidence_is_that_of_the_scene():
         assert scenes.named(steps[explaining(steps)]) == level
 
 
+@pytest.mark.long
 def test_smaller_level_claims_an_error_that_allows_for_its_distance():
     recording = scene("affine", 1e-3, 0)
     (choice, solution), solved = climbed(recording)
@@ -105,6 +107,7 @@ def test_smaller_level_claims_an_error_that_allows_for_its_distance():
     assert "but would move force and moment by only" in choice.sentence
 
 
+@pytest.mark.long
 def test_smaller_level_that_pays_with_a_wider_claim_is_not_enough():
     """Five markers at 2 kHz and 1 mm: rigid, the moment follows the vibration, and claims for it."""
     recipe = load_recipe(DATA / "flexible_boomerang_5_markers.toml")
@@ -251,6 +254,7 @@ def test_amplitudes_that_their_prior_does_not_predict_veto_a_level():
     assert not smooth.vetoed
 
 
+@pytest.mark.long
 def test_levels_that_agree_on_mass_that_neither_follows_prove_nothing():
     folder = Path(__file__).parents[2] / "data" / "synthetic"
     recipe = load_recipe(folder / "flexible_boomerang_5_markers.toml")
@@ -262,6 +266,7 @@ def test_levels_that_agree_on_mass_that_neither_follows_prove_nothing():
     assert np.sqrt(np.mean((error / e.moment_std[19:-19]) ** 2)) < 1.3
 
 
+@pytest.mark.long
 def test_a_result_names_its_steps_and_the_one_taken_and_says_why(tmp_path):
     recording = read_motion(Path(__file__).parents[2] / "data" / "synthetic" / "planar_boomerang.h5")
     e = estimate_recording(recording, load_settings())

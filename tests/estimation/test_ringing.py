@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -12,6 +13,7 @@ from forceid.files.hdf5 import read_motion
 FRISBEE = Path(__file__).parents[2] / "data" / "synthetic" / "frisbee.h5"
 
 
+@pytest.mark.long
 def test_a_nutation_below_the_noise_of_the_force_is_in_its_claim_and_said():
     recording = read_motion(FRISBEE)
     e = estimate_recording(recording, load_settings())
@@ -23,6 +25,7 @@ def test_a_nutation_below_the_noise_of_the_force_is_in_its_claim_and_said():
     assert e.verdict.level == "degraded"
 
 
+@pytest.mark.long
 def test_claims_stay_as_they_are_where_nothing_rings():
     recording = read_motion(FRISBEE.with_name("spin_synchronous.h5"))
     e = estimate_recording(recording, load_settings())  # a driven line along x

@@ -134,6 +134,7 @@ def test_markers_on_every_mass_may_sit_anywhere():
         assert np.abs(dJ).max() < 1e-12
 
 
+@pytest.mark.long
 def test_wrong_mode_shapes_cost_what_the_budget_says():
     time = np.arange(300) / 1000
     parameters, K = (

@@ -189,6 +189,7 @@ def test_a_checkpoint_of_another_file_or_a_torn_one_is_not_used(tmp_path):
         assert np.array_equal(found.motion.position, at_once.motion.position, equal_nan=True)
 
 
+@pytest.mark.long
 def test_a_body_that_stretches_is_followed_and_one_that_bends_is_told_of(tmp_path):
     path = written(tmp_path / "a.h5", throw(gaps=False, bend=0.02))
     estimate, _ = estimate_source(path, load_settings())

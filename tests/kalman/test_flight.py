@@ -192,6 +192,7 @@ def test_rotating_the_world_rotates_the_estimate(monkeypatch):
     assert there.log_likelihood == pytest.approx(here.log_likelihood, abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("causal", "seed"), [(False, 8), (True, 9)])
 def test_stated_covariance_is_the_error_of_loads_drawn_from_the_prior(causal, seed):
     """NEES of the wrench at instants far enough apart to count as independent, in its chi-square band."""
@@ -210,6 +211,7 @@ def test_stated_covariance_is_the_error_of_loads_drawn_from_the_prior(causal, se
     assert low < np.sum(nis) < high
 
 
+@pytest.mark.long
 def test_a_gap_widens_the_bound_and_stays_calibrated():
     rng, gap, nees = np.random.default_rng(10), slice(52, 60), []
     for _ in range(12):
@@ -242,6 +244,7 @@ def test_stacked_models_do_not_disturb_each_other():
         np.testing.assert_allclose(joint.x[:, part], alone.x, atol=1e-8 * np.abs(alone.x).max())
 
 
+@pytest.mark.long
 def test_lines_of_force_and_moment_are_followed_within_their_claims():
     """Loads at a frequency that the smooth prior passes by, one along a direction of its own."""
     rng, ratio, plain, with_lines = np.random.default_rng(14), [], [], []

@@ -26,6 +26,7 @@ def test_riemann_ellipsoid_reaches_the_printed_state_with_the_printed_invariants
     np.testing.assert_allclose(motion.dF[1], V1, rtol=0, atol=1e-10)
 
 
+@pytest.mark.long
 def test_riemann_ellipsoid_keeps_volume_momentum_and_circulation_over_100_s():
     motion = RIEMANN.simulate(F0, V0, np.linspace(0, 100, 5001), "verlet", 0.02)
     assert motion.method == "rattle_verlet"
