@@ -8,7 +8,7 @@ from forceid.config import Settings
 from forceid.estimation.deformation import Deformation, inertia_along
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
-from forceid.estimation.slow_errors import SHARED, slow_and_small
+from forceid.estimation.slow_errors import SMOOTHED, slow_and_small
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState
 from forceid.kalman.model import mean_square
@@ -60,7 +60,7 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
         innovation, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    reasons = (SHARED,) if shared else ()
+    reasons = (SMOOTHED,) if shared else ()
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), reasons)
 
 

@@ -37,9 +37,9 @@ from forceid.estimation.slow_errors import (
     HIDDEN,
     SHARED,
     errors_shared,
-    noise_by_prediction,
+    lever,
+    noise_beyond_motion,
     widened,
-    with_shared_error,
 )
 from forceid.estimation.spin import turning
 from forceid.estimation.verdict import GROWTH
@@ -97,19 +97,20 @@ def estimate_flight(
     reasons: tuple[str, ...] = (),
     lines: Lines = NO_LINES,
     dropped: Dropped = NONE_DROPPED,
+    slow: dict[str, float] | None = None,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
     reasons: sentences from a first pass that rejected frames, dropped: those frames; lines: of the loads,
-    that a pass without them found.
+    that a pass without them found; slow: noise of tracks whose errors follow each other, that it found.
     """
     motion, told = prepared(body, motion)
     reasons = (*reasons, *told)
     look = partial(kinematics_without, dropped, body, motion, settings)
-    kin = look()
+    kin = look(slow)
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
-    stated = STATED if kin.stated[source] else UNSTATED
+    limits = (1.0, 1.0) if slow else STATED if kin.stated[source] else UNSTATED
     causal = settings.method == "filter"
 
     def at_rest(kin: Kinematics) -> tuple[Kinematics, Deformation]:
@@ -117,27 +118,25 @@ def estimate_flight(
         return kin, with_momentum(deformation, body.internal_momentum)
 
     kin, deformation = at_rest(kin)
-    force = tune_channel(force_channel(kin, gravity), stated, lines.force, engine=engine)
+    force = tune_channel(force_channel(kin, gravity), limits, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
         kin = look(scaled(kin, {source: force.tuned.noise}))
         kin, deformation = at_rest(kin)
     notes: tuple[str, ...] = ()
-    hidden = not kin.stated[source] and (
-        force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
-    )
-    if hidden:
-        factor, length = noise_by_prediction(force_channel(kin, gravity), lines.force, engine)
-        kin = look(scaled(kin, {source: factor}))
+    stated = kin.stated[source]
+    if not slow and (
+        errors_shared(kin, force, gravity, engine)
+        if stated
+        else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+    ):
+        slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity))})
+        kin = look(slow)
         kin, deformation = at_rest(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
-        notes = (HIDDEN.format(source, kin.noise[source], length),)
+    if slow:
+        notes = ((SHARED if stated else HIDDEN).format(source, kin.noise[source]),)
         at_limit = {}  # said in the note
-    shared = kin.stated[source] and errors_shared(kin, force, gravity, engine)
-    if shared:
-        notes = (SHARED,)
-        kin = with_shared_error(kin)
-        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
     priors = {"force": force}
     if kin.attitude:
         limits = (1.0, 1.0)
@@ -169,7 +168,7 @@ def estimate_flight(
     more_dropped, sentence = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
     if more_dropped.any:
         both = dropped.beside(more_dropped)
-        return estimate_flight(body, motion, settings, engine, (*reasons, sentence), lines, both)
+        return estimate_flight(body, motion, settings, engine, (*reasons, sentence), lines, both, slow)
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
     more = lines
@@ -177,7 +176,7 @@ def estimate_flight(
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        found = estimate_flight(body, motion, settings, engine, reasons, more, dropped)
+        found = estimate_flight(body, motion, settings, engine, reasons, more, dropped, slow)
         if not sentence or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
             return found
     told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))
@@ -186,7 +185,7 @@ def estimate_flight(
     plain = state.wrench_cov
     state, rings = allow_for_ringing(state, flight, priors, engine)
     reasons = (*reasons, *([rings] if rings else []))
-    if shared or hidden:
+    if slow:
         state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
     told_by = {"force": force_channel(kin, gravity)}
     if kin.attitude:
@@ -199,6 +198,8 @@ def estimate_flight(
         tuned = named(kin, priors) | named_sensors(flight, state) | gained
     elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
         reasons = (*reasons, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
+    if slow and kin.attitude:
+        reasons = (*reasons, lever(state))
     smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     if kin.inertia.line is not None:  # mass on a line or a point shows not every moment
         told_by.pop("moment", None)

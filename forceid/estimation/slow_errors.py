@@ -1,7 +1,7 @@
 """Tracks whose errors follow each other: where the likelihood of white noise misleads, and what is done then.
 
-A stated noise is a floor, half of it taken as common to all markers; one that was not stated, and that the
-record does not show, is chosen by blocks left out. Either way the claims are widened.
+Then the noise is what the spectrum of the mass center shows where the motion ends, whatever was stated; and
+errors of that size may be slow and common to all markers: the claims are widened by them.
 """
 
 from __future__ import annotations
@@ -15,28 +15,45 @@ from forceid.estimation.innovations import colored
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.load_channels import flight_of, tune_channel
 from forceid.kalman.channels import Channel
-from forceid.kalman.cross_validation import left_out_error
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState, smooth_translation
 from forceid.kalman.flight_model import Flight, seen_part
-from forceid.kalman.lines import PATIENCE, Line
-from forceid.kalman.prior import LoadPrior, channel_model, load_rows
+from forceid.kalman.lines import PATIENCE
+from forceid.kalman.prior import LoadPrior, load_rows
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
+from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array
 
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
 SHARED = (
-    "the tracks are smoother than independent errors of the stated size allow: half of their variance is "
-    "taken as common to all markers, and slow errors pass for force; the claimed errors are too small where "
-    "markers slide or were smoothed"
+    "the tracks are smoother than independent errors of the stated size allow: {1:.1e} is taken, as the "
+    "spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow errors "
+    "of that size; markers that slide together, or a wrong body, cost more"
+)
+SMOOTHED = (
+    "the tracks are smoother than independent errors of the stated size allow: slow errors pass for force, "
+    "and the claimed errors are too small where markers slide or were smoothed"
 )
 HIDDEN = (
     "the noise of {0} was not stated, and the record does not show it: it was smoothed before, or its errors "
-    "are not white; {1:.1e} was chosen, with which stretches of {2} frames left out are predicted best, and "
+    "are not white; {1:.1e} is taken, as the spectrum of the mass center shows where the motion ends, and "
     "the claimed errors allow for slow errors of that size; state noise_std.{0}"
 )
-COARSER, FINER = 4.0 ** np.arange(8), 4.0 ** np.array([-0.5, 0.5])  # factors on a noise that does not show
-MIDDLE, SHORTEST = 2, 4  # order of the prior that noises are compared under; frames a block
+
+
+LEVER = (
+    "the moment is about the mass center of the model: where that is {0:.0f} mm off, as in bodies of parts "
+    "that are known by tables, the force makes {1:.2g} N m of it, and the claim of {2:.2g} N m leaves that "
+    "out; check masses and their places"
+)
+OFF = 0.01  # m: the unit in which a wrong lever is told
+
+
+def lever(state: FlightState) -> str:
+    """A sentence on what a wrong mass center does to the moment, in numbers of this record."""
+    force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
+    claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
+    return LEVER.format(1e3 * OFF, OFF * force, claim)
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:
@@ -56,37 +73,16 @@ def slow_and_small(innovation: Array, nis: Array) -> bool:
     return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
 
 
-def with_shared_error(kin: Kinematics) -> Kinematics:
-    """The same with half the variance of the stated error common to all markers: it does not average out.
+def noise_beyond_motion(channel: Channel) -> float:
+    """Factor on a noise that follows itself: to what the spectrum of a channel shows where the motion ends.
 
-    How much of it is shared nobody states; a half is the middle of what is possible.
+    Errors of tracks are alike along all axes: the mean of what the axes show. Source: the plain cut.
     """
-    cov = kin.pose.cov.copy()
-    cov[:, :3, :3] += 0.5 * max(kin.noise.values()) ** 2 * np.eye(3)
-    frames = kin.frames
-    if frames is not None:
-        frames = replace(frames, cov=frames.cov + cov - kin.pose.cov)
-    return replace(kin, pose=replace(kin.pose, cov=cov), frames=frames)
-
-
-def noise_by_prediction(channel: Channel, lines: tuple[Line, ...], engine: Engine) -> tuple[float, int]:
-    """Factor on a noise that the record does not show, by blocked cross-validation, and frames a block.
-
-    Each noise with the prior tuned for it. Blocks a few times as long as the slowest load is remembered.
-    """
-    step = float(np.median(np.diff(channel.time)))
-    first = tune_channel(channel, (1.0, 1.0), lines, (MIDDLE,), engine).tuned
-    length = int(np.clip(4 * MIDDLE / first.rate.min() / step, SHORTEST, len(channel.time) // 10))
-
-    def error(factor: float) -> float:
-        noisier = replace(channel, noise_cov=factor**2 * channel.noise_cov)
-        model = channel_model(noisier, tune_channel(noisier, (1.0, 1.0), lines, (MIDDLE,), engine))
-        return left_out_error(model, channel.moved, max(length, 1), engine.smooth)
-
-    tried = {float(f): error(float(f)) for f in COARSER}
-    best = min(tried, key=lambda f: tried[f])
-    tried |= {float(best * f): error(float(best * f)) for f in FINER}
-    return min(tried, key=lambda f: tried[f]), length
+    seen = np.isfinite(channel.z).all(1)
+    z = np.stack([np.interp(channel.time, channel.time[seen], axis[seen]) for axis in channel.z.T], 1)
+    shown = np.mean([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
+    taken = np.median(np.trace(channel.noise_cov[seen], axis1=1, axis2=2)) / 3  # bridges claim more
+    return float(np.sqrt(max(shown, np.finfo(float).tiny) / taken))
 
 
 def widened(
