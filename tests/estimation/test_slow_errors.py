@@ -1,0 +1,31 @@
+"""Tracks whose errors follow each other: their noise is measured where the motion ends."""
+
+import numpy as np
+import pytest
+
+from forceid.estimation.slow_errors import noise_beyond_motion
+from forceid.kalman.channels import Channel
+
+
+def channel(rng, noise, taken):
+    """A slow path with white errors of size `noise` (m), whose channel says `taken`."""
+    t = np.arange(1000) / 100
+    path = 0.1 * np.sin(2 * np.pi * np.array([0.7, 1.1, 0.4]) * t[:, None] + rng.uniform(0, 6, 3))
+    cov = np.broadcast_to(taken**2 * np.eye(3), (len(t), 3, 3))
+    return Channel(t, path + noise * rng.standard_normal(path.shape), 1.0, cov, np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("taken", [1e-6, 1e-3, 1e-2])
+def test_the_noise_found_does_not_depend_on_the_noise_stated(taken):
+    found = [
+        taken * noise_beyond_motion(channel(np.random.default_rng(seed), 5e-4, taken)) for seed in range(5)
+    ]
+    assert np.abs(np.array(found) / 5e-4 - 1).max() < 0.2
+
+
+def test_bridged_samples_with_larger_errors_do_not_count():
+    seen = channel(np.random.default_rng(1), 5e-4, 1e-6)
+    cov = seen.noise_cov.copy()
+    cov[100:150] = 1e-4 * np.eye(3)
+    bridged = Channel(seen.time, seen.z, seen.gain, cov, seen.drift)
+    assert noise_beyond_motion(bridged) == pytest.approx(noise_beyond_motion(seen))
