@@ -2,9 +2,9 @@
 
     python -m benchmarks.plate_face -o FOLDER [--seeds 3]
 
-Two layers of point masses joined by springs vibrate in their lowest modes while the plate flies and turns; force
-and moment follow from the momenta of all masses. Told: nothing but total mass and inertia, all masses, the
-stiffness beside them, or three modes. Each entry is the error of `auto` over that of the better of the two.
+Two layers of point masses joined by springs vibrate in their lowest modes while the plate flies and turns;
+force and moment follow from the momenta of all masses. Told: nothing but total mass and inertia, all masses,
+the stiffness beside them, or three modes. Errors of `auto` are told over those of the better of the two.
 """
 
 from __future__ import annotations
@@ -74,16 +74,16 @@ def flown(seed: int, markers: int, told: str) -> Recording:
     face = len(X) // 2 + rng.permutation(len(X) // 2)[:markers]
     hidden = np.ones(len(X), bool)
     hidden[face] = False
-    motion = Motion(fine[at], np.where(hidden[:, None], np.nan, x), gravity=GRAVITY, noise_std={"position": SIGMA})
+    shown, noise = np.where(hidden[:, None], np.nan, x), {"position": SIGMA}
+    motion = Motion(fine[at], shown, gravity=GRAVITY, noise_std=noise)
     names = tuple(f"n{k}" for k in range(len(X)))
     body = Body(names, X, mass)
     if told == "total mass":
         E = np.einsum("n,na,nb->ab", mass, X, X)
         inertia = np.trace(E) * np.eye(3) - E
-        body = Body(
-            tuple(names[k] for k in face), X[face], total_mass=mass.sum(), mass_center=np.zeros(3), inertia=inertia
-        )
-        motion = Motion(motion.time, x[:, face], gravity=GRAVITY, noise_std=motion.noise_std)
+        whole = {"total_mass": mass.sum(), "mass_center": np.zeros(3), "inertia": inertia}
+        body = Body(tuple(names[k] for k in face), X[face], **whole)
+        motion = Motion(motion.time, x[:, face], gravity=GRAVITY, noise_std=noise)
     if told == "stiffness":
         body = Body(names, X, mass, stiffness=K)
     if told == "modes":

@@ -1,10 +1,12 @@
 """Measured motion against force that was measured by itself, or is known: where the data is at hand."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -21,19 +23,20 @@ pytestmark = pytest.mark.skipif(
 LONG = pytest.mark.skipif("FORCEID_REAL" not in os.environ, reason="takes long: set FORCEID_REAL to run it")
 
 
-def person(trial, stated=True):
+def recorded(trial, stated=True):
     settings = load_import_settings(ROOT / "config" / "jump_squat.toml")
     if not stated:
         settings = settings.model_copy(update={"noise_std": {}})
     folder = REAL / "jump_squat_mocap_plate"
     ((_, recording),) = import_sources([folder / f"{trial}.trc", folder / f"{trial}_grf.mot"], settings)
-    estimate = estimate_recording(recording, load_settings())
+    return recording
+
+
+def plates(recording):
+    """Force of the plates (time, 3) N at the frames."""
     truth = recording.truth
-    force = np.stack([np.interp(estimate.time, truth["time"], truth["force"][:, a]) for a in range(3)], 1)
-    judged = slice(0, None)
-    if trial.startswith("DJ"):  # on the box before, which is no plate
-        judged = slice(int(np.argmax(force[:, 1] > 20)) - 12, None)
-    return estimate, estimate.force[judged] - force[judged], force[judged]
+    at = recording.motion.time
+    return np.stack([np.interp(at, truth["time"], truth["force"][:, a]) for a in range(3)], 1)
 
 
 def rms(error):
@@ -56,29 +59,57 @@ def test_cube_in_free_flight_feels_nothing():
 
 @LONG
 def test_squats_against_the_plates():
-    estimate, error, truth = person("squats1")
+    recording = recorded("squats1")
+    estimate, truth = estimate_recording(recording, load_settings()), plates(recording)
+    error = estimate.force - truth
     assert (rms(error) <= [13.0, 8.5, 5.0]).all()
     assert np.corrcoef(truth[:, 1] + error[:, 1], truth[:, 1])[0, 1] >= 0.995
     assert estimate.verdict.level == "degraded"  # tracks smoothed at the source, and it says so
 
 
-# 1.2 times the error of the low-pass cut that is best on the truth, axis by axis
+def low_passed(recording, cut):
+    """Force by a zero-phase Butterworth filter and second differences, gaps filled by straight lines."""
+    t, x, m = recording.motion.time, recording.motion.position.copy(), recording.body.mass
+    for track in x.reshape(len(t), -1).T:
+        seen = np.isfinite(track)
+        track[~seen] = np.interp(t[~seen], t[seen], track[seen])
+    step = np.median(np.diff(t))
+    center = np.einsum("n,tna->ta", m / m.sum(), x)
+    center = sosfiltfilt(butter(2, cut / 0.802, fs=1 / step, output="sos"), center, axis=0)
+    bent = np.gradient(np.gradient(center, step, axis=0), step, axis=0)
+    bent[1:-1] = (center[2:] - 2 * center[1:-1] + center[:-2]) / step**2
+    return m.sum() * (bent - recording.motion.gravity)
+
+
+def with_gaps(recording, seed):
+    """The recording with 3 % of its readings taken out, in runs of 3 to 24 samples."""
+    rng, x = np.random.default_rng(seed), recording.motion.position.copy()
+    while np.isnan(x[..., 0]).mean() < 0.03:
+        k, first, length = rng.integers(x.shape[1]), rng.integers(len(x)), rng.integers(3, 25)
+        x[first : first + length, k] = np.nan
+    return replace(recording, motion=replace(recording.motion, position=x))
+
+
 @pytest.mark.parametrize(
-    ("trial", "limit"),
+    ("trial", "stated", "gaps"),
     [
-        ("DJ1", (86.9, 113.0, 20.4)),
-        pytest.param("DJ2", (95.4, 122.4, 20.4), marks=LONG),
-        pytest.param("DJ3", (85.3, 119.3, 20.4), marks=LONG),
+        ("DJ1", True, False),
+        ("DJ3", False, True),
+        pytest.param("DJ1", False, True, marks=LONG),
+        pytest.param("DJ2", True, True, marks=LONG),
+        pytest.param("DJ2", False, False, marks=LONG),
+        pytest.param("DJ3", True, True, marks=LONG),
     ],
 )
-def test_drop_jump_is_as_good_as_the_best_cut_chosen_on_the_truth(trial, limit):
-    _, error, _ = person(trial)
-    assert (rms(error) <= limit).all()
-
-
-@LONG
-def test_drop_jump_without_stated_noise_is_never_silently_wrong():
-    estimate, error, _ = person("DJ1", stated=False)
-    claimed = np.sqrt((estimate.force_std**2).mean(0))
-    assert estimate.verdict.level == "degraded" or (rms(error) <= 3 * claimed).all()
-    assert any("noise" in reason or "white" in reason for reason in estimate.verdict.reasons)
+def test_drop_jump_is_as_good_as_the_best_cut_chosen_on_the_truth(trial, stated, gaps):
+    """By axis, readings missing or not; with nothing stated no claim is more than twice too small."""
+    recording = recorded(trial, stated)
+    recording = with_gaps(recording, 1) if gaps else recording
+    found, truth = estimate_recording(recording, load_settings()), plates(recording)
+    air = slice(int(np.argmax(truth[:, 1] > 20)) - 12, -10)  # on the box before, which is no plate
+    error = rms((found.force - truth)[air])
+    best = np.min([rms((low_passed(recording, cut) - truth)[air]) for cut in np.arange(1.5, 25, 0.5)], axis=0)
+    assert (error <= (1.15 if stated else 1.3) * best).all()
+    assert (error <= 2 * np.sqrt((found.force_std[air] ** 2).mean(0))).all()
+    assert found.verdict.level == "degraded"
+    assert any("the moment is about the mass center of the model" in r for r in found.verdict.reasons)
