@@ -74,6 +74,13 @@ class Motion:
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
 
+    @property
+    def measured(self) -> Array | None:
+        """Positions (time, node, 3) as they were measured, without those that were filled in."""
+        if self.position is None or self.bridged is None:
+            return self.position
+        return np.where(np.nan_to_num(self.bridged)[..., None] > 0, np.nan, self.position)
+
 
 @dataclass(frozen=True)
 class Recording:

@@ -160,7 +160,7 @@ def beside_parabola(cycles: Array) -> Array:
     """Part (frequency,) of the power of a wave that is left beside start, speed and a constant load.
 
     >>> beside_parabola(np.array([1.0, 4.0, 40.0])).round(2).tolist()
-    [0.27, 0.84, 0.98]
+    [0.24, 0.98, 1.0]
     """
     t = np.linspace(-1.0, 1.0, ORDINATES)
     known = np.linalg.qr(np.polynomial.legendre.legvander(t, 2))[0]

@@ -100,6 +100,8 @@ def from_markers(
     seen = np.any(np.isfinite(x).all(2), axis=0)
     filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
     measured = np.where(filled[..., None] > 0, np.nan, x)
+    # the better half of the frames tells the shapes: where half of them are whole, no bridge does
+    best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
     sigma = noise.get("position") or marker_noise(motion.time, measured)
     sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
     thin, spin = thinned(inertia, X), None
@@ -128,10 +130,10 @@ def from_markers(
             spin=spin, apart=mean is not None,
         )  # fmt: skip
     modes = None if thin.on_line or thin.point else modes_of(body, inertia)
-    shape = spinning_shape(motion.time, x, X, inertia, modes, weight, sigma)
+    shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)
     # in the gauge of the weights, before any marker's noise is weighed
     center, R = fit_rotation(x, shape, weight)
-    residual = body_axes(x, center, R) - shape
+    residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
     shapes, var, rest = deformation_shapes(
         body, inertia, modes, residual, shape, weight, seen, sigma, settings
     )

@@ -60,8 +60,8 @@ def climb(
     if most.inertia.on_line or most.inertia.point:
         return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)
     beyond = None
-    if most.attitude and motion.position is not None:
-        beyond = beyond_rigid(motion.time, motion.position, most)
+    if most.attitude and motion.measured is not None:
+        beyond = beyond_rigid(motion.time, motion.measured, most)
     if beyond is None or not beyond.y.shape[1]:
         return without_choice("rigid", "so few markers show no deformation"), solve(rigid)
     if beyond.frames < FEW:

@@ -50,19 +50,21 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     seen: Flags = np.asarray(np.isfinite(position).all(2))
     x, var = position.copy(), np.where(seen, 0.0, np.nan)
     some = seen[:, nodes].any(1)
+    lost = np.flatnonzero(nodes & seen.any(0) & ~seen[some].all(0)).tolist()
+    near = {k: neighbors(position, seen, k) for k in lost}
     judged: dict[tuple[int, int], list[tuple[float, Bridge]]] = {}
-    for k in np.flatnonzero(nodes & seen.any(0) & ~seen[some].all(0)).tolist():
-        near = neighbors(position, seen, k)
-        for first, length in gaps(seen[:, k] | ~some):
-            size = int(np.round(np.log(length) / np.log(LENGTHS)))
-            if (k, size) not in judged:
-                judged[k, size] = judge(time, position, seen, k, near, length)
-            gap = np.arange(first, first + length)
-            for mean_square, bridge in judged[k, size]:
-                filled = bridge.fill(time, position, seen, k, near, gap)
-                if filled is not None:
-                    x[gap, k], var[gap, k] = filled, mean_square
-                    break
+    # short gaps first: what fills them is seen by its neighbors when theirs are filled
+    every = sorted((length, k, first) for k in lost for first, length in gaps(seen[:, k] | ~some))
+    for length, k, first in every:
+        size = int(np.round(np.log(length) / np.log(LENGTHS)))
+        if (k, size) not in judged:
+            judged[k, size] = judge(time, x, seen, k, near[k], length)
+        gap = np.arange(first, first + length)
+        for mean_square, bridge in judged[k, size]:
+            filled = bridge.fill(time, x, seen, k, near[k], gap)
+            if filled is not None:
+                x[gap, k], var[gap, k], seen[gap, k] = filled, mean_square, True
+                break
     return Bridged(x, var)
 
 

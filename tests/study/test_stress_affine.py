@@ -149,8 +149,13 @@ def test_an_estimate_is_green_on_a_healthy_affine_body():
 def test_affine_code_counts_for_affine_bodies_and_not_for_flights(monkeypatch):
     jobs = [Job("mass", 0.0, 1, True), Job("needle", 1.0, 1, True), Job("few_affine_markers", 8, 1, True)]
     before = [key_of(job) for job in jobs]
-    code = stress.code_of
-    monkeypatch.setattr(stress, "code_of", lambda f: "changed" if "pseudorigid" in f else code(f))
+    code = stress.code_hash
+
+    def changed(sources):
+        sources = list(sources)
+        return code(sources) + "changed" * any("pseudorigid" in path.parts for path in sources)
+
+    monkeypatch.setattr(stress, "code_hash", changed)
     after = [key_of(job) for job in jobs]
     assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, False]
 
