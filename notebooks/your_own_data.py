@@ -149,7 +149,7 @@ wrench_figure
 error = estimate.force.values - filmed.truth["force"]
 rms, claimed = (float(np.sqrt(np.mean(values**2))) for values in (error, estimate.force_std.values))
 print(f"force error {rms:.4f} N rms per axis, claimed {claimed:.4f} N")
-assert rms < 0.007
+assert rms < 0.0075
 assert 0.5 < rms / claimed < 1.5
 assert abs(float(estimate.attrs["tuned_noise_std_position"]) / 3e-4 - 1) < 0.1
 

@@ -20,8 +20,8 @@ from forceid.records import Array, Flags, Indices
 TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
 LENGTHS = 1.5  # ratio of two lengths of gaps that are judged apart
 NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three are the fewest that turn
-SIDES = (2, 4, 12, 40)  # samples on either side that a bridge rests on
-DEGREES = (1, 3)  # of its polynomial: with the slopes at both ends, and the curvatures
+SIDES = (2, 4, 12, 40, 160)  # samples on either side that a bridge rests on, from the least to a long record
+DEGREES = (0, 1, 3)  # of its polynomial: held, with the slopes at both ends, with the curvatures
 
 
 @dataclass(frozen=True)
