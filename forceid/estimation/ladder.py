@@ -2,8 +2,10 @@
 
 What markers show beyond the rigid motion is one data set for every level: its part inside the shapes of a
 level moves under a dynamic prior, its part outside is noise. So levels compare by likelihood, without any
-flight solved. From the level that explains the motion best the choice descends to the smallest one that
-leaves force and moment where they are, within their standard error. Source: principal equations 4g.
+flight solved. From the level that explains the motion best the choice descends to the smallest one whose
+force and moment are hardly worse: whose expected error, what it claims and how far it is off, is at most a
+tenth above. A level that speaks for mass which no marker shows has to be the better guess of it.
+Source: principal equations 4g.
 """
 
 from __future__ import annotations
@@ -16,27 +18,27 @@ import numpy as np
 from scipy.special import chdtri
 
 from forceid.config import Settings
+from forceid.estimation.affine_lever import speaks_for_mass
 from forceid.estimation.beyond_rigid import CHANCE, Beyond, beyond_rigid, principal_axes
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.levels import FOUND, Level, Step, explaining, levels, weigh
 from forceid.estimation.load_changes import (
     NEAR,
+    WORSE,
     Channels,
     changes,
     channels_of,
     from_view,
     looked,
     view,
-    wider,
+    worse,
 )
 from forceid.estimation.model_choice import Choice, sentence_of, without_choice
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 
-ENOUGH = 1.0  # standard errors: a force that moves by less has not moved
-CLEAR = 0.9  # standard errors: clearly near
-WIDER = 1.25  # times the error claimed at the explaining level: who claims more has to be clearly near
+CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 FEW = 20  # frames below which nothing is told apart
 
 Solve = Callable[[Settings], Solution]
@@ -68,7 +70,11 @@ def climb(
         solution = solve(settings)
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
-    rungs = levels(body, motion, settings, most)
+    rungs = [
+        level
+        for level in levels(body, motion, settings, most)
+        if level.settings.model != "affine" or speaks_for_mass(body, level.seen(body, motion), beyond)
+    ]
     if len(rungs) < 2 or (not len(most.shapes) and quiet(beyond, rungs[-1], most)):
         return without_choice("rigid", "no deformation stands out of the noise"), solve(rigid)
     steps = weigh(beyond, rungs, free_shapes(body, most), all(most.stated.values()), engine)
@@ -128,15 +134,14 @@ def descend(
         return steps[i].change <= NEAR
 
     def enough(i: int) -> bool:
-        far, claimed = from_view(solved(i), top, motion.time)
-        if far <= (NEAR if claimed <= WIDER else CLEAR):
+        if from_view(solved(i), top, motion.time) <= WORSE:
             return True
         if steps[i].change > CLEAR:
             return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
         force, moment = changes(solved(i), solved(best))
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)
-        return steps[i].change <= (ENOUGH if wider(solved(i), solved(best)) <= WIDER else CLEAR)
+        return worse(solved(i), solved(best)) <= WORSE
 
     if not near(nested[-1]):
         return chosen(best)

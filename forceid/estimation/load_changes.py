@@ -19,9 +19,8 @@ from forceid.kalman.lines import PATIENCE
 from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.records import Array
 
-NEAR = (
-    1.1  # standard errors: a force moves by less, by a look without the flight, which sees a tenth too much
-)
+WORSE = 1.1  # times the error of the best level: an rms of a hundred samples is known to 7 % itself
+NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
 ALIKE = 1e-3  # of the noise: channels this near show the same load
 
 Channels = tuple[Channel, Channel]  # that force and moment drive
@@ -112,21 +111,17 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
 
 
-def from_view(solution: Solution, top: View, time: Array) -> tuple[float, float]:
-    """How far a solved flight is from what the explaining level shows, and how much more error it claims.
-
-    In standard errors of what that shows: rms of the distance, and rms of the claim.
-    """
-    far, claimed = [0.0], [0.0]
+def from_view(solution: Solution, top: View, time: Array) -> float:
+    """Expected error of a solved flight over that of what the explaining level shows: the larger of two."""
     clocks = (time - time[0], time)
     var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
     loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
+    found = [0.0]
     for (load, own), shown, clock in zip(loads, top.each, clocks, strict=True):
         if shown is not None:
             kept = np.isin(clock, shown.channel.time)
-            far.append(distance(load[kept], shown.load, shown.std))
-            claimed.append(distance(np.sqrt(own[kept]), np.zeros_like(shown.std), shown.std))
-    return max(far), max(claimed)
+            found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))
+    return max(found)
 
 
 def at_times(channel: Channel, other: Channel, load: Array) -> Array:
@@ -144,11 +139,35 @@ def changes(one: Solution, other: Solution) -> tuple[float, float]:
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 
-def wider(one: Solution, other: Solution) -> float:
-    """How much more error one solution claims of force or of moment than another: the larger ratio of rms."""
-    std = [np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other)]
-    zero = np.zeros_like(std[0][:, :3])
-    return max(distance(std[0][:, part], zero, std[1][:, part]) for part in (slice(3), slice(3, 6)))
+def worse(one: Solution, other: Solution) -> float:
+    """Expected error of one solution over that of another: the larger of force and moment."""
+    a, b = one.state, other.state
+    own, std = (np.sqrt(np.diagonal(s.wrench_cov, axis1=1, axis2=2)) for s in (a, b))
+    return max(
+        expected_error(a.force, own[:, :3], b.force, std[:, :3]),
+        expected_error(a.moment, own[:, 3:], b.moment, std[:, 3:]),
+    )
+
+
+def expected_error(load: Array, claimed: Array, best: Array, std: Array) -> float:
+    """Rms error of a load over that of the best one, from what both claim and how far they are apart.
+
+    All (time, axis). Two estimates of which one is the better are apart by the difference of their variances;
+    what is beyond that is bias (Hausman, Econometrica 46 (1978) 1251), and error is claim and bias together
+    (Claeskens and Hjort, J. Am. Stat. Assoc. 98 (2003) 900). Infinite where the load leaves open what the
+    best one knows.
+
+    >>> none = np.zeros((8, 3))
+    >>> round(expected_error(none + 1.0, none + 1.0, none, none + 1.0) ** 2, 12)
+    2.0
+    >>> expected_error(none + 0.6, none + 0.8, none, none + 1.0)
+    0.8
+    """
+    if (~np.isfinite(load + claimed).any(0) & np.isfinite(best + std).any(0)).any():
+        return float("inf")
+    var = distance(claimed, np.zeros_like(std), std) ** 2
+    bias = max(distance(load, best, std) ** 2 - abs(1 - var), 0.0)
+    return float(np.sqrt(var + bias))
 
 
 def distance(a: Array, b: Array, std: Array) -> float:

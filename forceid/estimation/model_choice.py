@@ -21,6 +21,18 @@ class Choice:
     level: Step | None = None
     steps: tuple[Step, ...] = ()
 
+    @property
+    def left(self) -> float | None:
+        """Chi-square that the rigid level leaves over that of the one of most evidence; None without steps.
+
+        >>> steps = (Step("rigid", 0, 12.0, 1.0, 0.0, True, 0.0), Step("modal", 2, 1.5, 1.0, 0.0, False, 9.0))
+        >>> Choice("rigid", "", steps[0], steps).left
+        8.0
+        """
+        if not self.steps:
+            return None
+        return self.steps[0].chi_square / max(max(self.steps, key=lambda s: s.evidence).chi_square, 1.0)
+
     def numbers(self) -> dict[str, float]:
         """Of every step: evidence, chi-square, NIS, and what it would change, as numbers with names.
 

@@ -125,11 +125,10 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         smoothing = solution.smoothing if kin.inertia.line is None else None
         state = with_known_moment(solution.state, kin.inertia, kin.spin, kin.pose.rotation)
         solution = replace(solution, state=state, smoothing=smoothing)
-    compared = choice.level is not None
     witness = witness_of(recording.body, motion, solution.state)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
-    result = assemble(recording, settings, solution, findings, compared, differs)
+    result = assemble(recording, settings, solution, findings, choice.left, differs)
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 
@@ -176,12 +175,13 @@ def assemble(
     settings: Settings,
     solution: Solution,
     findings: list[Finding],
-    compared: bool,
+    left: float | None,
     told: list[Finding],
 ) -> Estimate:
     """The estimate that a solved flight amounts to.
 
-    compared: whether its level was, with all others; told: what is to say beside, after all else.
+    left: chi-square that the rigid level leaves over that of the best, None where levels were not compared;
+    told: what is to say beside, after all else.
     """
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
@@ -202,7 +202,7 @@ def assemble(
         *judge_size(kin),
         *judge_haste(kin, state.force),
         *judge_reference(recording.body, kin),
-        *([] if compared else judge_shape(kin, motion, recording.body)),
+        *judge_shape(kin, motion, recording.body, left),
         *judge_common(kin),
         *judge_roughness(solution.tuned),
         *judge_tuning(kin, solution.noise_at_limit),

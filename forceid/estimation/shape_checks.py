@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
@@ -52,10 +54,18 @@ def judge_size(kin: Kinematics) -> list[Finding]:
     ]
 
 
-def judge_shape(kin: Kinematics, motion: Motion, body: Body) -> list[Finding]:
-    """What the model asked for leaves of the shape, of markers and of mass that carries none."""
+def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None = None) -> list[Finding]:
+    """What the model leaves of the shape, of markers and of mass that carries none.
+
+    left: chi-square of what the rigid level leaves over that of the best one, where levels were compared:
+    all mass then goes with one of them, unless the body is known as a whole and does not stretch as one.
+    """
     dof = kin.pose.dof > 0
     if not kin.attitude or not dof.any():
+        return []
+    if kin.inertia.nodal is None and not (kin.model == "affine" and kin.inertia.affine is not None):
+        return judge_whole(kin, motion, left)
+    if left is not None:
         return []
     hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
     if kin.model == "affine" and hidden and (body.mode_shape is not None or body.stiffness is not None):
@@ -76,6 +86,22 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body) -> list[Finding]:
         Finding(
             f"the markers leave the {kin.model} shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
             "degree of freedom: force and moment are limited by the model; use --model auto"
+        )
+    ]
+
+
+def judge_whole(kin: Kinematics, motion: Motion, left: float | None) -> list[Finding]:
+    """What markers of a body known as a whole do beside the rigid motion: what its mass does is open."""
+    ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]), motion)
+    ratio = max(ratio, left or 0.0)
+    if ratio < LIMIT:
+        return []
+    return [
+        Finding(
+            f"the markers leave the rigid shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
+            "degree of freedom, and total mass and inertia do not say where the mass goes: force and moment "
+            "are those of a body that keeps its shape, and limited by that; give /body/mass with markers on "
+            "it, or mode shapes"
         )
     ]
 

@@ -41,6 +41,20 @@ def swinging(seed, lost=0.0):
     return Recording(body, Motion(t, position, gravity=GRAVITY, noise_std={"position": SIGMA})), force
 
 
+def springs(X):
+    """Stiffness (dof, dof) of springs of 1 kN/m between all nodes."""
+    K = np.zeros((len(X), 3, len(X), 3))
+    for a in range(len(X)):
+        for b in range(a):
+            n = (X[a] - X[b]) / np.linalg.norm(X[a] - X[b])
+            block = 1e3 * np.outer(n, n)
+            K[a, :, a] += block
+            K[b, :, b] += block
+            K[a, :, b] -= block
+            K[b, :, a] -= block
+    return K.reshape(3 * len(X), 3 * len(X))
+
+
 def estimate(recording, model="auto"):
     return estimate_recording(recording, load_settings(model=model))
 
@@ -51,11 +65,13 @@ def test_no_level_mode_or_stiffness_moves_the_force(lost):
     one = estimate(recording, "rigid")
     rng = np.random.default_rng(2)
     wrong = replace(recording, body=replace(recording.body, mode_shape=rng.standard_normal((3, 8, 3))))
+    sprung = replace(recording, body=replace(recording.body, stiffness=springs(recording.body.position)))
     for other in (
         estimate(recording, "modal"),
         estimate(recording, "affine"),
         estimate(recording),
         estimate(wrong, "modal"),
+        estimate(sprung, "modal"),
     ):
         assert np.abs((other.force - one.force) / one.force_std).max() < 1e-9
         assert np.abs(other.force_std / one.force_std - 1).max() < 1e-9
