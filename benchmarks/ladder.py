@@ -121,17 +121,23 @@ def ladder_to(level: str) -> list[tuple[str, dict[str, Any]]]:
     return steps[: [name for name, _ in steps].index(level) + 1]
 
 
-def apart(one: FlightState, other: FlightState) -> float:
-    """The larger of the distances of force and moment, rms in standard errors under the priors of the
-    other."""
+def expected_error(one: FlightState, other: FlightState) -> float:
+    """Error of one over that claimed by the other, which is right, the larger of force and moment.
+
+    By what both claim, and by how far they are apart beyond what chance explains.
+    """
     inner, std = slice(FRAMES // 8, -(FRAMES // 8)), deviation(other.wrench_cov)
-    force = ((one.force - other.force) / std[:, :3])[inner]
-    moment = ((one.moment - other.moment) / std[:, 3:])[inner]
-    return float(np.sqrt(max(np.mean(force**2), np.mean(moment**2))))
+    off = np.concatenate([one.force - other.force, one.moment - other.moment], 1)
+    apart, claimed = (((a / std) ** 2)[inner] for a in (off, deviation(one.wrench_cov)))
+    found = []
+    for load in (slice(3), slice(3, 6)):
+        d, v = float(apart[:, load].mean()), float(claimed[:, load].mean())
+        found.append(v + max(d - abs(1 - v), 0.0))
+    return float(np.sqrt(max(found)))
 
 
 def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str, float]]:
-    """The first level within one standard error of the true one, and how far those before it are off."""
+    """The first level with an error of at most 1.1 times that of the true one, and those before it."""
     steps = ladder_to(level)
 
     def estimate(settings: dict[str, Any]) -> FlightState:
@@ -140,8 +146,8 @@ def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str
 
     truth, off = estimate(steps[-1][1]), {}
     for name, settings in steps[:-1]:
-        off[name] = apart(estimate(settings), truth)
-        if off[name] <= 1.0:
+        off[name] = expected_error(estimate(settings), truth)
+        if off[name] <= 1.1:
             return name, off
     return level, off
 

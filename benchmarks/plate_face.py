@@ -138,9 +138,10 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     """What was found, and every row."""
 
     def largest(name: str) -> str:
-        both = (max(row[key] for row in rows) for key in (name, f"moment {name}"))
+        both = (np.nanmax([row[key] for row in rows]) for key in (name, f"moment {name}"))
         return ", ".join(f"{value:.2f}" for value in both)
 
+    refused = sum(row["verdict"] == "refused" for row in rows)
     wrong = [
         r for r in rows if r["verdict"] == "ok" and max(r["force over claim"], r["moment over claim"]) > 2
     ]
@@ -152,7 +153,7 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
 
 | what | found |
 |---|---|
-| recordings | {len(rows)} |
+| recordings, of which refused since the markers lie on a line | {len(rows)}, {refused} |
 | `auto` over the better of rigid and modal, largest: force, moment | {largest("over the better")} |
 | told over told nothing, largest: force, moment | {largest("over untold")} |
 | verdict `ok`, error over twice the claim | {len(wrong)} |

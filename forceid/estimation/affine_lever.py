@@ -12,22 +12,19 @@ import numpy as np
 
 from forceid.estimation.beyond_rigid import Beyond, principal_axes
 from forceid.estimation.kinematics import Kinematics
-from forceid.records import Array, Body, Flags
+from forceid.records import Array, Flags
 
 
-def speaks_for_mass(body: Body, kin: Kinematics, beyond: Beyond) -> bool:
+def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:
     """Whether the affine map of `kin` is a better guess of mass without markers than a shape that is kept.
 
-    Always where all mass is seen, which needs no map. Never for a body that brings modes, which say where its
-    unmarked mass goes. With as many shapes as the markers show nothing checks the map: then all that moves
-    may be beside it.
+    Always where all mass is seen, which needs no map. With as many shapes as the markers show nothing checks
+    the map: then all that moves may be beside it.
     """
     inertia = kin.inertia
     if inertia.nodal is not None and not (inertia.weight[~kin.seen] > 0).any():
         return True
-    if body.mode_shape is not None or body.stiffness is not None or body.position is None:
-        return False
-    reach = lever(body.position - inertia.center, beyond.kept, second_moments(kin, body.position))
+    reach = lever(kin.shape, beyond.kept, second_moments(kin))
     axes = principal_axes(beyond.y, beyond.of(kin.shapes))
     left = beyond.y - beyond.y @ axes @ axes.T
     dof = beyond.y.shape[1] - axes.shape[1]
@@ -35,9 +32,9 @@ def speaks_for_mass(body: Body, kin: Kinematics, beyond: Beyond) -> bool:
     return reach**2 * (excess(left, dof, beyond.var) if dof else moves) <= moves
 
 
-def second_moments(kin: Kinematics, position: Array) -> Array:
+def second_moments(kin: Kinematics) -> Array:
     """The sum of m Z Z over all mass (4, 4), Z = [1, X], about the mass center; NaN where it is not known."""
-    inertia, Z = kin.inertia, np.column_stack([np.ones(len(position)), position - kin.inertia.center])
+    inertia, Z = kin.inertia, np.column_stack([np.ones(len(kin.shape)), kin.shape])
     if inertia.nodal is not None:
         return np.asarray(Z.T @ (inertia.weight[:, None] * Z))
     whole = np.zeros((4, 4))

@@ -92,6 +92,8 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Arr
     And its mean NIS; both (mode,). var: of the noise in each amplitude.
     """
     modes = q.shape[1]
+    if not modes:
+        return np.zeros(0), np.zeros(0)
     noise, none = np.full_like(q, var), np.zeros(modes)
     tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,), engine=engine)
     chain = load_chain(ORDER, tuned.std, tuned.rate, start_of(time, q, 1.0))

@@ -22,7 +22,7 @@ from forceid.estimation.affine_lever import speaks_for_mass
 from forceid.estimation.beyond_rigid import CHANCE, Beyond, beyond_rigid, principal_axes
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
-from forceid.estimation.levels import FOUND, Level, Step, explaining, levels, weigh
+from forceid.estimation.levels import FOUND, Level, Step, brings_modes, explaining, levels, weigh
 from forceid.estimation.load_changes import (
     NEAR,
     WORSE,
@@ -31,6 +31,7 @@ from forceid.estimation.load_changes import (
     channels_of,
     from_view,
     looked,
+    moves,
     view,
     worse,
 )
@@ -70,15 +71,18 @@ def climb(
         solution = solve(settings)
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
+    told = brings_modes(body, most)
     rungs = [
         level
         for level in levels(body, motion, settings, most)
-        if level.settings.model != "affine" or speaks_for_mass(body, level.seen(body, motion), beyond)
+        if level.settings.model != "affine" or speaks_for_mass(level.seen(body, motion), beyond)
     ]
-    if len(rungs) < 2 or (not len(most.shapes) and quiet(beyond, rungs[-1], most)):
+    if len(rungs) < 2 or (not told and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
         return without_choice("rigid", "no deformation stands out of the noise"), solve(rigid)
     steps = weigh(beyond, rungs, free_shapes(body, most), all(most.stated.values()), engine)
-    return descend(body, motion, rungs, steps, engine, solve)
+    # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
+    best = len(rungs) - 1 if told else explaining(steps)
+    return descend(body, motion, rungs, steps, best, engine, solve)
 
 
 def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
@@ -93,16 +97,20 @@ def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
 
 def free_shapes(body: Body, kin: Kinematics) -> bool:
     """Whether the shapes of a modal level are found in the record, and do not come with the body."""
-    hidden = bool((kin.inertia.weight[~kin.seen] > 0).any())
-    return body.mode_shape is None and not (hidden and body.stiffness is not None)
+    return body.mode_shape is None and not brings_modes(body, kin)
 
 
 def descend(
-    body: Body, motion: Motion, rungs: list[Level], steps: list[Step], engine: Engine, solve: Solve
+    body: Body,
+    motion: Motion,
+    rungs: list[Level],
+    steps: list[Step],
+    best: int,
+    engine: Engine,
+    solve: Solve,
 ) -> tuple[Choice, Solution]:
-    """From the level that explains the motion down to the smallest that is enough."""
+    """From the level that explains the motion, the best one, down to the smallest that is enough."""
     steps = list(steps)
-    best = explaining(steps)
     solutions: dict[int, Solution] = {}
 
     def solved(i: int) -> Solution:
@@ -120,9 +128,16 @@ def descend(
             solution = allowing(solution, steps[i])
         return Choice(steps[i].model, said, steps[i], tuple(steps)), solution
 
-    # of mass that neither markers nor shapes follow the levels see nothing: there they agree in vain
-    if not best or rungs[best].seen(body, motion).unfollowed.any():
+    if not best:
         return chosen(best)
+    # of mass that neither markers nor shapes follow the levels see nothing: that they agree proves nothing,
+    # and the rigid one is taken only where it is the better
+    if rungs[best].seen(body, motion).unfollowed.any():
+        if worse(solved(0), solved(best)) * WORSE > 1:
+            return chosen(best)
+        force, moment = moves(solved(0), solved(best))
+        steps[0] = replace(steps[0], force_change=force, moment_change=moment)
+        return chosen(0)
     nested = [i for i in range(best) if steps[i].model != "affine"]
     below = seen(nested[-1])
     top = view(seen(best), below, engine)

@@ -69,8 +69,18 @@ class Step:
         return f"modal, {self.modes} mode{'s'[: self.modes > 1]}" if self.model == "modal" else self.model
 
 
+def brings_modes(body: Body, kin: Kinematics) -> bool:
+    """Whether a body brings modes that take its unmarked mass along."""
+    hidden = bool((kin.inertia.weight[~kin.seen] > 0).any())
+    return hidden and (body.mode_shape is not None or body.stiffness is not None)
+
+
 def levels(body: Body, motion: Motion, settings: Settings, most: Kinematics) -> list[Level]:
-    """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show."""
+    """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show.
+
+    Of a body that brings the modes of its unmarked mass the rigid one and that one: what does not show among
+    the shapes may still move the poses, and fewer shapes save nothing.
+    """
     own = body.mode_shape is not None or body.stiffness is not None
 
     def level(**asked: object) -> Level:
@@ -80,6 +90,9 @@ def levels(body: Body, motion: Motion, settings: Settings, most: Kinematics) -> 
 
     rigid = settings.model_copy(update={"model": "rigid"})
     found, room = len(most.shapes), 3 * int(most.seen.sum()) - 6
+    if brings_modes(body, most):
+        modal = Level(settings.model_copy(update={"model": "modal"}), most.shapes, most)
+        return [Level(rigid, most.shapes[:0]), modal]
     several = []
     for m in RUNGS if settings.modes is None else ():
         if m < found:

@@ -139,6 +139,13 @@ def changes(one: Solution, other: Solution) -> tuple[float, float]:
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 
+def moves(one: Solution, other: Solution) -> tuple[float, float]:
+    """How far force and moment of a solution are from those of another, in standard errors of that one."""
+    a, b = one.state, other.state
+    std = np.sqrt(np.diagonal(b.wrench_cov, axis1=1, axis2=2))
+    return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
+
+
 def worse(one: Solution, other: Solution) -> float:
     """Expected error of one solution over that of another: the larger of force and moment."""
     a, b = one.state, other.state
