@@ -162,24 +162,28 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
     return np.stack([seen.real, -seen.imag], -1)
 
 
-def evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[float, float]:
-    """Log-likelihood that lines on some axes gain, and the std they share: the one that gains most.
+def evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
+    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share: the one that gains most.
 
-    information (axis, 2, axis, 2) and told (axis, 2) of the amplitudes of cosine and sine. By expectation and
-    maximization in the coordinates in which the amplitudes are known apart.
+    information (..., axis, 2, axis, 2) and told (..., axis, 2) of the amplitudes of cosine and sine. By
+    expectation and maximization in the coordinates in which the amplitudes are known apart.
     """
-    n, pick = 2 * len(axes), list(axes)
-    known, turn = np.linalg.eigh(information[pick][:, :, pick].reshape(n, n))
-    known = np.maximum(known, 1e-12 * known[-1])
-    y2 = (turn.T @ told[pick].ravel()) ** 2
-    var = float(np.mean(y2 / known**2)) if known[-1] > 0 else 0.0
-    if not var > 0:
-        return 0.0, 0.0
+    n, pick = 2 * len(axes), np.array(axes)
+    among = information[..., pick, :, :, :][..., pick, :].reshape(*information.shape[:-4], n, n)
+    known, turn = np.linalg.eigh(among)
+    known = np.maximum(known, 1e-12 * known[..., -1:])
+    some = known[..., -1] > 0
+    known = np.where(some[..., None], known, 1.0)
+    y = told[..., pick, :].reshape(*told.shape[:-2], n)
+    y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
+    var = (y2 / known**2).mean(-1, keepdims=True)
+    some &= var[..., 0] > 0
     for _ in range(SETTLE):
         post = var / (1 + var * known)
-        var = float(np.mean(post**2 * y2 + post))
+        var = (post**2 * y2 + post).mean(-1, keepdims=True)
     post = var / (1 + var * known)
-    return float(0.5 * (post * y2).sum() - 0.5 * np.log1p(var * known).sum()), float(np.sqrt(var))
+    gained = 0.5 * (post * y2 - np.log1p(var * known)).sum(-1)
+    return np.where(some, gained, 0.0), np.where(some, np.sqrt(var[..., 0]), 0.0)
 
 
 def find_line(
@@ -203,8 +207,7 @@ def find_line(
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
         told = np.einsum("tcafi,tc->fai", white, v)
-        both = [[evidence(i, y, s) for s in subsets] for i, y in zip(information, told, strict=True)]
-        gained, std = np.moveaxis(np.array(both), 2, 0)
+        gained, std = np.moveaxis([evidence(information, told, s) for s in subsets], 0, -1)
         price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
         price = price + np.where(decay * span > COHERENT, FREED, 0.0)
         return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std
