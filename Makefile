@@ -1,20 +1,23 @@
-# make demo: the main job on the shipped boomerang. make test: every check. Both set up .venv first, for what they run.
+# make demo: the main job on the shipped boomerang. make test: the tests. Both set up .venv first, for what they run.
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALL := -m pip install --quiet --disable-pip-version-check
 BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
-.PHONY: charts demo test test-long kernels bench study docs wheel clean
+.PHONY: charts demo test test-long lint kernels bench study docs wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
 test: .venv/test-ready
+	$(BIN)/pytest -n 2 --dist worksteal
+
+# style, imports that go down only, types
+lint: .venv/test-ready
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/pytest -n 2 --dist worksteal
 
-# the claims that take long to check
+# the claims that take long to check: drawn records in numbers, notebooks, the site, processes that are killed
 test-long: .venv/test-ready
 	$(BIN)/pytest -n 2 --dist worksteal -m long
 

@@ -46,6 +46,7 @@ def contents(path):
     return found
 
 
+@pytest.mark.long
 def test_a_cluster_gives_the_same_bits_as_two_processes(local, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "toss.toml").write_text(RECIPE)
@@ -82,6 +83,7 @@ def dies_once(source, output, _settings):
     return {"status": "ok", "file": str(source), "output": str(output)}
 
 
+@pytest.mark.long
 def test_a_lost_worker_costs_no_file_but_the_one_that_kills_it(local, tmp_path):
     jobs = [(Path(f"{k}.h5"), tmp_path / f"{k}.result.h5") for k in range(8)]
     with crews.cluster(local.scheduler_address) as crew:

@@ -113,6 +113,7 @@ def resumed(words, capsys):
     return code, [json.loads(line) for line in streams.out.splitlines()]
 
 
+@pytest.mark.long
 def test_killed_in_mid_batch_takes_its_processes_along_and_resumes_where_it_was(shelf, tmp_path, capsys):
     words, out = [*many(shelf, tmp_path / "in", 16), "-o", str(tmp_path / "out")], tmp_path / "out"
     run = started(tmp_path, [*words, "-j", "2"])
@@ -147,6 +148,7 @@ def test_killed_in_mid_write_leaves_nothing_half_written_by_the_name_of_a_result
     assert hidden(out) == []
 
 
+@pytest.mark.long
 def test_a_process_killed_in_mid_write_costs_no_file(shelf, tmp_path):
     flag = tmp_path / "flag"
     words = [*files(shelf), "-o", str(tmp_path / "out"), "-j", "1", "--json"]
@@ -159,6 +161,7 @@ def test_a_process_killed_in_mid_write_costs_no_file(shelf, tmp_path):
     assert hidden(tmp_path / "out") == []
 
 
+@pytest.mark.long
 def test_a_full_disk_fails_each_file_with_one_line_and_resume_goes_on(shelf, tmp_path, capsys):
     before = "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))"
     words, out = [*files(shelf)[:2], "-o", str(tmp_path / "out")], tmp_path / "out"
@@ -342,6 +345,7 @@ def contents(path):
     return found
 
 
+@pytest.mark.long
 def test_one_process_two_and_once_more_give_the_same_bits(shelf, tmp_path):
     made = {}
     for jobs in ("1", "2"):

@@ -81,11 +81,13 @@ def pages(site: Path) -> dict[Path, Page]:
     return {path: Page(path) for path in sorted(site.rglob("*.html"))}
 
 
+@pytest.mark.long
 def test_site_is_built_without_a_warning(site):
     said = (site.parent / "site.said").read_text()
     assert said.split() == ["0"], said
 
 
+@pytest.mark.long
 def test_every_link_within_the_site_leads_somewhere(pages, site):
     broken = []
     for path, page in pages.items():
@@ -101,6 +103,7 @@ def test_every_link_within_the_site_leads_somewhere(pages, site):
     assert len(pages) > 30
 
 
+@pytest.mark.long
 def test_no_page_loads_anything_from_a_network(pages, site):
     loaded = {
         link for page in pages.values() for tag, link in page.links if tag in LOADED and "//" in link[:8]
@@ -110,12 +113,14 @@ def test_no_page_loads_anything_from_a_network(pages, site):
     assert not re.findall(r"@import|url\(\s*['\"]?(?:https?:)?//", styles)
 
 
+@pytest.mark.long
 def test_equations_are_drawn_and_can_be_read_aloud(pages, site):
     written = (site / "method.html").read_text(encoding="utf-8")
     assert written.count('<svg class="equation" role="img" aria-label="') > 150
     assert "$" not in pages[site / "method.html"].text
 
 
+@pytest.mark.long
 def test_command_reference_names_every_command_and_every_option(pages, site):
     text = pages[site / "commands.html"].text
     group = typer.main.get_command(app)
@@ -127,6 +132,7 @@ def test_command_reference_names_every_command_and_every_option(pages, site):
                 assert spelled in text, f"{name}: {spelled}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", PAGES_OF)
 def test_reference_has_every_public_name_with_shapes_or_units(pages, site, page):
     sys.path.insert(0, str(DOCS / "extensions"))
@@ -150,6 +156,7 @@ def test_reference_has_every_public_name_with_shapes_or_units(pages, site, page)
     assert "nits" in shown.text or page == "forceid"
 
 
+@pytest.mark.long
 def test_every_notebook_is_in_the_gallery(pages, site):
     listed = {link for _, link in pages[site / "gallery.html"].links}
     for notebook in (ROOT / "notebooks").glob("*.py"):

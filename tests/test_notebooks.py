@@ -23,6 +23,7 @@ def test_notebook_opens_with_its_question_and_asserts_a_number(notebook):
     assert any(re.search(r"^assert ", source, re.M) for source in code)
 
 
+@pytest.mark.long
 def test_notebook_runs_in_a_fresh_kernel_and_shows_a_picture(notebook):
     client = NotebookClient(notebook, resources={"metadata": {"path": str(NOTEBOOKS[0].parent)}})
     client.execute()  # raises at the first cell that does

@@ -87,6 +87,7 @@ def test_a_lost_marker_on_a_spinning_ring_makes_no_force():
     assert estimate.verdict.level == "ok"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", SCENES)
 def test_momentum_closes(scene):
     _, estimate = recover(scene)
@@ -116,6 +117,7 @@ def subsets():
     return [c for c in every if pose_rank(summation_operator(shape[list(c)])) == 6]
 
 
+@pytest.mark.long
 def test_a_torque_free_top_shows_no_wrench_to_any_rank_six_set_of_markers():
     inside, sizes = [], []
     for seen in subsets():
@@ -141,6 +143,7 @@ def axis_rms(estimate, truth, name):
     return np.sqrt((error**2).mean(0)), error / getattr(estimate, f"{name}_std")[inner]
 
 
+@pytest.mark.long
 def test_load_at_twice_the_spin_is_found_on_its_axis_and_costs_the_others_nothing():
     """Amplitude 0.2 N at 20 Hz: the noise of the record alone makes 0.019 N of it."""
     recording, estimate = recover("spin_synchronous")
@@ -186,6 +189,7 @@ def test_one_wild_frame_is_rejected_and_counted():
     assert any("rejected as outliers: 1 (1 alone, 0 in bursts)" in r for r in estimate.verdict.reasons)
 
 
+@pytest.mark.long
 def test_lines_are_looked_for_where_the_settings_say():
     found = {}
     for lines in ("auto", "none", (20.0,), (31.0,)):

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
@@ -48,6 +49,7 @@ def errors(recording):
     ]
 
 
+@pytest.mark.long
 def test_five_markers_and_a_stiffness_give_force_and_moment_of_fifteen_masses():
     force, moment = errors(record(3e-4, FIVE))
     assert force <= 0.045
@@ -60,6 +62,7 @@ def test_stiffness_takes_nothing_from_a_body_marked_on_every_mass():
     assert (np.array(errors(recording)) <= 1.05 * np.array(plain)).all()
 
 
+@pytest.mark.long
 def test_masses_without_marker_bend_as_the_spin_bends_them():
     recording = record(3e-4, FIVE)
     hidden = np.array([name not in FIVE for name in recording.body.node])

@@ -75,6 +75,7 @@ def test_the_wheel_asks_for_an_extra_only_where_a_reader_of_files_needs_one(arch
     assert not {"ezc3d", "pyuff", "nptdms", "npTDMS", "distributed", "sphinx"} & always
 
 
+@pytest.mark.long
 def test_a_wheel_without_compiler_estimates_with_numpy(archives, tmp_path):
     with zipfile.ZipFile(archives[1]) as wheel:
         wheel.extractall(tmp_path / "site")

@@ -120,6 +120,7 @@ def test_joint_force_and_moment_are_off_by_what_they_claim_and_no_more(blocks):
         assert claimed < 0.1 * rms(loads)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("blocks", [2, 3])
 def test_nees_of_drawn_joint_loads_is_in_its_band(blocks):
     scores = [mean_nees(found, truth) for found, truth in drawn_chains(blocks)]

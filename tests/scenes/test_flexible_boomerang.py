@@ -101,6 +101,7 @@ def test_angular_velocity_is_the_rate_of_the_orientation(throw, truth, different
     assert np.abs(measured - truth["angular_velocity"][4:-4]).max() < 1e-4
 
 
+@pytest.mark.long
 def test_rigid_formula_at_1_khz_misses_the_moment_by_the_published_error(throw, truth):
     R = Rotation.from_quat(truth["orientation"]).as_matrix()
     J = R @ inertia_tensor(MASS, rest_shape()) @ R.mT

@@ -24,6 +24,7 @@ def by_name(case, name):
     return next(way for way in ways(case.kind) if way.name == name)
 
 
+@pytest.mark.long
 def test_polar_keeps_its_digits_where_an_svd_loses_them():
     case = made("polar_1e6")
     off = {
@@ -116,6 +117,7 @@ def test_a_case_is_charted_and_found_again(tmp_path, monkeypatch):
     assert result["cases"] == result["bodies_in_parts"] == result["cost"] == []
 
 
+@pytest.mark.long
 def test_the_command_charts_affine_bodies(tmp_path, capsys):
     assert main(["chart", "polar_1e2", "-o", str(tmp_path), "--short"]) == 0
     (case,) = json.loads((tmp_path / "chart.json").read_text())["affine_bodies"]

@@ -40,6 +40,7 @@ def recording(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_a_chart_leaves_page_numbers_and_pictures(few, recording, tmp_path, capsys):
     out = tmp_path / "charts"
     assert main(["chart", str(recording), "-o", str(out), "--short"]) == 0
@@ -53,6 +54,7 @@ def test_a_chart_leaves_page_numbers_and_pictures(few, recording, tmp_path, caps
     assert "default over best point" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_chart_goes_on_where_it_was_interrupted(few, recording, tmp_path, monkeypatch):
     out = ["-o", str(tmp_path / "charts"), "--short"]
 

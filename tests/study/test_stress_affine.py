@@ -187,6 +187,7 @@ def test_pictures_and_page_of_affine_bodies_name_what_each_is_judged_by():
     assert "polar factors of eighty digits" in page
 
 
+@pytest.mark.long
 def test_the_command_maps_affine_bodies(tmp_path, capsys):
     assert main(["stress", "collapse", "-o", str(tmp_path), "--short", "-j", "1"]) == 0
     assert "cells    3:" in capsys.readouterr().out

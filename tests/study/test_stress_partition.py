@@ -169,6 +169,7 @@ def test_pictures_and_page_of_both_kinds_name_what_each_is_judged_by():
     assert page.count("No cell.") == 1
 
 
+@pytest.mark.long
 def test_the_command_maps_bodies_in_parts(tmp_path, capsys):
     assert main(["stress", "wedge_parts", "-o", str(tmp_path), "--short", "-j", "1"]) == 0
     assert "cells    3: 3 green" in capsys.readouterr().out
