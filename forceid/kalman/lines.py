@@ -163,7 +163,7 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
 
 
 def evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
-    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share: the one that gains most.
+    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
 
     information (..., axis, 2, axis, 2) and told (..., axis, 2) of the amplitudes of cosine and sine. By
     expectation and maximization in the coordinates in which the amplitudes are known apart.
