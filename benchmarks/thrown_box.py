@@ -152,7 +152,7 @@ class Outcome:
     """What became of a throw.
 
     off: rms of error over claim (2,), force and moment; inside: share of components within 95 % intervals;
-    relative: rms error over that of the truth, NaN without load.
+    relative: rms error over that of the truth, NaN without load; seconds: of CPU.
     """
 
     rate: float
@@ -165,13 +165,13 @@ class Outcome:
 
 def judge(thrown: Thrown, path: Path) -> Outcome:
     """Estimate a throw from its file, and compare."""
-    rate, began = 1 / float(np.diff(thrown.time)[0]), clock.perf_counter()
+    rate, began = 1 / float(np.diff(thrown.time)[0]), clock.process_time()
     none = np.full(2, np.nan)
     try:
         found = forceid.estimate(forceid.open_motion(path), **settings_of(thrown))["estimate"]
     except ForceIdError as error:
-        return Outcome(rate, f"stopped: {error}", none, none, none, clock.perf_counter() - began)
-    took = clock.perf_counter() - began
+        return Outcome(rate, f"stopped: {error}", none, none, none, clock.process_time() - began)
+    took = clock.process_time() - began
     cut = len(thrown.time) // 8
     middle = slice(cut, len(thrown.time) - cut)
     off, inside, relative = none.copy(), none.copy(), none.copy()
@@ -185,12 +185,30 @@ def judge(thrown: Thrown, path: Path) -> Outcome:
     return Outcome(rate, str(found.attrs["verdict"]), off, inside, relative, took)
 
 
-def page(outcomes: Sequence[Outcome]) -> str:
-    """A table by bands of the sample rate."""
-    head = "| sample rate (Hz) | throws | ended | verdicts |"
+PAGE = """# Boxes in flight, seen by a gyro and an accelerometer alone
+
+`{command}` draws boxes of 5 to 40 cm, spins up to 10 rev/s, sample rates from 10 to 600 Hz, 30 to 300
+samples, one sensor at a drawn place and attitude with noise and constant biases of parts for a telephone,
+stated or not, and loads: none, or slow ones in fixed or in body axes. The truth is integrated by DOP853;
+the files hold no marker and no pose. Errors are those of the central three quarters, in the axes of the
+body at the first sample. Silently wrong is a throw with verdict `ok` and force or moment off by more than
+two claims.
+
+{table}
+Without stated biases a load that turns with the body is open within 0.08 g of mass, and the claim says so:
+its errors are far below their claims. The error of a whole throw is largely one draw of its biases, so
+single throws lie off their claims by more than a factor of one. Where the path of the rotation does not
+come to rest, the verdict says by how much. Every verdict is `degraded`, as place, speed and the attitude at
+the start are not observable. {slowest}
+"""
+
+
+def page(outcomes: Sequence[Outcome], command: str) -> str:
+    """A table by bands of the sample rate, and what it is of."""
+    head = "| sample rate (Hz) | throws | ended | verdicts | silently wrong |"
     for name in ("force", "moment"):
-        head += f" {name}: error over claim, median and 90 % | inside 95 % | error over load |"
-    lines = [head, "|" + "---|" * 10]
+        head += f" {name}: error over claim, median and 90 % | throws within two claims | error over load |"
+    lines = [head, "|" + "---|" * 11]
     pairs = [*pairwise(BANDS), (BANDS[0], BANDS[-1])]
     for low, high in pairs:
         mine = [o for o in outcomes if low <= o.rate < high]
@@ -199,13 +217,16 @@ def page(outcomes: Sequence[Outcome]) -> str:
             continue
         cells = [f"{low:.0f} to {high:.0f}", f"{len(mine)}", f"{len(ended)}"]
         cells += [", ".join(f"{n} {said}" for said, n in Counter(o.said for o in ended).items())]
+        cells += [f"{sum(o.said == 'ok' and o.off.max() > 2 for o in ended)}"]
         for i in (0, 1):
-            off = np.quantile([o.off[i] for o in ended], [0.5, 0.9])
+            off = np.array([o.off[i] for o in ended])
+            median, most = np.quantile(off, [0.5, 0.9])
             relative = [o.relative[i] for o in ended if np.isfinite(o.relative[i])]
-            cells += [f"{off[0]:.2f}, {off[1]:.2f}", f"{100 * np.mean([o.inside[i] for o in ended]):.0f} %"]
+            cells += [f"{median:.2f}, {most:.2f}", f"{100 * np.mean(off < 2):.0f} %"]
             cells += [f"{100 * np.median(relative):.1f} %" if relative else "–"]
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    slowest = f"The slowest throw took {max(o.seconds for o in outcomes):.0f} s of CPU."
+    return PAGE.format(command=command, table="\n".join(lines) + "\n", slowest=slowest)
 
 
 def main() -> None:
@@ -216,7 +237,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    outcomes = []
+    outcomes: list[Outcome] = []
+    command = "OPENBLAS_NUM_THREADS=1 python -m benchmarks.thrown_box -o docs"
+    command += f" --count {args.count} --seed {args.seed}"
     for k in range(args.count):
         thrown, path = draw(np.random.default_rng([args.seed, k])), args.output / "thrown_box.h5"
         write(path, thrown)
@@ -228,8 +251,8 @@ def main() -> None:
             f"{out.seconds:5.1f} s {out.said}",
             flush=True,
         )
-        (args.output / "thrown_box.md").write_text(page(outcomes))
-    print(page(outcomes))
+        (args.output / "thrown_box.md").write_text(page(outcomes, command))
+    print(page(outcomes, command))
 
 
 if __name__ == "__main__":

@@ -22,12 +22,14 @@ from forceid.records import Array
 
 FAMILIES = ("angular_velocity", "specific_force")
 LONGEST = 400  # samples that tuning looks at: the middle of a longer record
-STEP = 0.7  # of a logarithm: first step of the search
-FARTHER = 2.0  # steps that one parabola may lead to, and on where it still goes uphill
-FARTHEST = 16.0
+PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
+FARTHER = 1.5  # of a logarithm: as far as one step may lead
+STEPS = 15  # of a search, at most
+SHORTEST = 0.01  # of a step
+ROUNDS = 4  # of searches, each about the path that the last one leads to
 LEAK = 0.02  # of the load on its strongest axis, as little as a quiet one is ever taken to have
-LEAST = 0.5  # of a log-likelihood: less is no gain
-SWEEPS = 3
+LEAST = 0.1  # of a log-likelihood: a step that promises less is no gain
+SHARE = 0.1  # of what its slope promises that a step has to gain
 UNEVEN = 5.0  # of a log-likelihood: by which axes and proportions, five numbers, have to be likelier
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 FACTOR = 7.0  # of a log-likelihood: by which a bias that wanders has to be likelier than one that stays
@@ -40,6 +42,7 @@ def tune_together(
     engine: Engine,
     stated: Set[str] = frozenset(),
     first: Reference | None = None,
+    even: bool = False,
 ) -> tuple[Flight, LoadPrior, LoadPrior]:
     """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
 
@@ -47,7 +50,7 @@ def tune_together(
     load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
     for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
     moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between,
-    from a `first` one along the axes of both loads, if one is known.
+    from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes.
     """
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
     loud = [i for i in free if FAMILIES[i] not in stated]
@@ -69,12 +72,19 @@ def tune_together(
     )
     model, z, _, about = settled(flight, force, moment, engine, about)
     level = float(engine.log_likelihood(model, z))
-    for load in ("force", "moment"):  # one after the other: one may be uneven, and the other not
+    # one after the other: one may be uneven, and the other not
+    for load in () if even else ("force", "moment"):
         pair, turned = uneven(load, force, moment, about)
         model, z, _, reached = settled(flight, *pair, engine, turned)
         if (likely := float(engine.log_likelihood(model, z))) > level + UNEVEN:
             level, about, (force, moment) = likely, reached, pair
-    return searched(about)
+    for _ in range(ROUNDS):
+        flight, force, moment = searched(about)
+        model, z, _, about = settled(flight, force, moment, engine, about)
+        before, level = level, float(engine.log_likelihood(model, z))
+        if not level > before + UNEVEN:
+            break
+    return flight, force, moment
 
 
 def wandering(
@@ -206,28 +216,40 @@ def stretched_reference(reference: Reference, s: slice) -> Reference:
 
 
 def climb(value: Callable[[Array], float], p: Array) -> Array:
-    """A maximum of value(p) near p (k,): along each coordinate to the top of a parabola, and again.
+    """A maximum of value(p) near p (k,), by the rule of Broyden, Fletcher, Goldfarb and Shanno.
 
-    >>> climb(lambda p: -float((p[0] - 0.5) ** 2 + (p[1] + 0.2) ** 2), np.zeros(2)).round(3)
-    array([ 0.5, -0.2])
+    A size, a rate and the noise trade places along a ridge, where a search coordinate by coordinate stalls.
+
+    >>> climb(lambda p: -100 * float((p[0] - 0.5) ** 2 + (p[0] + p[1]) ** 2), np.zeros(2)).round(1)
+    array([ 0.5, -0.5])
     """
-    best, step = value(p), np.full(len(p), STEP)
-    for _ in range(SWEEPS):
-        began = best
-        for i in range(len(p)):
-            at = [p + s * step[i] * np.eye(len(p))[i] for s in (-1, 1)]
-            low, high = (value(q) for q in at)
-            bend, slope = low + high - 2 * best, 0.5 * (high - low)
-            to = -slope / bend if bend < 0 else np.sign(slope) * FARTHER
-            to = float(np.clip(to, -FARTHER, FARTHER)) if np.isfinite(to) else 0.0
-            trial = p + to * step[i] * np.eye(len(p))[i]
-            tried = [(best, p), (low, at[0]), (high, at[1]), (value(trial), trial)]
-            while FARTHER <= abs(to) < FARTHEST and tried[-1][0] > max(pair[0] for pair in tried[:-1]):
-                to *= 2
-                trial = p + to * step[i] * np.eye(len(p))[i]
-                tried.append((value(trial), trial))
-            best, p = max(tried, key=lambda pair: pair[0])
-            step[i] = np.clip(abs(to) * step[i], 0.1, 2 * STEP)
-        if best - began < LEAST:
+    best, H = value(p), np.eye(len(p))
+    slope, first = slope_of(value, p, best), True
+    for _ in range(STEPS):
+        step = H @ slope
+        step *= min(1.0, FARTHER / max(float(np.abs(step).max()), 1e-300))
+        gain = float(slope @ step)
+        if gain < LEAST:
             break
+        share, level = 1.0, value(p + step)
+        while not level > best + SHARE * share * gain and share > SHORTEST:
+            share /= 3
+            level = value(p + share * step)
+        if not level > best:
+            break
+        p, best = p + share * step, level
+        new = slope_of(value, p, best)
+        s, y = share * step, slope - new
+        slope, curved = new, float(s @ y)
+        if curved > 0:
+            if first:
+                H, first = H * curved / float(y @ y), False
+            left = np.eye(len(p)) - np.outer(s, y) / curved
+            H = left @ H @ left.T + np.outer(s, s) / curved
     return p
+
+
+def slope_of(value: Callable[[Array], float], p: Array, here: float) -> Array:
+    """Gradient of value at p (k,), where it is `here`, by differences; zero where a side is not finite."""
+    found = np.array([(value(p + h) - here) / PROBE for h in PROBE * np.eye(len(p))])
+    return np.asarray(np.where(np.isfinite(found), found, 0.0))

@@ -7,38 +7,34 @@ that stands still in body axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from forceid.config import Settings
-from forceid.errors import EstimationError
 from forceid.estimation.deformation import Deformation
+from forceid.estimation.fine_clock import TURN, at_samples, largest_step, refined, refined_reference
 from forceid.estimation.flight_smoother import Solution, named
 from forceid.estimation.inertia import inertia_of
-from forceid.estimation.joint_tuning import FAMILIES, on_axes, tune_together
+from forceid.estimation.joint_tuning import FAMILIES
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensors import named_sensors, sensor_reasons, sensors_of
 from forceid.estimation.spin import with_own_tensor
 from forceid.estimation.thin_mass import as_sphere, with_known_moment
+from forceid.estimation.turning_loads import LEFT, Search, alternatives, mixed
 from forceid.estimation.verdict import Finding
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smooth_flight
+from forceid.kalman.flight import FlightState
 from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.motion.pose import Pose, log
+from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Motion
 
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
 # rad/s, m/s2: the most that data sheets of the cheapest parts allow a gyro and an accelerometer at rest, 20
 # degrees a second and 80 thousandths of gravity: without markers nothing else bounds a bias
 OFFSET = 0.35, 0.8
-COARSE = (
-    1.0  # rad a sample: a parabola in time then misses a sixth of what a load that turns adds to the spin
-)
-LEFT = 0.1  # of a standard deviation: a path that moves by less is at rest
 LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
 
 
@@ -86,27 +82,30 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     kin = unmarked_kinematics(body, motion, settings)
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)
-    every = alternatives(flight, settings, engine, stated)
+    fine, at = refined(flight)
+    force, moment = rough_priors(flight)
+    first = refined_reference(flight, fine, at, force, moment)
+    search = Search(settings, engine, frozenset(stated))
+    every = alternatives(fine, force, moment, first, search)
     share = np.array([alternative.state.log_likelihood for alternative in every])
     share = np.exp(share - share.max())
     share /= share.sum()
     best = every[int(share.argmax())]
-    flight, force, moment = best.flight, best.force, best.moment
-    state = mixed([alternative.state for alternative in every], share)
+    state = at_samples(mixed([alternative.state for alternative in every], share), at)
     with_body = [float(share @ [a.turning[i] for a in every]) for i in (0, 1)]
-    reasons = list(sensor_reasons(flight, state, stated))
+    reasons = list(sensor_reasons(best.flight, state, stated))
     var = np.diagonal(state.pose_cov[-1], axis1=0, axis2=1)[3:]
     off = float(np.degrees(np.sqrt(var.max())))
     reasons.append(
         f"attitude is reckoned from the gyros: by the end it has drifted by {off:.2g} degrees of standard "
         "error, and turns force and moment in the axes of the start by as much; in body axes they are right"
     )
-    rate, step = gyro_rate(motion.time, flight.sensors), float(np.median(np.diff(motion.time)))
-    turn = 0.0 if rate is None else step * float(np.linalg.norm(rate, axis=1).max())
-    if turn > COARSE:
+    turn = largest_step(flight, fine.time)
+    if turn > (1 + 1e-9) * TURN:
         reasons.append(
-            f"the body turns by {turn:.2g} rad between two samples: what a load that turns with it does in "
-            "between is not resolved, and claimed errors may be many times too small; raise the sample rate"
+            f"the body turns by {turn:.2g} rad in a step of the model: what a load that turns with it does "
+            "in between is not resolved, and claimed errors may be many times too small; raise the sample "
+            "rate"
         )
     if best.left > LEFT:
         reasons.append(
@@ -129,7 +128,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
                 f"{size:.2g} N; state noise_std.specific_force_bias from a record at rest"
             )
         elif "specific_force_bias" not in stated and with_body[0] < 0.5:
-            turning = float(np.linalg.norm(common_bias(flight, state)) * flight.mass)
+            turning = float(np.linalg.norm(common_bias(best.flight, state)) * flight.mass)
             reasons.append(
                 f"a force of up to {turning:.2g} N that turns with the body may be among the biases of the "
                 "accelerometers, and is not in the claimed error"
@@ -145,105 +144,10 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     T = len(kin.time)
     none = np.zeros((T, 0))
     deformation = Deformation(none, none, flight.inertia, flight.h)
-    priors = {"force": force, "moment": moment}
-    tuned = named(kin, priors) | named_sensors(flight, state)
+    priors = {"force": best.force, "moment": best.moment}
+    tuned = named(kin, priors) | named_sensors(best.flight, state)
     tuned |= {f"{name}_turns_with_body": p for name, p in zip(("force", "moment"), with_body, strict=True)}
     return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(reasons))
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A flight smoothed with force and moment slow in body axes where `turning` says so, else in fixed.
-
-    left: what its path still moves by, over its claimed error.
-    """
-
-    turning: tuple[bool, bool]
-    flight: Flight
-    force: LoadPrior
-    moment: LoadPrior
-    state: FlightState
-    left: float
-
-
-def alternatives(flight: Flight, settings: Settings, engine: Engine, stated: set[str]) -> list[Alternative]:
-    """Every alternative that the record bears: each load slow in body axes, or in fixed ones where those are
-    not ruled out by load_axes. EstimationError: it bears none.
-    """
-    found: list[Alternative] = []
-    failed: Exception | None = None
-    for turning in ((True, True), (True, False), (False, True), (False, False)):
-        if settings.load_axes == "body" and not all(turning):
-            continue
-        near = max(found, key=lambda a: a.state.log_likelihood, default=None)
-        try:
-            tried = tuned_and_smoothed(flight, turning, settings, engine, stated, near)
-        except (EstimationError, np.linalg.LinAlgError) as error:
-            failed = error
-            continue
-        if np.isfinite(tried.state.log_likelihood):
-            found.append(tried)
-    if not found:
-        what = f"bears no estimate ({failed})"
-        raise EstimationError(what, "the record of the sensors", "raise the sample rate, or record longer")
-    return found
-
-
-def tuned_and_smoothed(
-    flight: Flight,
-    turning: tuple[bool, bool],
-    settings: Settings,
-    engine: Engine,
-    stated: set[str],
-    near: Alternative | None = None,
-) -> Alternative:
-    """One alternative, tuned from another that is near. No bias is taken to wander unasked: it would pass for
-    a load that does.
-    """
-    start = rough_priors(flight) if near is None else (near.force, near.moment)
-    force, moment = (
-        replace(prior, carried=np.eye(3) if turns else None)
-        for prior, turns in zip(start, turning, strict=True)
-    )
-    first = None if near is None else near.state.reference
-    stays = {f"{family}_walk" for family in FAMILIES}
-    was = force, moment
-    flight, force, moment = tune_together(flight, *was, engine, stated | stays, first)
-    if first is not None and first.force is not None:
-        pushed, chain = on_axes(first.force, was[0], force), on_axes(first.chain, was[1], moment)
-        first = replace(first, force=pushed, chain=chain, axes=moment.axes)
-    causal = settings.method == "filter"
-    state, left = with_left_over(smooth_flight(flight, force, moment, engine, causal, first))
-    return Alternative(turning, flight, force, moment, state, left)
-
-
-def mixed(states: list[FlightState], share: Array) -> FlightState:
-    """The likeliest state with the mean wrench of all, and a covariance that holds what they differ by."""
-    wrench = np.stack([np.hstack([state.force, state.moment]) for state in states])
-    mean = np.einsum("s,sta->ta", share, wrench)
-    off = wrench - mean
-    cov = np.einsum("s,stab->tab", share, np.stack([state.wrench_cov for state in states]))
-    cov += np.einsum("s,sta,stb->tab", share, off, off)
-    return replace(
-        states[int(share.argmax())], force=mean[:, :3], moment=mean[:, 3:], wrench_cov=cov
-    )  # fmt: skip
-
-
-def with_left_over(state: FlightState) -> tuple[FlightState, float]:
-    """A state that claims what its path still moves by as well, and that over its claim before, at most.
-
-    The loads turn with the path.
-    """
-    assert state.reference is not None
-    step = log(state.rotation @ state.reference.rotation.swapaxes(1, 2))
-    before = np.sqrt(np.diagonal(state.pose_cov, axis1=1, axis2=2)[:, 3:])
-    pose = np.concatenate([np.zeros_like(step), step], 1)
-    wrench = np.concatenate([np.cross(step, state.force), np.cross(step, state.moment)], 1)
-    pose_cov, wrench_cov = (
-        cov + off[:, :, None] * off[:, None]
-        for cov, off in ((state.pose_cov, pose), (state.wrench_cov, wrench))
-    )
-    return replace(state, pose_cov=pose_cov, wrench_cov=wrench_cov), float((np.abs(step) / before).max())
 
 
 def common_bias(flight: Flight, state: FlightState) -> Array:

@@ -99,6 +99,17 @@ def smooth_flight(
     return read(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
 
 
+def smoothed_once_more(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, about: Reference
+) -> FlightState:
+    """A flight smoothed about where its path about a reference leads: the same where that is at rest."""
+    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
+    model, z = linear_flight(flight, force, moment, about)
+    further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
+    path = engine.smooth(*linear_flight(flight, force, moment, further))
+    return read(flight, further, path, path.filtered, n, force, moment)
+
+
 def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
     """`smooth_flight` of a body without modes, compiled throughout; None where only an engine's passes do."""
     if flight.sensors is not None or force.carried is not None or moment.carried is not None:

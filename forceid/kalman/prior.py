@@ -63,14 +63,14 @@ def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) ->
     if rotation is not None and (prior.carried is not None or any(line.turns for line in prior.lines)):
         F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
         if prior.carried is not None:
-            F, Q, P0 = carry(F, Q, P0, n, rotation, prior.carried)
+            F, Q, P0 = carry(F, Q, P0, n, step, rotation, prior.carried)
     for i, line in enumerate(prior.lines):
         own = slice(n + 2 * i, n + 2 * i + 2)
         F_line, Q_line = discretize(integrate(integrate(line.process, 0.0), 0.0), unique)
         spread = np.zeros(
             (len(unique), size, 4)
         )  # its Y and H along its direction, its two states as they are
-        early, mean = swept(rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))
+        early, mean = swept(step, rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))
         spread[:, :3, 0], spread[:, 3:6, 1] = (turn @ line.direction @ prior.axes for turn in (early, mean))
         spread[:, own, 2:] = np.eye(2)
         F[:, :, own] = spread @ F_line[:, :, 2:]
@@ -93,14 +93,16 @@ def pushes(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
     return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
 
 
-def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -> tuple[Array, Array, Array]:
+def carry(
+    F: Array, Q: Array, P0: Array, n: int, step: Array, rotation: Array, axes: Array
+) -> tuple[Array, Array, Array]:
     """A chain of n states whose load keeps to axes (3, 3) of a body, with all of its states in world axes.
 
     The load's states turn with the body; what they add to the integrals Y and H over a step is turned by the
     mean rotation of the step, weighted for Y as a push early in it counts more.
     """
     at = rotation @ axes
-    early, mean = (turn @ axes for turn in swept(rotation))
+    early, mean = (turn @ axes for turn in swept(step, rotation))
     begin, end = (np.tile(np.eye(F.shape[1]), (len(F), 1, 1)) for _ in range(2))
     start = np.eye(F.shape[1])
     for i in range(6, n, 3):
@@ -113,10 +115,17 @@ def carry(F: Array, Q: Array, P0: Array, n: int, rotation: Array, axes: Array) -
     return F, end @ Q @ end.swapaxes(1, 2), start @ P0 @ start.T
 
 
-def swept(rotation: Array) -> tuple[Array, Array]:
-    """Mean rotations (time - 1, 3, 3) over each step, weighted as a push counts for Y, and for H."""
+def swept(step: Array, rotation: Array) -> tuple[Array, Array]:
+    """Mean rotations (time - 1, 3, 3) over each step (s), weighted as a push counts for Y, and for H.
+
+    A spin that changes evenly from step to step bends the way between two rotations.
+    """
     turn = Rotation.from_matrix(rotation[1:] @ rotation[:-1].swapaxes(1, 2)).as_rotvec()
-    by = np.stack([Rotation.from_rotvec(u * turn).as_matrix() for u in GAUSS[0]])
+    bend = np.zeros_like(turn)
+    if len(step) > 1:
+        middle = np.cumsum(step) - 0.5 * step
+        bend = 0.5 * step[:, None] ** 2 * np.gradient(turn / step[:, None], middle, axis=0)
+    by = np.stack([Rotation.from_rotvec(u * turn - u * (1 - u) * bend).as_matrix() for u in GAUSS[0]])
     weights = 2 * (1 - GAUSS[0]) * GAUSS[1], GAUSS[1]
     early, mean = (np.einsum("u,utab->tab", w, by) @ rotation[:-1] for w in weights)
     return early, mean

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.thrown_box import draw, judge, write
+from benchmarks.thrown_box import draw, judge, settings_of, write
 from forceid.config import load_settings
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.unmarked import LEFT, unmarked_flight, unmarked_kinematics, with_left_over
+from forceid.estimation.turning_loads import LEFT, with_left_over
+from forceid.estimation.unmarked import unmarked_flight, unmarked_kinematics
 from forceid.files.hdf5 import read_motion
 from forceid.kalman import engine
 from forceid.kalman.flight import smooth_flight
@@ -18,6 +19,7 @@ from forceid.kalman.flight_model import unsettled
 # seed and number of a draw of a short record: what pushes, how often it is sampled, how fast it turns
 BODY_55 = 1, 31  # 55 Hz, 3.6 rev/s
 WORLD_95 = 2, 25  # 95 Hz, 1.6 rev/s
+BODY_25 = 21, 50  # 25 Hz, 9.6 rev/s
 BODY_17 = 0, 6  # 17 Hz, 0.4 rev/s
 
 
@@ -44,9 +46,21 @@ def test_the_path_of_a_thrown_box_comes_to_rest_under_any_prior_with_biases_unkn
     flight = unmarked_flight(recording.body, recording.motion, settings, kin)
     carried = np.eye(3) if turns else None
     force, moment = (replace(prior, carried=carried) for prior in rough_priors(flight))
-    _, left = with_left_over(smooth_flight(flight, force, moment, engine()))
+    state = smooth_flight(flight, force, moment, engine())
+    _, left = with_left_over(flight, force, moment, engine(), state)
     assert left < LEFT
     assert "add a gyro" not in " ".join(unsettled(flight))
+
+
+def test_a_load_that_turns_with_a_box_is_told_where_that_turns_by_radians_between_samples(tmp_path):
+    thrown, path = thrown_box(*BODY_25, tmp_path)
+    step = np.diff(thrown.time)
+    assert np.linalg.norm(thrown.omega, axis=1).max() * step.max() > 2
+    found = estimate_recording(read_motion(path), load_settings(load_axes="body", **settings_of(thrown)))
+    z = (found.moment - thrown.moment) / np.sqrt(np.diagonal(found.wrench_cov, axis1=1, axis2=2)[:, 3:])
+    assert np.sqrt(np.mean(z[4:-4] ** 2)) < 1.7
+    assert np.abs(found.moment - thrown.moment)[4:-4].max() < 0.1 * np.abs(thrown.moment).max()
+    assert not any("is not resolved" in reason for reason in found.verdict.reasons)
 
 
 @pytest.mark.filterwarnings("error")
