@@ -12,7 +12,7 @@ from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
 from forceid.estimation.hidden_load import hidden_load, lines_at_spin
-from forceid.estimation.inner_wheel import inner_wheel, with_momentum
+from forceid.estimation.inner_wheel import allowing, inner_wheel, signals, with_momentum
 from forceid.estimation.kinematics import Kinematics, scaled
 from forceid.estimation.likely_priors import growth_along_world
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
@@ -43,6 +43,7 @@ from forceid.estimation.slow_errors import (
 )
 from forceid.estimation.spin import turning
 from forceid.estimation.verdict import GROWTH
+from forceid.estimation.whitened import whitened
 from forceid.kalman.engines import Engine
 from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.flight_model import Flight
@@ -205,13 +206,16 @@ def estimate_flight(
         told_by.pop("moment", None)
     growth = None
     if settings.load_axes != "body":
-        growth = growth_along_world(state, told_by, priors, engine)
-    deformation = as_smoothed(kin, deformation, state)
-    known = settings.load_axes == "body" or body.internal_momentum is not None
-    if "moment" in told_by and not known and not len(kin.shapes):
         seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
-        wheel = inner_wheel(told_by["moment"], priors["moment"], state, seen, engine)
+        inside = "moment" in told_by and body.internal_momentum is None and not len(kin.shapes)
+        beside = {"moment": signals(told_by["moment"].time, state.rotation[seen])} if inside else {}
+        looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in told_by}
+        growth = growth_along_world(state, looks)
+        if inside:
+            growth = allowing(looks["moment"], state, growth)
+        wheel = inner_wheel(told_by["moment"], looks["moment"], state, seen, engine) if inside else ""
         reasons = (*reasons, *([wheel] if wheel else []))
+    deformation = as_smoothed(kin, deformation, state)
     hides = None
     if flight.sensors is None and not causal:  # these would show what poses do not
         turned = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]

@@ -87,6 +87,8 @@ def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
         )
     own = Body(node=tuple(body.node[k] for k in nodes) if body.node else (), position=X)
     own = with_mass(own, setting, nodes, body, where)
+    if body.internal_momentum is not None and not body.internal_momentum.any():
+        own = replace(own, internal_momentum=body.internal_momentum)  # nothing turns inside any part
     inertia = inertia_of(own)
     noise = {name: std for name, std in motion.noise_std.items() if name == "position"}
     told = Motion(motion.time, x, gravity=motion.gravity, noise_std=noise)

@@ -19,7 +19,7 @@ from forceid.estimation.verdict import Finding
 from forceid.kalman.flight import FlightState
 from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
 from forceid.motion.smoothing_spline import SmoothingSpline
-from forceid.records import Array, Body, Flags, Motion, Witness
+from forceid.records import Array, Body, Flags, Indices, Motion, Witness
 
 CHANCE = 1e-4  # of saying of an honest recording that both differ: one in ten thousand loses its `ok`
 LOWEST = 3  # bin up to which the lowest band goes: the taper spreads a constant so far
@@ -73,16 +73,14 @@ def spectrum_and_cuts(channel: Channel) -> tuple[Spectrum, list[Cut]]:
 def low_passed(time: Array, channel: Channel, cuts: list[Cut]) -> tuple[Array, Array]:
     """The load that a channel shows below its cuts, and its standard deviation, (time, 3) each."""
     at, values, std = channel.frame, np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
-    maps: dict[float, tuple[SmoothingSpline, Array]] = {}
-    for a, cut in enumerate(cuts):
-        if cut.frequency not in maps:
-            spline = SmoothingSpline(channel.time, cut.frequency)
-            maps[cut.frequency] = spline, spline.gain()
-        spline, gain = maps[cut.frequency]
-        noise = cut.noise * gain * (1 + ADDED * (channel.corner[a] / cut.frequency) ** 2)
+    for cutoff in {cut.frequency for cut in cuts}:
+        spline = SmoothingSpline(channel.time, cutoff)
+        axes = np.flatnonzero([cut.frequency == cutoff for cut in cuts])
+        noise = np.array([cuts[a].noise for a in axes]) * (1 + ADDED * (channel.corner[axes] / cutoff) ** 2)
         left = spline.second(channel.residual)[central(channel.time)] if channel.lever else np.zeros(1)
-        values[at, a] = spline.second(channel.z[:, a : a + 1])[:, 0]
-        std[at, a] = np.sqrt(BIASED * noise + off_by_fit(channel, float(np.mean(left**2))))
+        values[np.ix_(at, axes)] = spline.second(channel.z[:, axes])
+        var = BIASED * np.outer(spline.gain(), noise) + off_by_fit(channel, np.full(1, np.mean(left**2)))
+        std[np.ix_(at, axes)] = np.sqrt(var)
     return values, std
 
 
@@ -117,32 +115,33 @@ def apart_in_bands(
         claimed = float(weight[told] @ claim[told, a] ** 2 / weight[told].sum())
         noise = np.concatenate([[0.0], cut.noise * found.moved[:, a]])
         carried = np.concatenate([[0.0], found.power[:, a] * found.moved[:, a]]) * inexact
-        worst = 0.0
-        for end in ends:
-            own = float(whole[:end] @ noise[:end])
-            joint = max(own + off_by_fit(channel, float(whole[:end] @ fits[:end])), claimed)
-            joint += float(whole[:end] @ carried[:end]) + np.finfo(float).tiny
-            size = float(whole[:end] @ apart[:end, a])
-            limit = allowed(found.moved[: end - 1, a], dof, cut.dof, count)
-            if (ratio := size / joint / limit) > worst:
-                worst = ratio
-                for name, value in zip(numbers, (f[end - 1], size, size / joint, limit), strict=True):
-                    numbers[name][a] = value if name == "band" else np.sqrt(value)
+        own, carried, bent, size = (
+            np.cumsum(whole * v)[ends - 1] for v in (noise, carried, fits, apart[:, a])
+        )
+        joint = np.maximum(own + off_by_fit(channel, bent), claimed) + carried + np.finfo(float).tiny
+        limit = allowed(found.moved[:, a], ends - 1, dof, cut.dof)
+        k = int(np.argmax(size / joint / limit))
+        if size[k] > 0:
+            worst = f[ends[k] - 1], np.sqrt(size[k]), np.sqrt(size[k] / joint[k]), np.sqrt(limit[k])
+            for name, value in zip(numbers, worst, strict=True):
+                numbers[name][a] = value
     return numbers
 
 
-def off_by_fit(channel: Channel, bent: float) -> float:
+def off_by_fit(channel: Channel, bent: Array) -> Array:
     """Variance of the load that what a fit leaves of a marker gives it, of mean square `bent` when bent."""
-    return channel.lever**2 * bent / channel.free if channel.free > 0 else 0.0
+    return channel.lever**2 / channel.free * bent if channel.free > 0 else 0.0 * bent
 
 
-def allowed(moved: Array, dof: float, known_by: float, bands: int) -> float:
-    """Variance over variance that chance passes by CHANCE, of six components in all bands together.
+def allowed(moved: Array, ends: Indices, dof: float, known_by: float) -> Array:
+    """Variances over variance (band,) that chance passes by CHANCE, of six components in all bands together.
 
-    moved (bin,): weights of the bins that a mean square sums, each of `dof`; known_by: those of its level.
+    moved (bin,): weights of the bins that a mean square sums, each of `dof`, in bands of the first `ends`
+    (band,); known_by: those of its level.
     """
-    samples = max(dof * float(moved.sum() ** 2 / (moved**2).sum()), 1.0)
-    return float(fdtri(samples, known_by, 1 - CHANCE / (6 * bands)))
+    total, squares = np.cumsum(moved), np.cumsum(moved**2)
+    samples = np.maximum(dof * total[ends - 1] ** 2 / squares[ends - 1], 1.0)
+    return np.asarray(fdtri(samples, known_by, 1 - CHANCE / (6 * len(ends))))
 
 
 def integrated_twice(time: Array, load: Array) -> Array:

@@ -30,26 +30,27 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
     would turn by more than MOST is cut to that turn.
     """
 
-    def omega(R: Array) -> tuple[Array, Array]:
-        J_inv = np.asarray(R @ inverse @ R.swapaxes(1, 2))
-        return times(J_inv, H - times(R, h)), J_inv
+    def omega(R: Array) -> Array:
+        return times(R, times(inverse, times(R.swapaxes(1, 2), H) - h))
 
-    inverse = np.linalg.inv(J)
+    inverse = np.asarray(np.linalg.inv(J), float)
     turned = angle(step, R, H, J, h)
     step = step * np.minimum(1.0, MOST / np.maximum(turned, 1e-300))
     n = max(1, int(np.ceil(min(turned.max(initial=0.0), MOST) / SUBSTEP)))
     s, a_step = step[:, None] / n, step[:, None, None] / n
     by_R, by_H = np.tile(np.eye(3), (len(R), 1, 1)), np.zeros((len(R), 3, 3))
     for _ in range(n):
-        k1 = omega(R)[0]
-        k2 = bend(0.5 * s * k1, omega(exp(0.5 * s * k1) @ R)[0])
-        w, J_inv = omega(exp(0.5 * s * k2) @ R)
-        k3 = bend(0.5 * s * k2, w)
-        k4 = bend(s * k3, omega(exp(s * k3) @ R)[0])
+        k1 = omega(R)
+        k2 = bend(0.5 * s * k1, omega(exp(0.5 * s * k1) @ R))
+        middle = exp(0.5 * s * k2) @ R
+        k3 = bend(0.5 * s * k2, omega(middle))
+        k4 = bend(s * k3, omega(exp(s * k3) @ R))
         R = exp(s / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
+        J_inv = middle @ inverse @ middle.swapaxes(1, 2)
         a = J_inv @ skew(H) * a_step
-        grown = np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
-        by_R, by_H = grown @ by_R, grown @ by_H + (np.eye(3) + a / 2 + a @ a / 6) @ J_inv * a_step
+        mean = np.eye(3) + a / 2 + a @ a / 6
+        grown = np.eye(3) + a @ mean
+        by_R, by_H = grown @ by_R, grown @ by_H + mean @ J_inv * a_step
     return R, by_R, by_H
 
 
@@ -73,27 +74,36 @@ def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, 
     middle = exp(0.5 * turn) @ R[:-1]
     H = times(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + times(middle, h)
     wide = step > WIDE * np.median(step) if len(step) else np.zeros(0, bool)
+    by_R, by_H = np.empty(R[1:].shape), np.empty(R[1:].shape)
     for part in (~wide, wide):
+        if not part.any():
+            continue
         if part is wide:
             near, far = np.flatnonzero(~wide), np.flatnonzero(wide)
             H[far] = np.stack([np.interp(far, near, axis) for axis in H[near].T], 1)
-        H[part] = shot(step[part], R[:-1][part], R[1:][part], H[part], J[part], h[part])
-    _, by_R, by_H = free_turn(step, R[:-1], H, J, h)
+        H[part], by_R[part], by_H[part] = shot(
+            step[part], R[:-1][part], R[1:][part], H[part], J[part], h[part]
+        )
     return H, by_R, by_H
 
 
-def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> Array:
-    """The momentum (n, 3) near H that takes rotations `start` (n, 3, 3) to `to`; H itself where none does."""
-    found, H = H.copy(), H.copy()
+def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
+    """The momentum (n, 3) near H that takes rotations `start` (n, 3, 3) to `to`; H itself where none does.
+
+    With the derivatives of the rotation reached, as in `free_turn`.
+    """
+    found, H, open_ended = H.copy(), H.copy(), np.ones(len(H), bool)
+    by = np.empty((2, len(H), 3, 3))
     left = np.flatnonzero(angle(step, start, H, J, h) < SHOWN)
     for k in range(ITERATIONS + 1):
         if not len(left):
             break
-        reached, _, by_H = free_turn(step[left], start[left], H[left], J[left], h[left])
+        reached, by_R, by_H = free_turn(step[left], start[left], H[left], J[left], h[left])
         miss = log(to[left] @ reached.swapaxes(1, 2))
         off = np.linalg.norm(miss, axis=1)
         there = off < (10 * SETTLED if k == ITERATIONS else SETTLED)
         found[left[there]] = H[left[there]]
+        by[:, left[there]], open_ended[left[there]] = (by_R[there], by_H[there]), False
         left, miss, by_H = left[~there], miss[~there], by_H[~there]
         change = np.linalg.solve(by_H, miss[..., None])[..., 0]
         size = np.linalg.norm(change, axis=1)
@@ -101,7 +111,10 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
         limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
         H[left] += limit[:, None] * change
         left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN]
-    return found
+    if open_ended.any():
+        rest = (a[open_ended] for a in (step, start, found, J, h))
+        by[:, open_ended] = free_turn(*rest)[1:]
+    return found, by[0], by[1]
 
 
 def largest_turn(time: Array, R: Array) -> float:
@@ -120,7 +133,8 @@ def largest_turn(time: Array, R: Array) -> float:
 
 def bend(phi: Array, omega: Array) -> Array:
     """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
-    return omega - 0.5 * np.cross(phi, omega) + np.cross(phi, np.cross(phi, omega)) / 12
+    turned = np.cross(phi, omega)
+    return omega - 0.5 * turned + np.cross(phi, turned) / 12
 
 
 def times(A: Array, v: Array) -> Array:

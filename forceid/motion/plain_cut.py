@@ -181,4 +181,5 @@ def least_risk(found: Spectrum, power: Array, moved: Array, about: float) -> Cut
     risk = (moved[:octave, None] * ((gain**2 - 2 * gain) * left + gain**2 * near)).sum(0)
     dof = found.dof * (octave - low), found.dof * (high - low)
     louder = near > float(fdtri(*dof, 1 - CHANCE)) * wide
-    return Cut(float(cuts[np.argmin(risk)]), near if louder else wide, dof[0] if louder else dof[1])
+    cutoff = float(f"{cuts[np.argmin(risk)]:.12g}")  # of a ladder that axes share, without its rounding
+    return Cut(cutoff, near if louder else wide, dof[0] if louder else dof[1])

@@ -113,8 +113,11 @@ class SmoothingSpline:
             cov = rows.T @ banded_times(self.gram, rows)
             bent = np.diff(np.diff(cov, 2, axis=0), 2, axis=1)
             close = (place <= near - DEGREE) if first == 0 else (place >= count - near)
-            at = self.bend[close][:, first : first + near - 2]
-            found[close] = np.einsum("ti,ij,tj->t", at.toarray(), bent, at.toarray())
+            at = np.zeros((int(close.sum()), near + DEGREE))  # those of no knot that is near stand behind
+            which = self.bend.indices.reshape(len(close), -1)[close] - first
+            np.put_along_axis(at, which, self.bend.data.reshape(len(close), -1)[close], 1)
+            at = at[:, : near - 2]
+            found[close] = np.sum(at @ bent * at, axis=1)
         found = np.where(np.isnan(found), found[place <= near - DEGREE][-1], found)
         half = len(found) // 2
         return np.concatenate([found[: len(found) - half], found[:half][::-1]]) if regular else found

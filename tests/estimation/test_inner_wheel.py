@@ -72,3 +72,28 @@ def test_a_moment_that_oscillates_between_few_samples_keeps_its_size(samples):
     inner = slice(samples // 8, -samples // 8)
     rest = (found.moment - true)[inner, 0]
     assert np.sqrt(np.mean(rest**2)) < 0.04 * size
+
+
+def claimed(found):
+    """Rms of the claimed error of the moment, N m."""
+    return np.sqrt(np.mean(found.moment_std[30:-30] ** 2))
+
+
+def test_a_body_that_hardly_turns_does_not_tell_a_wheel_from_a_moment_and_says_so():
+    found = estimated(flown(0.2 * WHEEL, samples=120, spin=(0.6, 0.5, 0.3)))
+    assert found.verdict.level == "degraded"
+    assert [r for r in found.verdict.reasons if "does not tell a moment from a wheel" in r]
+
+
+def test_a_wheel_that_a_larger_moment_hides_is_in_the_claim_until_it_is_stated():
+    slow = [Term(0.02 * np.eye(3)[k], wave(1.3 + 0.4 * k, 2.0 * k)) for k in range(3)]
+    recording = flown(0.1 * WHEEL, slow)
+    open_, stated = estimated(recording), estimated(recording, internal_momentum=tuple(0.1 * WHEEL))
+    assert claimed(open_) > 1.1 * claimed(stated)
+    error = open_.moment - total(slow, 0, recording.motion.time)
+    assert np.sqrt(np.mean((error / open_.moment_std)[30:-30] ** 2)) < 2.0
+
+
+def test_where_the_spin_shows_that_nothing_turns_inside_the_claim_stays_as_if_it_were_stated():
+    recording = flown(np.zeros(3), noise=1e-4)
+    assert claimed(estimated(recording)) < 1.1 * claimed(estimated(recording, internal_momentum=(0, 0, 0)))

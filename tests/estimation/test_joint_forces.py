@@ -57,7 +57,8 @@ def seen(parameters, seed, noise=NOISE, time=TIME):
     flight, rng = hinged.fly(parameters, time), np.random.default_rng(seed)
     x = flight.position + noise * rng.standard_normal(flight.position.shape)
     stated = {"position": noise} if noise else {}
-    return Recording(flight.body, Motion(time, x, gravity=flight.gravity, noise_std=stated), flight.truth)
+    body = replace(flight.body, internal_momentum=np.zeros(3))
+    return Recording(body, Motion(time, x, gravity=flight.gravity, noise_std=stated), flight.truth)
 
 
 def jointed(parameters, external=(), driven=True, **changes):
