@@ -17,6 +17,7 @@ from forceid.errors import ConfigError
 ESTIMATORS = ("kalman", "motion", "principal", "estimation", "scenes")
 PACKAGE = Path(forceid.__file__).parent
 SOURCES = (".py", ".cpp")
+IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -68,21 +69,25 @@ def sources_in(folders: Iterable[str], root: Path = PACKAGE) -> list[Path]:
 
 
 def code_hash(sources: Iterable[Path]) -> str:
-    """Hash of what sources do: neither what their docstrings and comments say, nor where they lie, counts."""
-    parts = sorted(hash_of(path.suffix, path.read_bytes()) for path in sources)
+    """Hash of what sources do: not of their docstrings and comments, of where they lie and what they import.
+
+    A module that is moved, with the imports of all that use it, leaves the hash as it was.
+    """
+    parts = sorted(filter(None, (hash_of(path.suffix, path.read_bytes()) for path in sources)))
     return hashlib.sha256("".join(parts).encode()).hexdigest()
 
 
 @cache
 def hash_of(suffix: str, source: bytes) -> str:
-    """Hash of one source, of Python without docstrings and comments."""
+    """Hash of one source, of Python without docstrings, comments and imports; of one without more, none."""
     if suffix != ".py":
         return hashlib.sha256(source).hexdigest()
     tree = ast.parse(source)
     for node in ast.walk(tree):
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            node.body = node.body[1:]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+        if isinstance(node, DOCUMENTED):
+            described = ast.get_docstring(node, clean=False) is not None
+            node.body = [part for part in node.body[described:] if not isinstance(part, IMPORTS)]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest() if tree.body else ""
 
 
 def key(*parts: Any) -> str:

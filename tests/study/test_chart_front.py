@@ -109,6 +109,9 @@ def test_what_was_found_is_found_again_until_code_changes_in_any_subfolder_and_n
     assert found("def run(x):\n    return 2 * x\n") != before  # twice in the tree now
     moved.unlink()
     assert found("def run(x):\n    return 2 * x\n") == before
+    assert found("from forceid.motion import pose\n\ndef run(x):\n    return 2 * x\n") == before
+    (tmp_path / "kalman" / "__init__.py").write_text('"""Engines."""\n')
+    assert code_hash(sources_in(["kalman"], tmp_path)) == before
     assert found("def run(x):\n    return 3 * x\n") != before
 
 
