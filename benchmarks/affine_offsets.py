@@ -116,8 +116,20 @@ def study(scenes: int, seed: int, model: str) -> list[dict[str, Any]]:
     return rows
 
 
+def page(rows: list[dict[str, Any]], command: str) -> str:
+    """What was done, and every row."""
+    return f"""# Affine bodies with markers off the mass center
+
+`{command}`
+
+{(__doc__ or "").split("]", 2)[2].strip()}
+
+{table(rows, list(rows[0]))}
+"""
+
+
 def main() -> None:
-    """Draw, estimate, and write the table."""
+    """Draw, estimate, and write the page."""
     parser = argparse.ArgumentParser(description="affine bodies, markers off the mass center")
     parser.add_argument("-o", type=Path, required=True, help="folder for affine_offsets.md")
     parser.add_argument("--scenes", type=int, default=8)
@@ -126,7 +138,9 @@ def main() -> None:
     asked = parser.parse_args()
     rows = study(asked.scenes, asked.seed, asked.model)
     asked.o.mkdir(parents=True, exist_ok=True)
-    (asked.o / "affine_offsets.md").write_text(table(rows, list(rows[0])) + "\n")
+    command = f"python -m benchmarks.affine_offsets -o docs --scenes {asked.scenes} --seed {asked.seed}"
+    command += "" if asked.model == "affine" else f" --model {asked.model}"
+    (asked.o / "affine_offsets.md").write_text(page(rows, command))
 
 
 if __name__ == "__main__":

@@ -126,10 +126,15 @@ def estimate_flight(
         kin, deformation = at_rest(kin)
     notes: tuple[str, ...] = ()
     stated = kin.stated[source]
-    if not slow and (
-        errors_shared(kin, force, gravity, engine)
-        if stated
-        else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+    # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
+    if (
+        not slow
+        and (kin.apart or not kin.deforms)
+        and (
+            errors_shared(kin, force, gravity, engine)
+            if stated
+            else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+        )
     ):
         slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity))})
         kin = look(slow)

@@ -66,6 +66,11 @@ class Kinematics:
     apart: bool = False
 
     @property
+    def deforms(self) -> bool:
+        """Whether the poses allow for a deformation, in shapes or beside them."""
+        return bool(len(self.shapes)) or (self.beside is not None and bool(self.beside.any()))
+
+    @property
     def unfollowed(self) -> Flags:
         """Nodes (node,) with mass that neither a marker nor a shape follows as the body deforms."""
         return (self.inertia.weight > 0) & ~self.seen & ~self.shapes.any(axis=(0, 2))

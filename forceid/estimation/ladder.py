@@ -29,6 +29,7 @@ from forceid.estimation.load_changes import (
     Channels,
     changes,
     channels_of,
+    claims_more,
     from_view,
     looked,
     moves,
@@ -130,10 +131,9 @@ def descend(
 
     if not best:
         return chosen(best)
-    # of mass that neither markers nor shapes follow the levels see nothing: that they agree proves nothing,
-    # and the rigid one is taken only where it is the better
+    # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
     if rungs[best].seen(body, motion).unfollowed.any():
-        if worse(solved(0), solved(best)) * WORSE > 1:
+        if claims_more(solved(0), solved(best)) >= claims_more(solved(best), solved(0)):
             return chosen(best)
         force, moment = moves(solved(0), solved(best))
         steps[0] = replace(steps[0], force_change=force, moment_change=moment)

@@ -146,6 +146,13 @@ def moves(one: Solution, other: Solution) -> tuple[float, float]:
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 
+def claims_more(one: Solution, other: Solution) -> float:
+    """How many times the error one solution claims of force or of moment than another: the larger ratio."""
+    own, std = (np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other))
+    zero = np.zeros_like(own[:, :3])
+    return max(distance(own[:, part], zero, std[:, part]) for part in (slice(3), slice(3, 6)))
+
+
 def worse(one: Solution, other: Solution) -> float:
     """Expected error of one solution over that of another: the larger of force and moment."""
     a, b = one.state, other.state

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.plate_face import flown
+from benchmarks.plate_face import SIGMA, flown
 from forceid.config import load_settings
 from forceid.estimation.affine_lever import lever
 from forceid.estimation.load_changes import expected_error
@@ -50,15 +50,23 @@ def test_expected_error_takes_what_chance_explains_for_none_of_the_bias():
     assert expected_error(better * [1, 1, np.nan], one, worse, both) == np.inf
 
 
-@pytest.mark.parametrize("told", ["total mass", "stiffness"])
-def test_four_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(told):
-    recording = flown(1, 4, told)
+@pytest.mark.parametrize(("markers", "told"), [(4, "total mass"), (3, "modes")])
+def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(markers, told):
+    recording = flown(1, markers, told)
     taken, rigid = (
         estimate_recording(recording, load_settings(model=m, lines="none")) for m in ("auto", "rigid")
     )
     off = [np.sqrt(((e.force - recording.truth["force"])[60:-60] ** 2).mean()) for e in (taken, rigid)]
     assert taken.model != "affine"
     assert off[0] < 1.2 * off[1]
+
+
+def test_poses_that_allow_for_deformation_show_no_noise_below_the_stated():
+    """Four markers hardly tell three modes from the pose: rigid, the force is 30 N off."""
+    recording = flown(100, 4, "modes")
+    found = estimate_recording(recording, load_settings(lines="none"))
+    assert found.tuned["noise_std_position"] == SIGMA
+    assert np.sqrt(((found.force - recording.truth["force"])[60:-60] ** 2).mean()) < 0.1
 
 
 def test_total_mass_and_markers_that_do_not_move_as_one_are_never_ok():
