@@ -12,22 +12,30 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
-from forceid.estimation.joint_tuning import FAMILIES, evidence, louder, tune_together
+from forceid.estimation.joint_tuning import (
+    FAMILIES,
+    climb,
+    evidence,
+    louder,
+    stretched,
+    stretched_reference,
+    tune_together,
+)
+from forceid.estimation.joint_tuning import moved as shifted
+from forceid.estimation.left_over import with_left_over
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smooth_flight, smoothed_once_more
+from forceid.kalman.flight import FlightState, settled, smooth_flight
 from forceid.kalman.flight_model import Flight, Reference
 from forceid.kalman.prior import LoadPrior
-from forceid.motion.pose import log
 from forceid.records import Array
 
-ROUNDS = 2  # in which alternatives learn from each other
 GAIN = 0.5  # of a log-likelihood: less is no gain
-LEFT = 0.1  # of a standard deviation: a path that moves by less is at rest
-# A fast load may explain a record without any noise, and a search that begins there stays there: it begins
-# with the slowest that a record shows, and with noise below what differences show, to which motion adds.
 SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
-QUIET = -1.0  # of a logarithm
+# of a logarithm: what differences show as noise is a ceiling, to which motion adds
+QUIETER = (-0.5, -2.5, -4.5)
+LONGEST = 120  # samples that a start is chosen by
 Kind = tuple[bool, bool]
+Pair = tuple[LoadPrior, LoadPrior]
 
 
 @dataclass(frozen=True)
@@ -47,8 +55,12 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Search:
-    """What tuning an alternative takes: the passes, what is stated, and whether it filters or smooths."""
+    """What tuning an alternative takes: a flight with noise as differences show it, priors of force and
+    moment of about the right size, the passes, and what is stated.
+    """
 
+    flight: Flight
+    rough: Pair
     settings: Settings
     engine: Engine
     stated: frozenset[str]
@@ -59,13 +71,11 @@ class Search:
         return [i for i, name in enumerate(FAMILIES) if name not in self.stated]
 
 
-def alternatives(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, first: Reference, search: Search
-) -> list[Alternative]:
+def alternatives(first: Reference, search: Search) -> list[Alternative]:
     """Every alternative that the record bears: each load slow in body axes, or in fixed ones where those are
     not ruled out by load_axes. EstimationError: it bears none.
 
-    The first begins from priors of about the right size and a reference; the others from what was found.
+    The first begins with a reference; the others from what was found.
     """
     found: dict[Kind, Alternative] = {}
     failed: Exception | None = None
@@ -75,7 +85,7 @@ def alternatives(
         near = max(found.values(), key=likelihood, default=None)
         try:
             if near is None:
-                tried = from_scratch(flight, kind, force, moment, first, search)
+                tried = from_scratch(kind, first, search)
             else:
                 tried = from_near(kind, near, near, near, search)
         except (EstimationError, np.linalg.LinAlgError) as error:
@@ -98,26 +108,20 @@ def crossed(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Altern
     """Alternatives, each tuned again from the best of the others that share its force or its moment, where
     that is likelier.
     """
-    found = dict(found)
-    for _ in range(ROUNDS):
-        better = False
-        for kind, own in list(found.items()):
-            force, moment = (
-                max((a for a in found.values() if a.turning[i] == kind[i]), key=likelihood) for i in (0, 1)
-            )
-            if force is own and moment is own:
-                continue
-            try:
-                if not promising(kind, own, force, moment, search):
-                    continue
+    better = dict(found)
+    for kind, own in found.items():
+        force, moment = (
+            max((a for a in found.values() if a.turning[i] == kind[i]), key=likelihood) for i in (0, 1)
+        )
+        if force is own and moment is own:
+            continue
+        try:
+            if promising(kind, own, force, moment, search):
                 tried = from_near(kind, own, force, moment, search)
-            except (EstimationError, np.linalg.LinAlgError):
-                continue
-            if likelihood(tried) > likelihood(own) + GAIN:
-                found[kind], better = tried, True
-        if not better:
-            break
-    return found
+                better[kind] = max(own, tried, key=likelihood)
+        except (EstimationError, np.linalg.LinAlgError):
+            continue
+    return better
 
 
 def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternative, search: Search) -> bool:
@@ -125,44 +129,82 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     about = own.state.reference
     assert about is not None
     pair = turning_as(kind, force.force, moment.moment)
-    sensors = own.flight.sensors
-    assert sensors is not None
-    noise = sensors.noise_std.copy()
-    for i, other in enumerate((moment, force)):  # gyros tell of moments, accelerometers of forces
-        assert other.flight.sensors is not None
-        noise[i] = other.flight.sensors.noise_std[i]
-    flight = replace(own.flight, sensors=replace(sensors, noise_std=noise))
+    flight = with_noise_of(with_noise_of(own.flight, moment.flight, 0), force.flight, 1)
     value = evidence(flight, *pair, about, search.engine, [], np.zeros(4))
     return value > likelihood(own) + GAIN
 
 
-def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> tuple[LoadPrior, LoadPrior]:
+def slow(time: Array, force: LoadPrior, moment: LoadPrior) -> Pair:
+    """Priors of loads that change about once in a record."""
+    rate = np.full(3, SLOW / np.ptp(time))
+    force, moment = (replace(p, tuned=replace(p.tuned, rate=rate)) for p in (force, moment))
+    return force, moment
+
+
+def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> Pair:
     """Priors alike along all axes, of loads that turn with the body or do not."""
     was = zip((force, moment), kind, strict=True)
     a, b = (replace(prior, carried=np.eye(3) if turns else None, axes=np.eye(3)) for prior, turns in was)
     return a, b
 
 
-def from_scratch(
-    flight: Flight, kind: Kind, force: LoadPrior, moment: LoadPrior, first: Reference, search: Search
-) -> Alternative:
+def from_scratch(kind: Kind, first: Reference, search: Search) -> Alternative:
     """An alternative from priors of about the right size."""
-    force, moment = (
-        replace(prior, tuned=replace(prior.tuned, rate=np.full(3, SLOW / np.ptp(flight.time))))
-        for prior in turning_as(kind, force, moment)
-    )
-    flight = louder(flight, search.loud, np.full(len(search.loud), QUIET))
-    return tuned_and_smoothed(flight, kind, force, moment, first, search)
+    rough, flight = turning_as(kind, *search.rough), search.flight
+    _, _, _, about = settled(flight, *rough, search.engine, first)
+    for i in (0, 1):
+        flight, rough = begun(flight, rough, i, about, search)
+    return tuned_and_smoothed(flight, kind, *rough, about, search)
 
 
 def from_near(
     kind: Kind, near: Alternative, force: Alternative, moment: Alternative, search: Search
 ) -> Alternative:
-    """An alternative from the flight and the path of one that is near, and priors of others."""
-    force_prior, moment_prior = turning_as(kind, force.force, moment.moment)
-    about = near.state.reference
+    """An alternative from the flight and the path of one that is near, and priors of others; a load that none
+    of them has so begins anew.
+    """
+    pair, about = turning_as(kind, force.force, moment.moment), near.state.reference
     assert about is not None
-    return tuned_and_smoothed(near.flight, kind, force_prior, moment_prior, about, search)
+    flight = near.flight
+    for i, other in enumerate((force, moment)):
+        if other.turning[i] != kind[i]:
+            flight, pair = begun(flight, pair, i, about, search)
+    return tuned_and_smoothed(flight, kind, *pair, about, search)
+
+
+def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) -> tuple[Flight, Pair]:
+    """A flight and priors to begin a search with, of a load (0 force, 1 moment) of which nothing is known.
+
+    A fast load explains a record without any noise, and one that does not fit leaves it all to noise: a
+    search stays where it begins. So it begins slow, and with several noises where none is stated.
+    """
+    middle = max((len(flight.time) - LONGEST) // 2, 0)
+    part = slice(middle, middle + LONGEST)
+    path, family = stretched_reference(about, part), 1 - i  # gyros tell of moments, accelerometers of forces
+    free = [family] if family in search.loud else []
+    rough = turning_as((pair[0].carried is not None, pair[1].carried is not None), *search.rough)[i]
+    flight = with_noise_of(flight, search.flight, family)
+
+    def by(p: Array) -> tuple[Flight, Pair]:
+        prior = shifted(rough, p[:2])
+        return louder(flight, free, p[2:]), (prior, pair[1]) if i == 0 else (pair[0], prior)
+
+    def value(p: Array) -> float:
+        noisy, priors = by(p)
+        return evidence(stretched(noisy, part), *priors, path, search.engine, [], np.zeros(4))
+
+    starts = QUIETER if free else (0.0,)
+    tops = [climb(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]
+    return by(max(tops, key=value))
+
+
+def with_noise_of(flight: Flight, other: Flight, family: int) -> Flight:
+    """A flight with the noise of one family of sensors of another."""
+    assert flight.sensors is not None
+    assert other.sensors is not None
+    noise = flight.sensors.noise_std.copy()
+    noise[family] = other.sensors.noise_std[family]
+    return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
 
 
 def tuned_and_smoothed(
@@ -177,36 +219,3 @@ def tuned_and_smoothed(
     state = smooth_flight(flight, force, moment, search.engine, causal, first)
     state, left = with_left_over(flight, force, moment, search.engine, state)
     return Alternative(kind, flight, force, moment, state, left)
-
-
-def mixed(states: list[FlightState], share: Array) -> FlightState:
-    """The likeliest state with the mean wrench of all, and a covariance that holds what they differ by."""
-    wrench = np.stack([np.hstack([state.force, state.moment]) for state in states])
-    mean = np.einsum("s,sta->ta", share, wrench)
-    off = wrench - mean
-    cov = np.einsum("s,stab->tab", share, np.stack([state.wrench_cov for state in states]))
-    cov += np.einsum("s,sta,stb->tab", share, off, off)
-    return replace(
-        states[int(share.argmax())], force=mean[:, :3], moment=mean[:, 3:], wrench_cov=cov
-    )  # fmt: skip
-
-
-def with_left_over(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, state: FlightState
-) -> tuple[FlightState, float]:
-    """A state that claims what its path still moves by as well, and that over its claim before, at most.
-
-    The loads turn with the path; of one that is not at rest, they move on with it, and that is claimed too.
-    """
-    assert state.reference is not None
-    step = log(state.rotation @ state.reference.rotation.swapaxes(1, 2))
-    before = np.sqrt(np.diagonal(state.pose_cov, axis1=1, axis2=2)[:, 3:])
-    left = float((np.abs(step) / before).max())
-    pose = np.concatenate([np.zeros_like(step), step], 1)
-    offs = [np.concatenate([np.cross(step, state.force), np.cross(step, state.moment)], 1)]
-    if left > LEFT:
-        on = smoothed_once_more(flight, force, moment, engine, state.reference)
-        offs.append(np.concatenate([on.force - state.force, on.moment - state.moment], 1))
-    wrench_cov = state.wrench_cov + sum(off[:, :, None] * off[:, None] for off in offs)
-    pose_cov = state.pose_cov + pose[:, :, None] * pose[:, None]
-    return replace(state, pose_cov=pose_cov, wrench_cov=wrench_cov), left

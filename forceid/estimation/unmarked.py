@@ -18,11 +18,12 @@ from forceid.estimation.flight_smoother import Solution, named
 from forceid.estimation.inertia import inertia_of
 from forceid.estimation.joint_tuning import FAMILIES
 from forceid.estimation.kinematics import Kinematics
+from forceid.estimation.left_over import LEFT, mixed
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensors import named_sensors, sensor_reasons, sensors_of
 from forceid.estimation.spin import with_own_tensor
 from forceid.estimation.thin_mass import as_sphere, with_known_moment
-from forceid.estimation.turning_loads import LEFT, Search, alternatives, mixed
+from forceid.estimation.turning_loads import Search, alternatives, slow
 from forceid.estimation.verdict import Finding
 from forceid.kalman.dead_reckoning import gyro_rate
 from forceid.kalman.engines import Engine
@@ -83,10 +84,9 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)
     fine, at = refined(flight)
-    force, moment = rough_priors(flight)
-    first = refined_reference(flight, fine, at, force, moment)
-    search = Search(settings, engine, frozenset(stated))
-    every = alternatives(fine, force, moment, first, search)
+    rough = slow(motion.time, *rough_priors(flight))
+    first = refined_reference(flight, fine, at, *rough)
+    every = alternatives(first, Search(fine, rough, settings, engine, frozenset(stated)))
     share = np.array([alternative.state.log_likelihood for alternative in every])
     share = np.exp(share - share.max())
     share /= share.sum()

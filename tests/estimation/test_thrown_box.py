@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.thrown_box import draw, judge, settings_of, write
 from forceid.config import load_settings
+from forceid.estimation.left_over import LEFT, with_left_over
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.turning_loads import LEFT, with_left_over
 from forceid.estimation.unmarked import unmarked_flight, unmarked_kinematics
 from forceid.files.hdf5 import read_motion
 from forceid.kalman import engine
