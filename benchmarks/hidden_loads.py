@@ -317,7 +317,8 @@ def page(rows: list[dict[str, Any]], kinds: list[str], command: str) -> str:
         "",
         "*silently wrong*: the verdict is `ok`, and within the band (up to `band` Hz, central three quarters "
         "of the record, rms over the axes) the error of a force or moment is more than twice its claim, or a "
-        "wave beyond the band is larger than `hidden_load` and was not found. Error over claim: of force and "
+        "wave beyond the band is larger than `hidden_load` and was not found. That is what half of all "
+        "records would not show, so that one little larger may go unseen too. Error over claim: of force and "
         "moment within the band, the median, and the largest of all that call themselves `ok`.",
         "",
         "| kind | records | ok | degraded | refused | silently wrong | error over claim | largest while ok |",

@@ -128,14 +128,15 @@ def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array |
     )
     axes, model = prior.axes, channel_model(part, prior)
     turned = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
-    z, loads = part.moved[:, None] @ axes, np.zeros((len(part.time), 3, 0))
-    if beside is not None:
+    z = part.moved[:, None] @ axes
+    if beside is None:
+        v, loads = engine.filter(turned, z).innovation, np.zeros((len(part.time), 3, 0))
+    else:
         gaps = np.where(np.isfinite(part.z), 0.0, np.nan)[:, None]
         also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
-        states = engine.smooth_states(turned, also)
-        loads = np.moveaxis(states @ (axes.T @ load_rows(len(model.x0), axes, prior.lines)).T, 1, 2)
-        z = np.concatenate([z, also], 1)
-    v = engine.filter(turned, z).innovation
+        filtered, states = engine.filter_and_smooth_states(turned, np.concatenate([z, also], 1))
+        rows = axes.T @ load_rows(len(model.x0), axes, prior.lines)
+        v, loads = filtered.innovation, np.moveaxis(states[:, 1:] @ rows.T, 1, 2)
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)
     own = np.clip(v[:, 0], -OUTLIER, OUTLIER)

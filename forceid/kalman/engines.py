@@ -32,6 +32,7 @@ class Engine:
     smooth: Callable[[StateSpace, Array], Smoothed]
     smooth_states: Callable[[StateSpace, Array], Array]
     log_likelihood: Callable[..., Array]
+    filter_and_smooth_states: Callable[[StateSpace, Array], tuple[Filtered, Array]]
 
 
 def engine(name: str = "auto") -> Engine:
@@ -57,13 +58,17 @@ def engine(name: str = "auto") -> Engine:
             next_step='install again with a C++ compiler, or choose engine = "auto"',
         ) from e
     if name == "filterpy":
-        return Engine(name, module.filter, module.smooth, module.smooth_states, module.log_likelihood)
+        return Engine(
+            name, module.filter, module.smooth, module.smooth_states, module.log_likelihood,
+            lambda model, z: (module.filter(model, z), module.smooth_states(model, z)),
+        )  # fmt: skip
     return Engine(
         name,
         partial(linear.filter, module),
         partial(linear.smooth, module),
         partial(linear.smooth_states, module),
         partial(linear.log_likelihood, module),
+        partial(linear.filter_and_smooth_states, module),
     )
 
 

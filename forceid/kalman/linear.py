@@ -88,6 +88,12 @@ def smooth_states(passes: Passes, model: StateSpace, z: Array) -> Array:
     return backward(passes, model, f, C)
 
 
+def filter_and_smooth_states(passes: Passes, model: StateSpace, z: Array) -> tuple[Filtered, Array]:
+    """Both `filter` and `smooth_states`, of signals with common gaps, for the covariances of one."""
+    f, C = filter_with_factors(passes, model, as_channels(z))
+    return f, backward(passes, model, f, C)
+
+
 def backward(passes: Passes, model: StateSpace, f: Filtered, C: Array | None) -> Array:
     """States (time, [signal,] state) given all samples, of a filter's; C: its factors, as it gave them."""
     F, Q, H, _, u = arrays(model, f.z)

@@ -133,6 +133,16 @@ def test_many_signals_of_one_model_are_each_signal_by_itself(engine):
     np.testing.assert_allclose(together.filtered.nis, nis, atol=1e-7)
 
 
+def test_filter_and_states_at_once_are_those_of_each_pass(engine):
+    model, rng = particle(), np.random.default_rng(5)
+    z = np.stack([draw(model, 60, rng)[1] for _ in range(3)], 1)
+    z[20:25] = np.nan
+    ours = engines.engine(engine)
+    filtered, states = ours.filter_and_smooth_states(model, z)
+    np.testing.assert_allclose(filtered.innovation, ours.filter(model, z).innovation, atol=1e-9)
+    np.testing.assert_allclose(states, ours.smooth_states(model, z), rtol=1e-9, atol=1e-12)
+
+
 def test_signals_with_gaps_of_their_own_have_covariances_of_their_own(engine):
     model, rng = particle(), np.random.default_rng(6)
     z = np.stack([draw(model, 60, rng)[1] for _ in range(3)], 1)
