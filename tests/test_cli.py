@@ -57,12 +57,14 @@ def test_every_command_has_help_with_an_example(command, capsys):
     assert f"Example: forceid {command}" in capsys.readouterr().out
 
 
-def test_version_names_package_and_engine(capsys):
+def test_version_names_package_engine_and_its_instructions_on_one_line(capsys):
     import forceid
-    from forceid.kalman import engine
+    from forceid import compiled
 
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"forceid {forceid.__version__}, engine {engine('auto').name}\n"
+    told = {"baseline": "baseline", "v3": "avx2", "v4": "avx512"}
+    engine = "numpy" if compiled.engine is None else f"compiled, {told[compiled.engine.arch]}"
+    assert capsys.readouterr().out == f"forceid {forceid.__version__}, engine {engine}\n"
 
 
 def test_help_loads_no_numerics():

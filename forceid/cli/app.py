@@ -52,11 +52,12 @@ app = typer.Typer(cls=LazyGroup)
 
 
 def show_version(wanted: bool) -> None:
-    """Print the version and the engine that `auto` stands for here, and stop."""
+    """Print the version, the engine that `auto` stands for here and its instructions, and stop."""
     if wanted:
-        from forceid.kalman.engines import engine
+        from forceid.kalman.engines import engine, instructions
 
-        typer.echo(f"forceid {__version__}, engine {engine('auto').name}")
+        chosen = engine("auto").name
+        typer.echo(", ".join([f"forceid {__version__}", f"engine {chosen}", *instructions(chosen)]))
         raise typer.Exit()
 
 

@@ -17,7 +17,7 @@ from forceid.records import Array
 
 # fastest first; an engine that nobody asked for is never imported
 MODULES = {
-    "compiled": "forceid.kalman._compiled",
+    "compiled": "forceid.compiled._engine",
     "numpy": "forceid.kalman.passes",
     "filterpy": "forceid.kalman.filterpy",
 }
@@ -75,6 +75,12 @@ def engine(name: str = "auto") -> Engine:
 def for_tuning(chosen: Engine | None) -> Engine:
     """The engine chosen; the fastest in place of none or of the reference, which knows no outliers."""
     return engine() if chosen is None or chosen.name == "filterpy" else chosen
+
+
+def instructions(name: str) -> list[str]:
+    """Name of the instructions that an engine was compiled for and uses here; none of others."""
+    arch = getattr(import_module(MODULES[name]), "arch", None)
+    return [{"baseline": "baseline", "v3": "avx2", "v4": "avx512"}[arch]] if arch else []
 
 
 def fastest() -> str:

@@ -6,21 +6,18 @@
 // computed is the filter of linear.py about a reference, and Bryson and Frazier's adjoint of its states and
 // covariances (1963). Row-major doubles.
 //
-// Included once for each kind of processor, in a namespace ARCH of its own with registers of REGISTER doubles, by
-// _flight.cpp.
+// Compiled once for each kind of processor, with registers of REGISTER doubles.
 
 namespace {
-namespace ARCH {
+namespace flight {
 
-constexpr int LANES = REGISTER, BLOCK = 8; // samples between covariances that are kept on the way forward
+using namespace lanes;
+
+constexpr int BLOCK = 8; // samples between covariances that are kept on the way forward
 constexpr double AGREES = 1e-8; // of a standard deviation, or of a variance: two stretches that meet
 constexpr double ALIKE = 1e-5;  // pivot of an innovation covariance in units of its diagonal: no less
 constexpr double LOST = 1e-6;   // of a variance that may be left of it, lest its digits go
 constexpr double LOG_2PI = 1.8378770664093454836;
-typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
-using Fleet = std::vector<Lanes, Aligned<Lanes>>;
-
-INLINE Lanes all(double v) { return Lanes{} + v; }
 
 // Entries of a record at eight samples of their own.
 struct Samples {
@@ -50,7 +47,6 @@ INLINE bool any(const Lanes &truth) { // of a comparison, as 0 or 1
     if (truth[l] != 0.0) return true;
   return false;
 }
-
 
 // ---- rotations ------------------------------------------------------------------------------------------
 
@@ -261,14 +257,13 @@ template <typename Call> void in_eights(Size count, Call call) {
   }
 }
 
-py::tuple turn(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps) {
+Three turn(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps) {
   const Course course{step, R, H, T, dT, J, h, substeps};
   const Size steps = course.steps();
-  Array turned_({steps, Size{3}, Size{3}}), by_theta_({steps, Size{3}, Size{3}}),
-      by_H_({Size{3}, steps, Size{3}, Size{3}});
-  double *turned = turned_.mutable_data(), *by_theta = by_theta_.mutable_data(), *by_H = by_H_.mutable_data();
+  Out turned_({steps, 3, 3}), by_theta_({steps, 3, 3}),
+      by_H_({3, steps, 3, 3});
+  double *turned = turned_.data(), *by_theta = by_theta_.data(), *by_H = by_H_.data();
   {
-    py::gil_scoped_release unlocked;
     in_eights(steps, [&](Size first, const Size *k, int lanes) {
       Matrix R_end, theta, by[3];
       course.turn(k, R_end, theta, by);
@@ -277,18 +272,18 @@ py::tuple turn(Array step, Array R, Array H, Array T, Array dT, Array J, Array h
       for (int p = 0; p < 3; ++p) put(by[p].a, 9, by_H + p * steps * 9, 9, first, lanes);
     });
   }
-  return py::make_tuple(turned_, by_theta_, by_H_);
+  return std::make_tuple(turned_, by_theta_, by_H_);
 }
 
 // Rows of theta in F and in Q of each step, and in its known input; chain F, Q (kind, state, state) of kinds
 // of step, `which` kind each is; axes of the chain; chain (time, state) of the reference.
-py::tuple rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps, Array F_,
+Three rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps, Array F_,
                         Array Q_, Index which_, Array axes_, Array chain_) {
   const Course course{step, R, H, T, dT, J, h, substeps};
   const Size steps = course.steps(), kinds = F_.shape(0);
   const int n = static_cast<int>(F_.shape(1));
-  Array top_({steps, Size{3}, Size{n}}), noise_({steps, Size{3}, Size{n}}), push_({steps, Size{3}});
-  double *top = top_.mutable_data(), *noise = noise_.mutable_data(), *push = push_.mutable_data();
+  Out top_({steps, 3, n}), noise_({steps, 3, n}), push_({steps, 3});
+  double *top = top_.data(), *noise = noise_.data(), *push = push_.data();
   const double *F = F_.data(), *Q = Q_.data();
   const Size *which = which_.data();
   std::vector<char> in_F(n * n, 0), in_Q(n * n, 0);
@@ -299,7 +294,6 @@ py::tuple rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J
   Matrix axes;
   for (int i = 0; i < 9; ++i) axes.a[i] = all(axes_.data()[i]);
   {
-    py::gil_scoped_release unlocked;
     Fleet out(3 * n), spread(3 * n), F_k(n * n), Q_k(n * n);
     in_eights(steps, [&](Size first, const Size *k, int lanes) {
       Matrix R_end, theta, by[3];
@@ -352,59 +346,10 @@ py::tuple rotation_rows(Array step, Array R, Array H, Array T, Array dT, Array J
       put(spread.data(), 3 * n, noise, 3 * n, first, lanes);
     });
   }
-  return py::make_tuple(top_, noise_, push_);
+  return std::make_tuple(top_, noise_, push_);
 }
 
 // ---- the smoother ---------------------------------------------------------------------------------------
-
-// Which entries of a matrix may hold something, row by row.
-struct Pattern {
-  std::vector<int> begin, column, entry;
-  template <typename Held> Pattern(int rows, int columns, Held held) : begin(1, 0) {
-    for (int i = 0; i < rows; ++i) {
-      for (int j = 0; j < columns; ++j)
-        if (held(i, j)) {
-          column.push_back(j);
-          entry.push_back(i * columns + j);
-        }
-      begin.push_back(static_cast<int>(column.size()));
-    }
-  }
-};
-
-// y, `apart` each from the next, = a row of a sparse a times x (columns, m)
-template <int WIDTH>
-INLINE void multiply_strip(const Lanes *a, const int *column, int count, const Lanes *x, int m, Lanes *y, int apart) {
-  Lanes sum[WIDTH] = {};
-  for (int l = 0; l < count; ++l) {
-    const Lanes f = a[l], *row = x + column[l] * m;
-    for (int j = 0; j < WIDTH; ++j) sum[j] += f * row[j];
-  }
-  for (int j = 0; j < WIDTH; ++j) y[j * apart] = sum[j];
-}
-
-// the same for the first `width` columns of one row
-INLINE void multiply_row(const Lanes *a, const int *column, int count, const Lanes *x, int m, Lanes *y, int width,
-                         int apart = 1) {
-  int j = 0;
-  for (; j + 9 <= width; j += 9) multiply_strip<9>(a, column, count, x + j, m, y + j * apart, apart);
-  for (; j + 6 <= width; j += 6) multiply_strip<6>(a, column, count, x + j, m, y + j * apart, apart);
-  for (; j + 3 <= width; j += 3) multiply_strip<3>(a, column, count, x + j, m, y + j * apart, apart);
-  for (; j < width; ++j) multiply_strip<1>(a, column, count, x + j, m, y + j * apart, apart);
-}
-
-// P <- a P a^T of a sparse a and symmetric P, lower half; work (n, n)
-INLINE void congruence(const int *begin, const int *column, const Lanes *a, Lanes *P, Lanes *work, int n) {
-  for (int i = 0; i < n; ++i) // a P, transposed
-    multiply_row(a + begin[i], column + begin[i], begin[i + 1] - begin[i], P, n, work + i, n, n);
-  for (int i = 0; i < n; ++i)
-    multiply_row(a + begin[i], column + begin[i], begin[i + 1] - begin[i], work, n, P + i * n, i + 1);
-}
-
-INLINE void mirror(Lanes *a, int n) {
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < i; ++j) a[j * n + i] = a[i * n + j];
-}
 
 INLINE void transpose(const Lanes *a, Lanes *t, int n) {
   for (int i = 0; i < n; ++i)
@@ -609,7 +554,6 @@ double apart(const Fleet &P, const Fleet &x, const Fleet &P_next, const Fleet &x
   return std::sqrt(worst);
 }
 
-
 enum Mode { STATES, SMOOTHED, FILTERED };
 
 // The way back: what later samples add, as Bryson and Frazier's adjoint r of states and Later of covariances.
@@ -688,19 +632,18 @@ struct Adjoint {
   }
 };
 
-py::tuple smooth(Array F, Array Q, Array u, Index which, Array top, Array noise, Array push, Array H, Array R, Array z,
+Smoothed smooth(Array F, Array Q, Array u, Index which, Array top, Array noise, Array push, Array H, Array R, Array z,
                  Array read, int theta, Array P0, Array x0, Size first, Size warm, bool cut, int mode) {
   const int n = static_cast<int>(F.shape(1)), m = static_cast<int>(z.shape(1));
   if (m > 6) throw std::invalid_argument("more than six channels");
   const Size T = z.shape(0), left_over = T - first;
   const Chain c{F, Q, u, which, top, noise, push, H, R, z, read, n, m, theta};
-  Array x_({T, Size{n}}), wrench_({T, Size{6}, Size{6}}), pose_({T, Size{6}, Size{6}}), white_({T, Size{m}}),
-      r_(Size{n}), Later_({Size{n}, Size{n}});
-  double *x = x_.mutable_data(), *white = white_.mutable_data(), *r = r_.mutable_data(), *Later = Later_.mutable_data();
-  double *cov[2] = {wrench_.mutable_data(), pose_.mutable_data()};
+  Out x_({T, n}), wrench_({T, 6, 6}), pose_({T, 6, 6}), white_({T, m}),
+      r_({n}), Later_({n, n});
+  double *x = x_.data(), *white = white_.data(), *r = r_.data(), *Later = Later_.data();
+  double *cov[2] = {wrench_.data(), pose_.data()};
   double log_likelihood = 0.0, meet = 0.0, left = 1.0, weakest = 1.0;
   {
-    py::gil_scoped_release unlocked;
     const Size D = cut ? (left_over - 2 * warm) / LANES : 0, J = left_over - (LANES - 1) * D;
     const int lanes = cut ? LANES : 1;
     Size start[LANES], begin[LANES], end[LANES];
@@ -838,15 +781,14 @@ py::tuple smooth(Array F, Array Q, Array u, Index which, Array top, Array noise,
     }
   }
   const char *found = !(weakest > ALIKE && left > LOST) ? "ill" : !(meet < AGREES) ? "apart" : "";
-  return py::make_tuple(found, x_, wrench_, pose_, white_, log_likelihood, r_, Later_, meet);
+  return std::make_tuple(found, x_, wrench_, pose_, white_, log_likelihood, r_, Later_, meet);
 }
 
 // Rotation vectors (time, 3) of A B^T, and rotations (time, 3, 3) exp(phi) R.
-Array between(Array A, Array B) {
+Out between(Array A, Array B) {
   const Size T = A.shape(0);
-  Array out({T, Size{3}});
-  double *phi = out.mutable_data();
-  py::gil_scoped_release unlocked;
+  Out out({T, 3});
+  double *phi = out.data();
   in_eights(T, [&](Size first, const Size *k, int lanes) {
     const Vector v = logarithm(matrix(Samples(A.data(), 9, k)) * transposed(matrix(Samples(B.data(), 9, k))));
     put(v.a, 3, phi, 3, first, lanes);
@@ -854,11 +796,10 @@ Array between(Array A, Array B) {
   return out;
 }
 
-Array turned(Array phi, Array R) {
+Out turned(Array phi, Array R) {
   const Size T = R.shape(0);
-  Array out({T, Size{3}, Size{3}});
-  double *data = out.mutable_data();
-  py::gil_scoped_release unlocked;
+  Out out({T, 3, 3});
+  double *data = out.data();
   in_eights(T, [&](Size first, const Size *k, int lanes) {
     const Matrix z = exponential(vector(Samples(phi.data(), 3, k))) * matrix(Samples(R.data(), 9, k));
     put(z.a, 9, data, 9, first, lanes);
@@ -866,5 +807,7 @@ Array turned(Array phi, Array R) {
   return out;
 }
 
-} // namespace ARCH
+constexpr Flights table = {LANES, turn, rotation_rows, smooth, between, turned};
+
+} // namespace flight
 } // namespace

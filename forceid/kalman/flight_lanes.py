@@ -1,10 +1,10 @@
 """The linear smoother of a long flight: stretches of one record side by side, a stretch in each vector lane.
 
 About a reference the model of a flight changes with every sample, but only in the rows of the rotation error,
-so that no covariance comes to rest and most of every matrix is the same or nothing. `_flight` goes through
-such a record in eight lanes at once: each begins some time before its part, and where two meet they must
-agree to 1e-8 of a standard deviation. Else, and where a load has a constant, which is never forgotten, the
-record is gone through from end to end. The start, which may be as good as unknown, goes through the array
+so that no covariance comes to rest and most of every matrix is the same or nothing. The compiled engine goes
+through such a record in several lanes at once: each begins some time before its part, and where two meet they
+must agree to 1e-8 of a standard deviation. Else, and where a load has a constant, which is never forgotten,
+the record is gone through from end to end. The start, which may be as good as unknown, goes through the array
 form as everywhere (`conditioning`). Source: principal equations 4f.
 """
 
@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.errors import EstimationError
 from forceid.kalman import linear, passes
 from forceid.kalman.covariance import square_root
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.square_root import eliminate, step_back, white_share
-from forceid.kalman.turning import compiled
 from forceid.records import Array, Indices
 
 WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
-LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in _flight.cpp
+LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in flight.hpp
 STATES, SMOOTHED, FILTERED = 0, 1, 2
 numpy_passes: Any = passes  # few samples
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag
 
-from forceid.kalman import turning
+from forceid.compiled import engine as compiled
 from forceid.kalman.flight_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows, pushes
@@ -157,7 +157,7 @@ def settled_in_lanes(
     engine will do.
     """
     t, time, center = kinds.theta, flight.time, flight.center
-    if turning.compiled is None or len(time) < LEAST or (first := by_frames(flight, moment)) is None:
+    if compiled is None or len(time) < LEAST or (first := by_frames(flight, moment)) is None:
         return None
     R, last = first[0], np.inf
     guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference
@@ -166,7 +166,7 @@ def settled_in_lanes(
     for alone in (True, *[False] * ROUNDS):
         chain = guess[:, t:].copy()
         parts = course_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
-        rows = turning.compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
+        rows = compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
         theta = between(flight.rotation, R)
         if alone:
             path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, STATES)

@@ -1,14 +1,17 @@
-// The passes of the linear Gaussian estimators, for one kind of processor: included once for each, in a
-// namespace ARCH of its own with registers of REGISTER doubles, by _compiled.cpp.
+// The passes of the linear Gaussian estimators. Compiled once for each kind of processor, with registers of
+// REGISTER doubles.
 //
 // Each pass is the same recursion as its namesake in passes.py, which says what it computes. Row-major
 // doubles throughout. Sizes of states and channels are fixed at compile time where SIZES names them, and 0,
 // known at run time, elsewhere; a covariance gains by that only while it is small.
 
 namespace {
-namespace ARCH {
+namespace passes {
 
-constexpr int WIDEST = REGISTER; // doubles of a vector register; wider vectors the compiler takes apart badly
+using namespace lanes;
+using strips::add_products, strips::Columns, strips::follow, strips::Memory;
+
+constexpr Size BLOCK = 32;          // samples of a recursion that are gone through at once
 constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
 constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
 constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
@@ -17,36 +20,39 @@ constexpr double LOG_2PI = 1.8378770664093454836;
 
 // ---- small dense algebra; sizes are constants wherever the caller's are -------------------------------
 
-// c (n, m) = a (n, k) b (k, m), four terms at a time; zeros in a cost nothing
+// Written out where sizes are known when compiled, else one function for all: quicker to compile.
+#define SHARED(SMALL, NAME, SIGNATURE, ARGUMENTS)                                                             \
+  __attribute__((noinline)) void NAME##_of_any_size SIGNATURE { NAME##_here ARGUMENTS; }                      \
+  INLINE void NAME SIGNATURE {                                                                                \
+    if (__builtin_constant_p(SMALL) && (SMALL)) NAME##_here ARGUMENTS;                                        \
+    else NAME##_of_any_size ARGUMENTS;                                                                        \
+  }
+
+// c (n, m) = a (n, k) b (k, m)
 INLINE void multiply(const double *__restrict a, const double *__restrict b, double *__restrict c, int n, int k,
                      int m) {
-  for (int i = 0; i < n; ++i) {
-    double *__restrict row = c + i * m;
-    const double *f = a + i * k;
-    for (int j = 0; j < m; ++j) row[j] = 0.0;
-    int l = 0;
-    for (; l + 3 < k; l += 4) {
-      const double f0 = f[l], f1 = f[l + 1], f2 = f[l + 2], f3 = f[l + 3];
-      if (f0 == 0.0 && f1 == 0.0 && f2 == 0.0 && f3 == 0.0) continue;
-      const double *b0 = b + l * m, *b1 = b0 + m, *b2 = b1 + m, *b3 = b2 + m;
-      for (int j = 0; j < m; ++j) row[j] += f0 * b0[j] + f1 * b1[j] + f2 * b2[j] + f3 * b3[j];
+  if (!__builtin_constant_p(n * k * m)) return strips::multiply(a, b, c, n, k, m);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < m; ++j) {
+      double sum = 0.0;
+      for (int l = 0; l < k; ++l) sum += a[i * k + l] * b[l * m + j];
+      c[i * m + j] = sum;
     }
-    for (; l < k; ++l) {
-      if (f[l] == 0.0) continue;
-      for (int j = 0; j < m; ++j) row[j] += f[l] * b[l * m + j];
-    }
-  }
 }
 
-INLINE void transpose(const double *__restrict a, double *__restrict t, int n, int m) {
+INLINE void transpose_here(const double *__restrict a, double *__restrict t, int n, int m) {
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < m; ++j) t[j * n + i] = a[i * m + j];
 }
 
-INLINE void symmetrize(double *a, int n) {
+SHARED(n * m <= 16, transpose, (const double *__restrict a, double *__restrict t, int n, int m), (a, t, n, m))
+
+INLINE void symmetrize_here(double *a, int n) {
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) a[i * n + j] = a[j * n + i] = 0.5 * (a[i * n + j] + a[j * n + i]);
 }
+
+SHARED(n <= 4, symmetrize, (double *a, int n), (a, n))
 
 // s = a p a^T of a symmetric p; a is sparse as a rule and goes first in both products
 INLINE void sandwich(const double *a, const double *p, double *s, double *work, int n) {
@@ -87,7 +93,7 @@ INLINE void subtract(double f, const double *__restrict x, double *__restrict y,
 }
 
 // x (n, m) = a^-1 x by elimination with row exchange; a is overwritten.
-INLINE void solve(double *a, double *x, int n, int m) {
+void solve(double *a, double *x, int n, int m) {
   for (int j = 0; j < n; ++j) {
     int pivot = j;
     for (int i = j + 1; i < n; ++i)
@@ -118,11 +124,11 @@ INLINE void solve(double *a, double *x, int n, int m) {
 // A matrix of each sample or step, or one for all: (1 or time, model or 1, ...).
 struct Along {
   const double *data;
-  py::ssize_t time, model, size;
+  Size time, model, size;
   explicit Along(const Array &a) : data(a.data()), time(a.shape(0)), model(a.shape(1)), size(1) {
     for (int i = 2; i < a.ndim(); ++i) size *= a.shape(i);
   }
-  const double *at(py::ssize_t k, py::ssize_t j = 0) const {
+  const double *at(Size k, Size j = 0) const {
     return data + ((time > 1 ? k : 0) * model + (model > 1 ? j : 0)) * size;
   }
 };
@@ -200,8 +206,8 @@ template <int N, int M> struct Covariance {
       std::memcpy(&H_s[i * n], H + channel[i] * n, n * sizeof(double));
       for (int j = 0; j < c; ++j) R_s[i * c + j] = R[channel[i] * m + channel[j]];
     }
-    transpose(H_s.data(), H_t.data(), c, n);
-    multiply(P_pred.data(), H_t.data(), PH.data(), n, n, c);
+    multiply(H_s.data(), P_pred.data(), H_t.data(), c, n, n); // what is sparse goes first
+    transpose(H_t.data(), PH.data(), c, n);
     multiply(H_s.data(), PH.data(), S.data(), c, n, c);
     for (int i = 0; i < c * c; ++i) S[i] += R_s[i];
     if (inflated > S[0]) { // the sample is believed less: its noise grows by what is missing
@@ -226,7 +232,6 @@ template <int N, int M> struct Covariance {
       for (int j = 0; j < n; ++j) P[i * n + j] = P_pred[i * n + j] - P[i * n + j];
     }
     if (taken > MOST) joseph(c);
-    symmetrize(P.data(), n);
     return true;
   }
 
@@ -240,120 +245,19 @@ template <int N, int M> struct Covariance {
     sandwich(I_KH.data(), P_pred.data(), P.data(), work.data(), n);
     multiply(PH.data(), H_t.data(), work.data(), n, c, n);
     for (int i = 0; i < n * n; ++i) P[i] += work[i];
+    symmetrize(P.data(), n);
   }
 };
 
-// ---- a recursion y <- A y + ... in vector registers -----------------------------------------------------
-
-constexpr int padded(int n) { return n <= 2 ? n : n <= 4 ? 4 : (n + WIDEST - 1) / WIDEST * WIDEST; }
-
-// Columns of a matrix (rows, columns), each padded with zeros to full vectors.
-template <int N> struct Columns {
-  static constexpr int NP = padded(N), LONG = NP < WIDEST ? NP : WIDEST, COUNT = NP / LONG;
-  typedef double Vector __attribute__((vector_size(LONG * 8), may_alias));
-  std::vector<double> memory;
-  double *data;
-
-  Columns(const double *a, int columns) : memory(NP * columns + 8, 0.0) {
-    data = memory.data();
-    while (reinterpret_cast<std::uintptr_t>(data) % 64) ++data;
-    for (int j = 0; j < columns; ++j)
-      for (int i = 0; i < N; ++i) data[j * NP + i] = a[i * columns + j];
-  }
-  Columns(const Columns &) = delete;
-
-  // y += this x, in two independent sums so that the chain of additions is half as long
-  INLINE void add(const double *x, Vector *y, int columns) const {
-    Vector odd[COUNT] = {};
-    const Vector *column = reinterpret_cast<const Vector *>(data);
-    int j = 0;
-    for (; j + 1 < columns; j += 2)
-      for (int b = 0; b < COUNT; ++b) {
-        y[b] += column[j * COUNT + b] * x[j];
-        odd[b] += column[(j + 1) * COUNT + b] * x[j + 1];
-      }
-    if (j < columns)
-      for (int b = 0; b < COUNT; ++b) y[b] += column[j * COUNT + b] * x[j];
-    for (int b = 0; b < COUNT; ++b) y[b] += odd[b];
-  }
-  // y_s += this x_s for four x, `stride` apart: each column is loaded once
-  INLINE void add_four(const double *x, py::ssize_t stride, Vector (*y)[COUNT], int columns) const {
-    const Vector *column = reinterpret_cast<const Vector *>(data);
-    for (int j = 0; j < columns; ++j)
-      for (int b = 0; b < COUNT; ++b) {
-        const Vector c = column[j * COUNT + b];
-        for (int s = 0; s < 4; ++s) y[s][b] += c * x[s * stride + j];
-      }
-  }
-};
-
-// The same for sizes known at run time, and a face that both share.
-template <> struct Columns<0> {
-  Buffer data;
-  int rows;
-  Columns(const double *a, int n, int columns) : data(n * columns), rows(n) {
-    transpose(a, data.data(), n, columns);
-  }
-  void add(const double *x, double *y, int columns) const {
-    for (int j = 0; j < columns; ++j)
-      for (int i = 0; i < rows; ++i) y[i] += data[j * rows + i] * x[j];
-  }
-};
-
-template <int N> struct Recursion { // y <- A y + B v
-  Columns<N> A, B;
-  alignas(64) double y[padded(N)] = {};
-  const int m;
-  Recursion(const double *a, const double *b, int n, int m_) : A(a, n), B(b, m_), m(m_) {}
-  INLINE void step(const double *v, int m) {
-    typename Columns<N>::Vector next[Columns<N>::COUNT] = {};
-    B.add(v, next, m);
-    A.add(y, next, N);
-    std::memcpy(y, next, sizeof y);
-  }
-};
-
-template <> struct Recursion<0> {
-  Columns<0> A, B;
-  Buffer memory, next;
-  double *y;
-  const int m;
-  Recursion(const double *a, const double *b, int n, int m_)
-      : A(a, n, n), B(b, n, m_), memory(n), next(n), y(memory.data()), m(m_) {}
-  void step(const double *v, int m) {
-    std::fill(next.begin(), next.end(), 0.0);
-    B.add(v, next.data(), m);
-    A.add(y, next.data(), static_cast<int>(next.size()));
-    std::copy(next.begin(), next.end(), y);
-  }
-};
-
-// y = this x, rows in vector registers
-template <int N> INLINE void times(const Columns<N> &a, const double *x, double *y, int columns) {
-  typename Columns<N>::Vector sum[Columns<N>::COUNT] = {};
-  a.add(x, sum, columns);
-  alignas(64) double out[padded(N)];
-  std::memcpy(out, sum, sizeof out);
-  std::copy(out, out + N, y);
-}
-
-INLINE void times(const Columns<0> &a, const double *x, double *y, int columns) {
-  std::fill(y, y + a.rows, 0.0);
-  a.add(x, y, columns);
-}
-
-template <int N> Columns<N> columns_of(const double *a, int rows, int columns) {
-  if constexpr (N > 0) return Columns<N>(a, columns);
-  else return Columns<N>(a, rows, columns);
-}
-
-INLINE void row_times(const double *a, const double *x, double *y, int n, int m) { // y = a x
+INLINE void row_times_here(const double *a, const double *x, double *y, int n, int m) { // y = a x
   for (int i = 0; i < n; ++i) {
     double s = 0.0;
     for (int j = 0; j < m; ++j) s += a[i * m + j] * x[j];
     y[i] = s;
   }
 }
+
+SHARED(n * m <= 16, row_times, (const double *a, const double *x, double *y, int n, int m), (a, x, y, n, m))
 
 // (1 - K H) F, the transition of the filtered state
 void closed_loop(const double *F, const double *H, const double *K, double *A, int n, int m) {
@@ -368,37 +272,24 @@ template <int N, int M> constexpr bool tiny = N > 0 && N <= 6 && M == 1;
 
 // ---- the passes -----------------------------------------------------------------------------------------
 
-Array wrap(const Buffer &values, std::vector<py::ssize_t> shape) {
-  Array a(shape);
-  std::copy(values.begin(), values.end(), a.mutable_data());
-  return a;
-}
-
-py::array_t<py::ssize_t> wrap(const std::vector<py::ssize_t> &values) {
-  py::array_t<py::ssize_t> a(values.size());
-  std::copy(values.begin(), values.end(), a.mutable_data());
-  return a;
-}
-
 void append(Buffer &all, const Buffer &more) { all.insert(all.end(), more.begin(), more.end()); }
 
 // Returns (start, P_pred, P, K, W, failed sample or -1).
 template <int N, int M>
-py::tuple covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen_, bool steady) {
+Runs covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen_, bool steady) {
   const Along F(F_), Q(Q_), H(H_), R(R_);
-  const py::ssize_t T = seen_.shape(0);
+  const Size T = seen_.shape(0);
   const int m = static_cast<int>(seen_.shape(1)), n = static_cast<int>(P0.shape(0));
   Covariance<N, M> now(n, m);
   std::copy(P0.data(), P0.data() + n * n, now.P_pred.begin());
-  std::vector<py::ssize_t> start;
+  std::vector<Size> start;
   Buffer P_pred, P, K, W;
-  py::ssize_t failed = -1;
+  Size failed = -1;
   {
-    py::gil_scoped_release unlocked;
     Rest rest;
     rest.restart();
     bool resting = false;
-    for (py::ssize_t k = 0; k < T; ++k) {
+    for (Size k = 0; k < T; ++k) {
       const unsigned char *seen = seen_.data() + k * m;
       if (k > 0 && std::memcmp(seen, seen - m, m) != 0) {
         resting = false;
@@ -418,14 +309,10 @@ py::tuple covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask
       if (steady && k > 0) resting = rest.reached(now.P.data(), n);
     }
   }
-  const auto r = static_cast<py::ssize_t>(start.size());
-  return py::make_tuple(wrap(start), wrap(P_pred, {r, n, n}), wrap(P, {r, n, n}), wrap(K, {r, n, m}),
-                        wrap(W, {r, m, m}), failed);
+  const auto r = static_cast<Size>(start.size());
+  return {Tensor<Size>(std::move(start), {r}), Out(std::move(P_pred), {r, n, n}), Out(std::move(P), {r, n, n}),
+          Out(std::move(K), {r, n, m}), Out(std::move(W), {r, m, m}), failed};
 }
-
-constexpr int LANES = WIDEST; // signals, or models, side by side: what is fast whatever their sizes
-typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
-using Columnwise = std::vector<Lanes, Aligned<Lanes>>;
 
 // Rows of LANES signals, (lane, n) in memory, as one vector a column; and back.
 INLINE void gather(const double *rows, Lanes *columns, int n) {
@@ -448,23 +335,50 @@ INLINE void accumulate(Lanes &sum, const double *row, const Lanes *x, int n) {
   for (int j = 0; j < n; ++j) sum += x[j] * row[j];
 }
 
+// y <- A y + B v, a block of samples at a time; B v, which does not wait for y, goes first.
+struct Path {
+  const Columns &A;
+  Memory y; // (1 + BLOCK, padded): where the block begins, then each of its samples
+
+  explicit Path(const Columns &A_) : A(A_), y((1 + BLOCK) * A_.padded, 0.0) {}
+
+  const double *at(Size k) const { return y.data() + k * A.padded; }
+  void begin(const double *from) { std::copy(from, from + A.rows, y.begin()); }
+  void resume(Size k) { std::copy(at(k), at(k) + A.padded, y.begin()); } // the next block behind sample k of this
+
+  // through a block of inputs v, `apart` each from the next; push (block, state), if any, is added
+  void go(const Columns &B, const double *v, Size apart, Size count, const double *push = nullptr, Size push_apart = 0) {
+    double *next = y.data() + A.padded;
+    std::fill(next, next + count * A.padded, 0.0);
+    if (push)
+      for (Size k = 0; k < count; ++k) std::copy(push + k * push_apart, push + k * push_apart + A.rows, next + k * A.padded);
+    add_products(B, v, apart, next, count);
+    follow(A, y.data(), count);
+  }
+
+  void put(Size from, Size count, double *out, Size apart) const { // samples of this block
+    for (Size k = 0; k < count; ++k)
+      for (int i = 0; i < A.rows; ++i) out[k * apart + i] = at(from + k)[i];
+  }
+};
+
 INLINE double zero_if_missing(double z) { return z == z ? z : 0.0; }
 
 // A run of mean_pass behind its first sample, for as many signals as fill lanes; returns how many.
-py::ssize_t means_in_lanes(const double *A, const double *B, const Along &u, bool driven, const double *z, double *x,
-                           py::ssize_t first, py::ssize_t stop, py::ssize_t signals, int n, int m) {
-  const py::ssize_t fleets = signals / LANES;
+Size means_in_lanes(const double *A, const double *B, const Along &u, bool driven, const double *z, double *x,
+                           Size first, Size stop, Size signals, int n, int m) {
+  const Size fleets = signals / LANES;
   const int inputs = driven ? m + n : m;
-  Columnwise X(fleets * n), next(n), push(n), Z(m);
-  for (py::ssize_t f = 0; f < fleets; ++f) gather(x + (first * signals + f * LANES) * n, &X[f * n], n);
-  for (py::ssize_t k = first + 1; k < stop; ++k) {
+  Fleet X(fleets * n), next(n), push(n), Z(m);
+  for (Size f = 0; f < fleets; ++f) gather(x + (first * signals + f * LANES) * n, &X[f * n], n);
+  for (Size k = first + 1; k < stop; ++k) {
     if (driven) // the same for all signals
       for (int i = 0; i < n; ++i) {
         double sum = 0.0;
         for (int j = 0; j < n; ++j) sum += B[i * inputs + m + j] * u.at(k - 1)[j];
         push[i] = Lanes{} + sum;
       }
-    for (py::ssize_t f = 0; f < fleets; ++f) {
+    for (Size f = 0; f < fleets; ++f) {
       gather(z + (k * signals + f * LANES) * m, Z.data(), m);
       for (int c = 0; c < m; ++c) Z[c] = Z[c] == Z[c] ? Z[c] : Lanes{};
       for (int i = 0; i < n; ++i) {
@@ -481,23 +395,22 @@ py::ssize_t means_in_lanes(const double *A, const double *B, const Along &u, boo
 }
 
 // Filtered states x (time, signal, state) under the gains of covariance_pass.
-template <int N, int M>
-Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0, Array z_) {
+Out mean_pass(Array F_, Array u_, Array H_, Index start_, Array K_, Array x0, Array z_) {
   const Along F(F_), u(u_), H(H_);
-  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
-  const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(z_.shape(2));
+  const Size T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = static_cast<int>(x0.shape(1)), m = static_cast<int>(z_.shape(2));
   const bool driven = is_driven(u);
-  Array x_({T, signals, static_cast<py::ssize_t>(n)});
-  double *x = x_.mutable_data();
+  Out x_({T, signals, n});
+  double *x = x_.data();
   const double *z = z_.data();
-  const py::ssize_t *start = start_.data();
-  py::gil_scoped_release unlocked;
-  Buffer pred(n), e(m), A(n * n), v(m + 2 * n), B(n * (m + n)), I_KH(n * n);
-  for (py::ssize_t r = 0; r < runs; ++r) {
-    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+  const Size *start = start_.data();
+  const int inputs = driven ? m + n : m; // of the recursion: the measurement, and the known input through 1 - K H
+  Buffer pred(n), e(m), A(n * n), v(BLOCK * inputs), B(n * inputs), I_KH(n * n);
+  for (Size r = 0; r < runs; ++r) {
+    const Size first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
     const double *K = K_.data() + r * n * m;
     // the first sample of a run in two steps: it may follow another gain
-    for (py::ssize_t s = 0; s < signals; ++s) {
+    for (Size s = 0; s < signals; ++s) {
       double *now = x + (first * signals + s) * n;
       if (first == 0) {
         std::copy(x0.data() + s * n, x0.data() + (s + 1) * n, pred.begin());
@@ -513,41 +426,27 @@ Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0,
     }
     if (stop - first < 2) continue;
     closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
-    // inputs of the recursion: the measurement, and the known input through 1 - K H
-    const int inputs = driven ? m + n : m;
     multiply(K, H.at(0), I_KH.data(), n, m, n);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < inputs; ++j)
         B[i * inputs + j] = j < m ? K[i * m + j] : (i == j - m) - I_KH[i * n + j - m];
-    py::ssize_t s = 0;
+    Size s = 0;
     if (signals >= LANES) s = means_in_lanes(A.data(), B.data(), u, driven, z, x, first, stop, signals, n, m);
+    if (s == signals) continue;
+    const Columns A_columns(A.data(), n, n), B_columns(B.data(), n, inputs);
+    Path path(A_columns);
     for (; s < signals; ++s) {
-      Recursion<N> path(A.data(), B.data(), n, inputs);
-      std::copy(x + (first * signals + s) * n, x + (first * signals + s + 1) * n, path.y);
-      py::ssize_t k = first + 1;
-      if constexpr (N > 0 && M > 0) // what does not wait for the state, four samples at a time
-        for (; !driven && k + 4 <= stop; k += 4) {
-          double Z[4][M];
-          for (int i = 0; i < 4; ++i)
-            for (int c = 0; c < M; ++c) Z[i][c] = zero_if_missing(z[((k + i) * signals + s) * M + c]);
-          typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
-          path.B.add_four(Z[0], M, next, M);
-          for (int i = 0; i < 4; ++i) {
-            path.A.add(path.y, next[i], N);
-            std::memcpy(path.y, next[i], sizeof path.y);
-            std::copy(path.y, path.y + N, x + ((k + i) * signals + s) * N);
-          }
+      path.begin(x + (first * signals + s) * n);
+      for (Size k = first + 1; k < stop; k += BLOCK) {
+        const Size count = std::min(BLOCK, stop - k);
+        for (Size i = 0; i < count; ++i) {
+          double *row = &v[i * inputs];
+          for (int c = 0; c < m; ++c) row[c] = zero_if_missing(z[((k + i) * signals + s) * m + c]);
+          if (driven) std::copy(u.at(k + i - 1), u.at(k + i - 1) + n, row + m);
         }
-      for (; k < stop; ++k) {
-        const double *zk = z + (k * signals + s) * m;
-        for (int c = 0; c < m; ++c) v[c] = zero_if_missing(zk[c]);
-        if (driven) {
-          std::copy(u.at(k - 1), u.at(k - 1) + n, v.begin() + m);
-          path.step(v.data(), inputs);
-        } else {
-          path.step(v.data(), m);
-        }
-        std::copy(path.y, path.y + n, x + (k * signals + s) * n);
+        path.go(B_columns, v.data(), inputs, count);
+        path.put(1, count, x + (k * signals + s) * n, signals * n);
+        path.resume(count);
       }
     }
   }
@@ -555,17 +454,17 @@ Array mean_pass(Array F_, Array u_, Array H_, Starts start_, Array K_, Array x0,
 }
 
 // A run of adjoint_pass but for its first sample, for as many signals as fill lanes; returns how many.
-py::ssize_t adjoints_in_lanes(const double *A_t, const double *E, const double *HF, const double *P, const double *H,
+Size adjoints_in_lanes(const double *A_t, const double *E, const double *HF, const double *P, const double *H,
                               const Along &u, bool driven, const double *z, const double *x, double *smoothed,
-                              double *adjoint, py::ssize_t first, py::ssize_t stop, py::ssize_t signals, int n, int m) {
-  const py::ssize_t fleets = signals / LANES;
-  Columnwise RT(fleets * n), now(n), before(n), next(n), Z(m);
+                              double *adjoint, Size first, Size stop, Size signals, int n, int m) {
+  const Size fleets = signals / LANES;
+  Fleet RT(fleets * n), now(n), before(n), next(n), Z(m);
   Buffer Hu(m, 0.0);
-  for (py::ssize_t f = 0; f < fleets; ++f) gather(adjoint + f * LANES * n, &RT[f * n], n);
-  for (py::ssize_t k = stop - 1; k > first; --k) {
+  for (Size f = 0; f < fleets; ++f) gather(adjoint + f * LANES * n, &RT[f * n], n);
+  for (Size k = stop - 1; k > first; --k) {
     if (driven) row_times(H, u.at(k - 1), Hu.data(), m, n);
-    for (py::ssize_t f = 0; f < fleets; ++f) {
-      const py::ssize_t at = k * signals + f * LANES;
+    for (Size f = 0; f < fleets; ++f) {
+      const Size at = k * signals + f * LANES;
       Lanes *rt = &RT[f * n];
       gather(x + at * n, now.data(), n);
       gather(x + (at - signals) * n, before.data(), n);
@@ -586,27 +485,27 @@ py::ssize_t adjoints_in_lanes(const double *A_t, const double *E, const double *
       std::copy(next.begin(), next.end(), rt);
     }
   }
-  for (py::ssize_t f = 0; f < fleets; ++f) scatter(&RT[f * n], adjoint + f * LANES * n, n);
+  for (Size f = 0; f < fleets; ++f) scatter(&RT[f * n], adjoint + f * LANES * n, n);
   return fleets * LANES;
 }
 
 // Smoothed states (time, signal, state): x + P rt, with the adjoint rt of Bryson and Frazier.
-template <int N, int M>
-Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array K_, Array W_, Array G_, Array z_,
-                   Array x_) {
+Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_, Array W_, Array G_, Array z_,
+                 Array x_) {
   const Along F(F_), u(u_), H(H_);
-  const py::ssize_t T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
-  const int n = N ? N : static_cast<int>(x_.shape(2)), m = M ? M : static_cast<int>(z_.shape(2));
+  const Size T = z_.shape(0), signals = z_.shape(1), runs = start_.shape(0);
+  const int n = static_cast<int>(x_.shape(2)), m = static_cast<int>(z_.shape(2));
+  const Size row = signals * n; // from a sample to the next
   const bool driven = is_driven(u);
-  Array smoothed_({T, signals, static_cast<py::ssize_t>(n)});
-  double *smoothed = smoothed_.mutable_data();
+  Out smoothed_({T, signals, n});
+  double *smoothed = smoothed_.data();
   const double *x = x_.data(), *z = z_.data();
-  const py::ssize_t *start = start_.data();
-  py::gil_scoped_release unlocked;
-  Buffer adjoint(signals * n, 0.0), pred(n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n),
-      A_t(n * n), HF(m * n), Hu(m), E(n * m), back(n);
-  for (py::ssize_t r = runs; r-- > 0;) {
-    const py::ssize_t first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
+  const Size *start = start_.data();
+  Buffer adjoint(signals * n, 0.0), pred(n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n), A_t(n * n),
+      HF(m * n), Hu(m, 0.0), E(n * m), HS(n * m), back(n), error(BLOCK * m);
+  Memory predicted, told;
+  for (Size r = runs; r-- > 0;) {
+    const Size first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
     const double *K = K_.data() + r * n * m, *W = W_.data() + r * m * m, *P = P_.data() + r * n * n;
     for (int i = 0; i < m; ++i)
       for (int j = 0; j < m; ++j) {
@@ -620,114 +519,72 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
       Buffer I_GF(n * n), inverse(n * n), off(n);
       multiply(G, F.at(0), I_GF.data(), n, n, n);
       for (int i = 0; i < n * n; ++i) I_GF[i] = (i % (n + 1) == 0) - I_GF[i];
-      for (py::ssize_t s = 0; s < signals; ++s) {
-        double *rt = adjoint.data() + s * n;
-        Recursion<N> path(G, I_GF.data(), n, n);
-        py::ssize_t at = (stop - 1) * signals + s;
-        row_times(P, rt, path.y, n, n);
-        for (int i = 0; i < n; ++i) path.y[i] += x[at * n + i];
-        std::copy(path.y, path.y + n, smoothed + at * n);
-        py::ssize_t k = stop - 2;
-        if constexpr (N > 0)
-          for (; k - 3 > first; k -= 4) {
-            at = k * signals + s;
-            typename Columns<N>::Vector next[4][Columns<N>::COUNT] = {};
-            path.B.add_four(x + at * N, -signals * N, next, N);
-            for (int i = 0; i < 4; ++i) {
-              path.A.add(path.y, next[i], N);
-              std::memcpy(path.y, next[i], sizeof path.y);
-              std::copy(path.y, path.y + N, smoothed + (at - i * signals) * N);
-            }
-          }
-        for (; k >= first; --k) {
-          at = k * signals + s;
-          path.step(x + at * n, n);
-          std::copy(path.y, path.y + n, smoothed + at * n);
+      const Columns by_next(G, n, n), by_own(I_GF.data(), n, n);
+      Path path(by_next);
+      for (Size s = 0; s < signals; ++s) {
+        double *rt = adjoint.data() + s * n, *last = smoothed + (stop - 1) * row + s * n;
+        const double *own = x + (stop - 1) * row + s * n;
+        row_times(P, rt, last, n, n);
+        for (int i = 0; i < n; ++i) last[i] += own[i];
+        path.begin(last);
+        for (Size done = 1; done < stop - first; done += BLOCK) {
+          const Size count = std::min(BLOCK, stop - first - done);
+          path.go(by_own, own - done * row, -row, count);
+          path.put(1, count, last - done * row, -row);
+          path.resume(count);
         }
-        for (int i = 0; i < n; ++i) off[i] = path.y[i] - x[at * n + i];
+        for (int i = 0; i < n; ++i) off[i] = smoothed[first * row + s * n + i] - x[first * row + s * n + i];
         std::copy(P, P + n * n, inverse.begin());
         solve(inverse.data(), off.data(), n, 1);
         std::copy(off.begin(), off.end(), rt);
       }
     }
     const bool by_adjoint = steady && G[0] != G[0];
+    Size in_lanes = 0; // signals whose run is done but for its first sample
     if (by_adjoint) {
       closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
       transpose(A.data(), A_t.data(), n, n);
       transpose(H.at(0), H_t.data(), m, n);
       transpose(F.at(0), F_t.data(), n, n);
-      multiply(H_t.data(), S_inv.data(), E.data(), n, m, m);
-      Buffer E0 = E;
-      multiply(F_t.data(), E0.data(), E.data(), n, n, m);
+      multiply(H_t.data(), S_inv.data(), HS.data(), n, m, m);
+      multiply(F_t.data(), HS.data(), E.data(), n, n, m);
       multiply(H.at(0), F.at(0), HF.data(), m, n, n);
+      if (signals >= LANES)
+        in_lanes = adjoints_in_lanes(A_t.data(), E.data(), HF.data(), P, H.at(0), u, driven, z, x, smoothed,
+                                     adjoint.data(), first, stop, signals, n, m);
     }
-    py::ssize_t in_lanes = 0; // signals whose run is done but for its first sample
-    if (by_adjoint && signals >= LANES)
-      in_lanes = adjoints_in_lanes(A_t.data(), E.data(), HF.data(), P, H.at(0), u, driven, z, x, smoothed,
-                                   adjoint.data(), first, stop, signals, n, m);
-    for (py::ssize_t s = 0; s < signals; ++s) {
-      double *rt = adjoint.data() + s * n;
-      py::ssize_t k = s < in_lanes || (steady && !by_adjoint) ? first : stop - 1;
-      if (by_adjoint && s >= in_lanes) {
-        Recursion<N> path(A_t.data(), E.data(), n, m);
-        const Columns<N> gain = columns_of<N>(P, n, n);
-        const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n);
-        std::copy(rt, rt + n, path.y);
-        if constexpr (N > 0 && M > 0) { // what does not wait for the adjoint, four samples at a time
-          using State = typename Columns<N>::Vector;
-          using Channels = typename Columns<M>::Vector;
-          constexpr int NP = padded(N), MP = padded(M);
-          const py::ssize_t back_one = -signals * N;
-          for (; k - 4 >= first; k -= 4) {
-            const py::ssize_t at = k * signals + s;
-            Channels predicted[4][Columns<M>::COUNT] = {};
-            HF_rows.add_four(x + (at - signals) * N, back_one, predicted, N);
-            alignas(64) double error[4][MP], adjoint_at[4][NP], out[4][NP];
-            std::memcpy(error, predicted, sizeof error);
-            for (int i = 0; i < 4; ++i) {
-              if (driven) row_times(H.at(0), u.at(k - i - 1), Hu.data(), M, N);
-              for (int c = 0; c < M; ++c)
-                error[i][c] = zero_if_missing(z[(at - i * signals) * M + c]) - error[i][c] - (driven ? Hu[c] : 0.0);
-            }
-            State told[4][Columns<N>::COUNT] = {}, sum[4][Columns<N>::COUNT] = {};
-            path.B.add_four(error[0], MP, told, M);
-            for (int i = 0; i < 4; ++i) {
-              std::memcpy(adjoint_at[i], path.y, sizeof path.y);
-              path.A.add(path.y, told[i], N);
-              std::memcpy(path.y, told[i], sizeof path.y);
-            }
-            gain.add_four(adjoint_at[0], NP, sum, N);
-            std::memcpy(out, sum, sizeof out);
-            for (int i = 0; i < 4; ++i)
-              for (int j = 0; j < N; ++j) smoothed[(at - i * signals) * N + j] = x[(at - i * signals) * N + j] + out[i][j];
+    if (by_adjoint && in_lanes < signals) {
+      const Columns back_step(A_t.data(), n, n), by_error(E.data(), n, m), gain(P, n, n), predicts(HF.data(), m, n);
+      Path path(back_step);
+      predicted.resize(BLOCK * predicts.padded);
+      told.resize(BLOCK * gain.padded);
+      for (Size s = in_lanes; s < signals; ++s) {
+        double *rt = adjoint.data() + s * n;
+        path.begin(rt);
+        for (Size k = stop - 1; k > first; k -= BLOCK) { // samples k, k - 1, ...
+          const Size count = std::min(BLOCK, k - first), at = k * row + s * n;
+          std::fill(predicted.begin(), predicted.end(), 0.0);
+          add_products(predicts, x + at - row, -row, predicted.data(), count);
+          for (Size i = 0; i < count; ++i) {
+            if (driven) row_times(H.at(0), u.at(k - i - 1), Hu.data(), m, n);
+            for (int c = 0; c < m; ++c) // a channel that is missing has a zero column in E
+              error[i * m + c] =
+                  zero_if_missing(z[((k - i) * signals + s) * m + c]) - predicted[i * predicts.padded + c] - Hu[c];
           }
+          path.go(by_error, error.data(), m, count);
+          std::fill(told.begin(), told.end(), 0.0);
+          add_products(gain, path.at(0), gain.padded, told.data(), count);
+          for (Size i = 0; i < count; ++i)
+            for (int j = 0; j < n; ++j) smoothed[at - i * row + j] = x[at - i * row + j] + told[i * gain.padded + j];
+          path.resume(count);
         }
-        for (; k > first; --k) {
-          const py::ssize_t at = k * signals + s;
-          if constexpr (N > 0) {
-            alignas(64) double out[padded(N)] = {};
-            std::copy(x + at * n, x + (at + 1) * n, out);
-            typename Columns<N>::Vector sum[Columns<N>::COUNT];
-            std::memcpy(sum, out, sizeof out);
-            gain.add(path.y, sum, N);
-            std::memcpy(out, sum, sizeof out);
-            std::copy(out, out + N, smoothed + at * n);
-          } else {
-            std::copy(x + at * n, x + (at + 1) * n, smoothed + at * n);
-            gain.add(path.y, smoothed + at * n, n);
-          }
-          times(HF_rows, x + (at - signals) * n, e.data(), n);
-          for (int c = 0; c < m; ++c) // a channel that is missing has a zero column in E
-            e[c] = zero_if_missing(z[at * m + c]) - e[c];
-          if (driven) {
-            row_times(H.at(0), u.at(k - 1), Hu.data(), m, n);
-            for (int c = 0; c < m; ++c) e[c] -= Hu[c];
-          }
-          path.step(e.data(), m);
-        }
-        std::copy(path.y, path.y + n, rt);
+        path.put(0, 1, rt, 0);
       }
-      const py::ssize_t at = k * signals + s; // k == first
+    }
+    for (Size s = 0; s < signals; ++s) { // the first sample of the run, and the step to it
+      double *rt = adjoint.data() + s * n;
+      const Size k = first;
+      const Size at = k * signals + s;
       row_times(P, rt, smoothed + at * n, n, n);
       for (int i = 0; i < n; ++i) smoothed[at * n + i] += x[at * n + i];
       if (k == 0) continue;
@@ -754,23 +611,22 @@ Array adjoint_pass(Array F_, Array u_, Array H_, Starts start_, Array P_, Array 
 
 // Information of later samples: (start, later), later holding from start to the next; failed sample or -1.
 template <int N, int M>
-py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool steady) {
+Later information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool steady) {
   const Along F(F_), Q(Q_), H(H_), R(R_);
-  const py::ssize_t T = seen_.shape(0);
+  const Size T = seen_.shape(0);
   const int m = M ? M : static_cast<int>(seen_.shape(1)), n = N ? N : static_cast<int>(F_.shape(3));
-  std::vector<py::ssize_t> last; // of each run, backwards
+  std::vector<Size> last; // of each run, backwards
   Buffer later, now(n * n, 0.0), D(n * n), X(n * (n + m)), S(m * m), W(m * m), H_s(m * n), YH(n * m),
       told(n * n), F_t(n * n), work(n * std::max(n, m)), white(m * n);
   std::vector<int> channel(m);
-  py::ssize_t failed = -1;
+  Size failed = -1;
   {
-    py::gil_scoped_release unlocked;
     Rest rest;
     rest.restart();
     bool resting = false;
     last.push_back(T - 1);
     append(later, now);
-    for (py::ssize_t k = T - 1; k > 0; --k) { // from what is told after sample k to what after k - 1
+    for (Size k = T - 1; k > 0; --k) { // from what is told after sample k to what after k - 1
       const unsigned char *seen = seen_.data() + k * m;
       if (k < T - 1 && std::memcmp(seen, seen + m, m) != 0) {
         resting = false;
@@ -821,8 +677,8 @@ py::tuple information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, b
       if (steady) resting = rest.reached(now.data(), n);
     }
   }
-  const auto r = static_cast<py::ssize_t>(last.size());
-  return py::make_tuple(wrap(last), wrap(later, {r, n, n}), failed);
+  const auto r = static_cast<Size>(last.size());
+  return {Tensor<Size>(std::move(last), {r}), Out(std::move(later), {r, n, n}), failed};
 }
 
 // Lower C with C C^T = P in place, by correlations; a pivot that is zero to rounding ends its column.
@@ -846,14 +702,13 @@ INLINE void semidefinite_root(double *P, double *size, double *column, int n) {
 }
 
 // (P^-1 + later)^-1 of each sample: C (1 + C^T later C)^-1 C^T.
-template <int N> Array combine(Array P_, Array later_) {
-  const py::ssize_t T = P_.shape(0);
+template <int N> Out combine(Array P_, Array later_) {
+  const Size T = P_.shape(0);
   const int n = N ? N : static_cast<int>(P_.shape(1));
-  Array out_({T, P_.shape(1), P_.shape(2)});
-  double *out = out_.mutable_data();
-  py::gil_scoped_release unlocked;
+  Out out_({T, n, n});
+  double *out = out_.data();
   Buffer C(n * n), C_t(n * n), known(n * n), work(n * n), size(n), column(n);
-  for (py::ssize_t k = 0; k < T; ++k) {
+  for (Size k = 0; k < T; ++k) {
     std::copy(P_.data() + k * n * n, P_.data() + (k + 1) * n * n, C.begin());
     semidefinite_root(C.data(), size.data(), column.data(), n);
     transpose(C.data(), C_t.data(), n, n);
@@ -876,17 +731,20 @@ template <int N> Array combine(Array P_, Array later_) {
 }
 
 // A step of many models of one channel, one in each lane; zeros common to all cost nothing.
-struct Fleet {
+struct Models {
   const int N;
-  Columnwise F, Q, P, P_pred, h, x, PH, K, FP, y, A;
+  Fleet Q, P, x, PH, K, work, y, A, Fv; // of P below the diagonal after a prediction, all of it after an update
   Lanes r;
-  std::vector<char> holds_F, holds_h;
+  std::vector<char> held;
+  Pattern in_F;
+  std::vector<int> reads_at;
+  Fleet h;
 
-  explicit Fleet(int n)
-      : N(n), F(n * n), Q(n * n), P(n * n), P_pred(n * n), h(n), x(n), PH(n), K(n), FP(n * n), y(n), A(n * n),
-        holds_F(n * n), holds_h(n) {}
+  explicit Models(int n)
+      : N(n), Q(n * n), P(n * n), x(n), PH(n), K(n), work(n * n), y(n), A(n * n), held(n * n, 0),
+        in_F(n, n, [](int, int) { return false; }), h(n) {}
 
-  static Lanes load(const Along &a, py::ssize_t k, const py::ssize_t *model, py::ssize_t entry) {
+  static Lanes load(const Along &a, Size k, const Size *model, Size entry) {
     Lanes lanes;
     for (int l = 0; l < LANES; ++l) lanes[l] = a.at(k, model[l])[entry];
     return lanes;
@@ -898,125 +756,127 @@ struct Fleet {
     return found;
   }
 
-  void steps(const Along &F_, const Along &Q_, py::ssize_t k, const py::ssize_t *model) {
+  void steps(const Along &F, const Along &Q_, Size k, const Size *model) {
+    bool changed = false;
     for (int i = 0; i < N * N; ++i) {
-      F[i] = load(F_, k, model, i);
+      work[i] = load(F, k, model, i);
       Q[i] = load(Q_, k, model, i);
-      holds_F[i] = any(F[i]);
+      const bool now = any(work[i]);
+      changed |= now != static_cast<bool>(held[i]);
+      held[i] = now;
     }
+    if (changed) in_F = Pattern(N, N, [&](int i, int j) { return held[i * N + j] != 0; });
+    Fv.resize(in_F.entry.size());
+    for (std::size_t l = 0; l < Fv.size(); ++l) Fv[l] = work[in_F.entry[l]];
   }
 
-  void reads(const Along &H_, py::ssize_t k, const py::ssize_t *model) {
+  void reads(const Along &H, Size k, const Size *model) {
+    reads_at.clear();
     for (int i = 0; i < N; ++i) {
-      h[i] = load(H_, k, model, i);
-      holds_h[i] = any(h[i]);
+      h[i] = load(H, k, model, i);
+      if (any(h[i])) reads_at.push_back(i);
     }
   }
 
   void predict() {
     for (int i = 0; i < N; ++i) {
-      Lanes *__restrict row = &FP[i * N];
-      std::fill(row, row + N, Lanes{});
-      y[i] = Lanes{};
-      for (int l = 0; l < N; ++l) {
-        if (!holds_F[i * N + l]) continue;
-        const Lanes f = F[i * N + l];
-        y[i] += f * x[l];
-        for (int j = 0; j < N; ++j) row[j] += f * P[l * N + j];
-      }
+      Lanes sum = {};
+      for (int l = in_F.begin[i]; l < in_F.begin[i + 1]; ++l) sum += Fv[l] * x[in_F.column[l]];
+      y[i] = sum;
     }
-    for (int j = 0; j < N; ++j) {
-      x[j] = y[j];
-      for (int i = j; i < N; ++i) {
-        Lanes sum = Q[i * N + j];
-        for (int l = 0; l < N; ++l)
-          if (holds_F[j * N + l]) sum += FP[i * N + l] * F[j * N + l];
-        P_pred[i * N + j] = P_pred[j * N + i] = sum;
-      }
-    }
+    std::swap(x, y);
+    congruence(in_F.begin.data(), in_F.column.data(), Fv.data(), P.data(), work.data(), N);
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j <= i; ++j) P[i * N + j] += Q[i * N + j];
   }
 
   // Returns e^2 / S; S goes out by reference.
   Lanes update(const Lanes &z, double limit, Lanes &S) {
     Lanes e = z, noise = r;
     S = r;
-    for (int i = 0; i < N; ++i) {
-      PH[i] = Lanes{};
-      for (int l = 0; l < N; ++l)
-        if (holds_h[l]) PH[i] += P_pred[i * N + l] * h[l];
+    std::fill(PH.begin(), PH.end(), Lanes{});
+    for (const int l : reads_at) {
+      for (int i = 0; i < l; ++i) PH[i] += P[l * N + i] * h[l];
+      for (int i = l; i < N; ++i) PH[i] += P[i * N + l] * h[l];
     }
-    for (int l = 0; l < N; ++l)
-      if (holds_h[l]) {
-        e -= h[l] * x[l];
-        S += h[l] * PH[l];
-      }
+    for (const int l : reads_at) {
+      e -= h[l] * x[l];
+      S += h[l] * PH[l];
+    }
     const Lanes least = (e / limit) * (e / limit);
     noise = least > S ? noise + (least - S) : noise; // the sample is believed less
     S = least > S ? least : S;
-    bool most = false;
+    const Lanes inverse = 1.0 / S;
+    Lanes most = {};
     for (int i = 0; i < N; ++i) {
-      K[i] = PH[i] / S;
+      K[i] = PH[i] * inverse;
       x[i] += K[i] * e;
-      most |= any(Lanes(K[i] * PH[i] > MOST * P_pred[i * N + i] ? Lanes{} + 1.0 : Lanes{}));
+      most = K[i] * PH[i] > MOST * P[i * N + i] ? all(1) : most;
     }
-    if (most)
+    if (any(most))
       joseph(noise);
     else
       for (int i = 0; i < N; ++i)
-        for (int j = 0; j <= i; ++j) P[i * N + j] = P[j * N + i] = P_pred[i * N + j] - K[i] * PH[j];
-    return e * e / S;
+        for (int j = 0; j <= i; ++j) P[i * N + j] = P[j * N + i] = P[i * N + j] - K[i] * PH[j];
+    return e * e * inverse;
   }
 
   void joseph(const Lanes &noise) {
+    mirror();
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) A[i * N + j] = (i == j ? 1.0 : 0.0) - K[i] * h[j];
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) {
         Lanes sum = {};
-        for (int l = 0; l < N; ++l) sum += A[i * N + l] * P_pred[l * N + j];
-        FP[i * N + j] = sum;
+        for (int l = 0; l < N; ++l) sum += A[i * N + l] * P[l * N + j];
+        work[i * N + j] = sum;
       }
     for (int i = 0; i < N; ++i)
       for (int j = 0; j <= i; ++j) {
         Lanes sum = K[i] * noise * K[j];
-        for (int l = 0; l < N; ++l) sum += FP[i * N + l] * A[j * N + l];
+        for (int l = 0; l < N; ++l) sum += work[i * N + l] * A[j * N + l];
         P[i * N + j] = P[j * N + i] = sum;
       }
+  }
+
+  void mirror() {
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < i; ++j) P[j * N + i] = P[i * N + j];
   }
 };
 
 // Log-likelihood of LANES models of one channel; logarithms of a few innovation variances at a time.
 void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const Along &R, const Along &u,
                           const double *x0, const double *P0, const Along &Z, const unsigned char *seen,
-                          py::ssize_t T, double limit, const py::ssize_t *model, double *total, int N) {
-  Fleet now(N);
+                          Size T, double limit, const Size *model, double *total, int N) {
+  Models now(N);
   const bool driven = is_driven(u);
   for (int l = 0; l < LANES; ++l) {
     for (int i = 0; i < N; ++i) now.x[i][l] = x0[model[l] * N + i];
-    for (int i = 0; i < N * N; ++i) now.P_pred[i][l] = P0[model[l] * N * N + i];
+    for (int i = 0; i < N * N; ++i) now.P[i][l] = P0[model[l] * N * N + i];
   }
   Lanes sum = {}, product = Lanes{} + 1.0;
-  py::ssize_t count = 0, pending = 0;
+  Size count = 0, pending = 0;
   const auto settle = [&] {
     for (int l = 0; l < LANES; ++l) sum[l] += std::log(product[l]);
     product = Lanes{} + 1.0;
     pending = 0;
   };
-  for (py::ssize_t k = 0; k < T; ++k) {
+  for (Size k = 0; k < T; ++k) {
     if (k > 0) {
       if (k == 1 || F.time > 1 || Q.time > 1) now.steps(F, Q, k - 1, model);
       now.predict();
       if (driven)
-        for (int i = 0; i < N; ++i) now.x[i] += Fleet::load(u, k - 1, model, i);
+        for (int i = 0; i < N; ++i) now.x[i] += Models::load(u, k - 1, model, i);
     }
     if (!seen[k]) {
-      now.P = now.P_pred;
+      now.mirror();
       continue;
     }
     if (count == 0 || H.time > 1) now.reads(H, k, model);
-    if (count == 0 || R.time > 1) now.r = Fleet::load(R, k, model, 0);
+    if (count == 0 || R.time > 1) now.r = Models::load(R, k, model, 0);
     Lanes S;
-    sum += now.update(Fleet::load(Z, k, model, 0), limit, S);
+    sum += now.update(Models::load(Z, k, model, 0), limit, S);
     product *= S;
     ++count;
     if (++pending == 4) settle(); // four variances stay far from the ends of the exponent
@@ -1027,33 +887,33 @@ void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const 
 
 // Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
 template <int N, int M>
-Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
+Out log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
                      Mask seen_, double limit, bool steady) {
   const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
-  const py::ssize_t T = z_.shape(0), models = x0.shape(0);
+  const Size T = z_.shape(0), models = x0.shape(0);
   const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(seen_.shape(1));
-  Array total_(models);
-  double *total = total_.mutable_data();
-  py::gil_scoped_release unlocked;
+  Out total_({models});
+  double *total = total_.data();
   if (m == 1) {
     if (models >= 4) {
-      for (py::ssize_t first = 0; first < models; first += LANES) {
-        py::ssize_t model[LANES];
+      for (Size first = 0; first < models; first += LANES) {
+        Size model[LANES];
         for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
         fleet_log_likelihood(F, Q, H, R, u, x0.data(), P0.data(), Z, seen_.data(), T, limit, model, total, n);
       }
       return total_;
     }
   }
-  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m, 0.0), v(m);
-  for (py::ssize_t j = 0; j < models; ++j) {
+  Buffer x(n), pred(n), e(m), white(m), A(n * n), HF(m * n), Hu(m, 0.0), v(BLOCK * m);
+  Memory predicted, whites;
+  for (Size j = 0; j < models; ++j) {
     Covariance<tiny<N, M> ? N : 0, tiny<N, M> ? M : 0> now(n, m);
     std::copy(P0.data() + j * n * n, P0.data() + (j + 1) * n * n, now.P_pred.begin());
     std::copy(x0.data() + j * n, x0.data() + (j + 1) * n, pred.begin());
     double sum = 0.0;
     Rest rest;
     rest.restart();
-    for (py::ssize_t k = 0; k < T; ++k) {
+    for (Size k = 0; k < T; ++k) {
       const unsigned char *seen = seen_.data() + k * m;
       if (k > 0) {
         now.predict(F.at(k - 1, j), Q.at(k - 1, j));
@@ -1083,28 +943,42 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
       // at rest: one recursion, until the channels seen change or a sample is wild
       closed_loop(F.at(0, j), H.at(0, j), now.K.data(), A.data(), n, m);
       multiply(H.at(0, j), F.at(0, j), HF.data(), m, n, n);
-      Recursion<N> path(A.data(), now.K.data(), n, m);
-      const Columns<M> HF_rows = columns_of<M>(HF.data(), m, n), W_rows = columns_of<M>(now.W.data(), m, m);
+      const Columns step(A.data(), n, n), gain(now.K.data(), n, m), predicts(HF.data(), m, n), whitens(now.W.data(), m, m);
+      Path path(step);
+      path.begin(x.data());
+      predicted.resize(BLOCK * predicts.padded);
+      whites.resize(BLOCK * predicts.padded);
       const bool driven = is_driven(u);
-      std::copy(x.begin(), x.end(), path.y);
-      for (; k + 1 < T && std::memcmp(seen, seen + m, m) == 0; ++k, seen += m) {
-        const double *z = Z.at(k + 1, j), *push = u.at(k, j);
-        times(HF_rows, path.y, e.data(), n);
-        if (driven) row_times(H.at(0, j), push, Hu.data(), m, n);
-        for (int c = 0; c < m; ++c) {
-          v[c] = (seen[c] ? z[c] : 0.0) - Hu[c];
-          e[c] = seen[c] ? v[c] - e[c] : 0.0;
+      Size alike = k + 1; // samples that see what this one sees end before it
+      while (alike < T && std::memcmp(seen, seen_.data() + alike * m, m) == 0) ++alike;
+      for (bool tame = true; tame && k + 1 < alike;) {
+        Size count = std::min(BLOCK, alike - k - 1);
+        for (Size i = 0; i < count; ++i) {
+          if (driven) row_times(H.at(0, j), u.at(k + i, j), Hu.data(), m, n);
+          for (int c = 0; c < m; ++c) v[i * m + c] = (seen[c] ? Z.at(k + i + 1, j)[c] : 0.0) - Hu[c];
         }
-        times(W_rows, e.data(), white.data(), m);
-        if (m == 1 && std::fabs(white[0]) > limit) break;
-        double square = 0.0;
-        for (int c = 0; c < m; ++c) square += white[c] * white[c];
-        sum += log_det - 0.5 * square;
-        path.step(v.data(), m);
-        if (driven)
-          for (int i = 0; i < n; ++i) path.y[i] += push[i];
+        path.go(gain, v.data(), m, count, driven ? u.at(k, j) : nullptr, u.at(k + 1, j) - u.at(k, j));
+        std::fill(predicted.begin(), predicted.end(), 0.0);
+        std::fill(whites.begin(), whites.end(), 0.0);
+        add_products(predicts, path.at(0), step.padded, predicted.data(), count);
+        for (Size i = 0; i < count; ++i)
+          for (int c = 0; c < m; ++c) v[i * m + c] = seen[c] ? v[i * m + c] - predicted[i * predicts.padded + c] : 0.0;
+        add_products(whitens, v.data(), m, whites.data(), count);
+        for (Size i = 0; i < count; ++i) {
+          const double *white = &whites[i * predicts.padded];
+          if (m == 1 && std::fabs(white[0]) > limit) {
+            count = i;
+            tame = false;
+            break;
+          }
+          double square = 0.0;
+          for (int c = 0; c < m; ++c) square += white[c] * white[c];
+          sum += log_det - 0.5 * square;
+        }
+        path.resume(count);
+        k += count;
       }
-      std::copy(path.y, path.y + n, x.begin());
+      path.put(0, 1, x.data(), 0);
       rest.restart();
     }
     total[j] = sum;
@@ -1115,7 +989,7 @@ Array log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0,
 // ---- sizes ------------------------------------------------------------------------------------------------
 
 // call(N, M) with the sizes as constants where SIZES names them, with 0, 0 otherwise
-template <typename Call> auto sized(py::ssize_t n, py::ssize_t m, Call call) {
+template <typename Call> auto sized([[maybe_unused]] Size n, [[maybe_unused]] Size m, Call call) {
 #define TRY(N, M)                                                                                             \
   if (n == N && m == M) return call(std::integral_constant<int, N>{}, std::integral_constant<int, M>{});
   SIZES(TRY)
@@ -1123,56 +997,57 @@ template <typename Call> auto sized(py::ssize_t n, py::ssize_t m, Call call) {
   return call(std::integral_constant<int, 0>{}, std::integral_constant<int, 0>{});
 }
 
-#ifndef BELOW // a kind that holds a few sizes leaves all others to the one below
-py::tuple covariances(Array F, Array Q, Array H, Array R, Array P0, Mask seen, bool steady) {
+#ifdef BELOW // wider registers gain nothing where states are few
+#define LEAVE(STATES, CHANNELS, NAME, ARGUMENTS)                                                              \
+  if ((STATES) <= 4 && (CHANNELS) == 1) return BELOW.NAME ARGUMENTS
+#else
+#define LEAVE(STATES, CHANNELS, NAME, ARGUMENTS)
+#endif
+
+Runs covariances(Array F, Array Q, Array H, Array R, Array P0, Mask seen, bool steady) {
+  LEAVE(F.shape(3), seen.shape(1), covariance_pass, (F, Q, H, R, P0, seen, steady));
   return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
     constexpr bool fixed = tiny<N(), M()>;
     return covariance_pass<fixed ? N() : 0, fixed ? M() : 0>(F, Q, H, R, P0, seen, steady);
   });
 }
 
-py::tuple information(Array F, Array Q, Array H, Array R, Mask seen, bool steady) {
+Later information(Array F, Array Q, Array H, Array R, Mask seen, bool steady) {
+  LEAVE(F.shape(3), seen.shape(1), information_pass, (F, Q, H, R, seen, steady));
   return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
     constexpr bool fixed = tiny<N(), M()>;
     return information_pass<fixed ? N() : 0, fixed ? M() : 0>(F, Q, H, R, seen, steady);
   });
 }
 
-Array combined(Array P, Array later) {
+Out combined(Array P, Array later) {
+#ifdef BELOW
+  return BELOW.combine(P, later);
+#else
   return sized(P.shape(1), 1, [&](auto N, auto M) { return combine<tiny<N(), M()> ? N() : 0>(P, later); });
-}
 #endif
-
-Array means(Array F, Array u, Array H, Starts start, Array K, Array x0, Array z) {
-  return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
-#ifdef BELOW
-    if constexpr (N() == 0) return BELOW::means(F, u, H, start, K, x0, z);
-    else
-#endif
-    return mean_pass<N(), M()>(F, u, H, start, K, x0, z);
-  });
 }
 
-Array smoothed(Array F, Array u, Array H, Starts start, Array P, Array K, Array W, Array G, Array z, Array x) {
-  return sized(F.shape(3), z.shape(2), [&](auto N, auto M) {
-#ifdef BELOW
-    if constexpr (N() == 0) return BELOW::smoothed(F, u, H, start, P, K, W, G, z, x);
-    else
-#endif
-    return adjoint_pass<N(), M()>(F, u, H, start, P, K, W, G, z, x);
-  });
+Out means(Array F, Array u, Array H, Index start, Array K, Array x0, Array z) {
+  LEAVE(F.shape(3), z.shape(2), mean_pass, (F, u, H, start, K, x0, z));
+  return mean_pass(F, u, H, start, K, x0, z);
 }
 
-Array likelihoods(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, double limit,
-                  bool steady) {
+Out smoothed(Array F, Array u, Array H, Index start, Array P, Array K, Array W, Array G, Array z, Array x) {
+  LEAVE(F.shape(3), z.shape(2), adjoint_pass, (F, u, H, start, P, K, W, G, z, x));
+  return adjoint_pass(F, u, H, start, P, K, W, G, z, x);
+}
+
+Out likelihoods(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, double limit,
+                bool steady) {
+  LEAVE(F.shape(3), x0.shape(0) < 4 ? seen.shape(1) : 0, log_likelihood,
+        (F, Q, H, R, u, x0, P0, z, seen, limit, steady));
   return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
-#ifdef BELOW
-    if constexpr (N() == 0) return BELOW::likelihoods(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
-    else
-#endif
     return log_likelihood<N(), M()>(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
   });
 }
 
-} // namespace ARCH
+constexpr Passes table = {covariances, means, smoothed, information, combined, likelihoods};
+
+} // namespace passes
 } // namespace

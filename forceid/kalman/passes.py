@@ -2,8 +2,8 @@
 
 Covariances do not depend on the data: one pass over them serves any number of signals, and ends as soon
 as they stand still, until a gap stirs them. From there on both means are one recursion with constant
-matrices, y_k = A y_{k-1} + b_k, which a block scan turns into matrix products. `_compiled` holds the same
-passes in C++. Arguments as `linear.Arrays`: F, Q, H, R (time or 1, model, ., .), u (time or 1, model,
+matrices, y_k = A y_{k-1} + b_k, which a block scan turns into matrix products. passes.hpp holds the same
+in C++. Arguments as `linear.Arrays`: F, Q, H, R (time or 1, model, ., .), u (time or 1, model,
 state); seen (time, channel) 1 where z is present; steady: whether F, Q, H, R are constant.
 """
 

@@ -8,20 +8,15 @@ equations 4b, 4f.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from forceid.compiled import engine as compiled
 from forceid.motion.pose import exp, log
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
-
-try:
-    compiled: Any = import_module("forceid.kalman._flight")
-except ImportError:  # no compiler, or built for another processor
-    compiled = None
 
 
 @dataclass(frozen=True)

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from forceid.compiled import engine as compiled
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
-
-try:
-    compiled: Any = import_module("forceid.motion._poses")
-except ImportError:  # no compiler, or built for another processor
-    compiled = None
 
 RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2
 

@@ -1,16 +1,14 @@
 // Poses of frames, eight at a time, one in each vector lane: `fitted` of pose.py, of frames that see the same
 // markers. The rotation starts from the largest root of the quartic of Horn's matrix (Theobald 2005).
 //
-// Included once for each kind of processor, in a namespace ARCH of its own with registers of REGISTER doubles,
-// by _poses.cpp.
+// Compiled once for each kind of processor, with registers of REGISTER doubles.
 
 namespace {
-namespace ARCH {
+namespace poses {
 
 constexpr int LANES = REGISTER, NEWTON = 50;
 constexpr double SMALL = 1e-3; // rad: a last step of Gauss-Newton beyond it has not arrived
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
-
 
 INLINE Lanes gathered(const double *const *at, Size i) { // entry i of a frame in each lane
   Lanes out;
@@ -87,18 +85,17 @@ INLINE void largest(const Lanes *G, const Lanes &bound, Lanes *q) {
 // center, rotation, covariance, chi-square, residual of `frames`, and whether each has arrived. nodes: those that
 // these frames see, with shape (node, 3), start weight (node of nodes,), gain A (6, channel), covariance C (6, 6)
 // and weight V_inv (channel,) or (channel, channel) of their errors.
-py::tuple fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_,
+Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_,
                  Array V_) {
   const Size frames = frames_.shape(0), N = shape_.shape(0);
   const int k = static_cast<int>(nodes_.shape(0));
   const bool diagonal = V_.ndim() == 1;
-  Array center_({frames, Size{3}}), R_({frames, Size{3}, Size{3}}), cov_({frames, Size{6}, Size{6}}), chi_(frames),
-      residual_({frames, N, Size{3}}), arrived_(frames);
-  double *center = center_.mutable_data(), *R_out = R_.mutable_data(), *cov = cov_.mutable_data(),
-         *chi = chi_.mutable_data(), *residual = residual_.mutable_data(), *arrived = arrived_.mutable_data();
+  Out center_({frames, 3}), R_({frames, 3, 3}), cov_({frames, 6, 6}), chi_({frames}),
+      residual_({frames, N, 3}), arrived_({frames});
+  double *center = center_.data(), *R_out = R_.data(), *cov = cov_.data(),
+         *chi = chi_.data(), *residual = residual_.data(), *arrived = arrived_.data();
   const double *position = position_.data(), *shape = shape_.data(), *A = A_.data(), *C = C_.data(), *V = V_.data();
   const Size *frame = frames_.data(), *node = nodes_.data();
-  std::unique_ptr<py::gil_scoped_release> unlocked(new py::gil_scoped_release);
   std::vector<double> w(weight_.data(), weight_.data() + k);
   double total = 0.0, mean[3] = {}, spread = 0.0;
   for (int i = 0; i < k; ++i) {
@@ -192,9 +189,8 @@ py::tuple fitted(Array position_, Index frames_, Index nodes_, Array shape_, Arr
       }
     }
   }
-  unlocked.reset();
-  return py::make_tuple(center_, R_, cov_, chi_, residual_, arrived_);
+  return std::make_tuple(center_, R_, cov_, chi_, residual_, arrived_);
 }
 
-} // namespace ARCH
+} // namespace poses
 } // namespace

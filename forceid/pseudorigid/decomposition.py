@@ -11,21 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from forceid.compiled import engine as compiled
 from forceid.errors import DataError
 from forceid.pseudorigid import twofold
 from forceid.pseudorigid.given import matrices, numbers
 from forceid.records import Array, Flags
-
-try:
-    compiled: Any = import_module("forceid.pseudorigid._polar")
-except ImportError:  # no compiler, or built for another processor
-    compiled = None
 
 ROUNDED = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
 COALESCED = 1e-8  # of the largest: singular values so close leave no digit of omega - lam

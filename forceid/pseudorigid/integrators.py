@@ -8,21 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.pseudorigid.cofactors import determinant, inner, product, scaled, transpose
 from forceid.pseudorigid.materials import HadamardGreen, MooneyRivlin, NeoHookean
 from forceid.pseudorigid.splittings import SPLITTINGS, Splitting
 from forceid.pseudorigid.system import State, System, along_basis
 from forceid.records import Array, Flags
-
-try:
-    compiled: Any = import_module("forceid.pseudorigid._splitting")
-except ImportError:  # no compiler, or built for another processor
-    compiled = None
 
 ITERATIONS = 25
 ROUNDING = 4 * float(np.finfo(float).eps)

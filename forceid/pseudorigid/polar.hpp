@@ -2,13 +2,19 @@
 //
 // One-sided Jacobi gives F = L diag(D) R. Its rotation L R is then improved as a quaternion by Newton's rule, with the
 // skew part of L^T F in twice the digits, because rounding that part once costs eps s1 / (s2 + s3) of the rotation.
-// To be compiled without contraction of products into fma: the errors of sums are taken exactly.
+// No product is contracted with a sum into an fma: the errors of sums are taken exactly.
 //
-// Included once for each kind of processor, in a namespace ARCH of its own with registers of REGISTER doubles,
-// by _polar.cpp.
+// Compiled once for each kind of processor, with registers of REGISTER doubles.
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#endif
 
 namespace {
-namespace ARCH {
+namespace polar {
 
 constexpr int LANES = REGISTER, SWEEPS = 20, ROUNDS = 8;
 constexpr double ORTHOGONAL = 1e-15; // cosine of two columns that are
@@ -16,9 +22,8 @@ constexpr double ARRIVED = 1e-9;     // rad: a step so short leaves its square, 
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
 typedef std::int64_t Bits __attribute__((vector_size(LANES * 8), may_alias));
 
-
 INLINE Lanes gathered(const double *const *at, Size i) { // entry i of a frame in each lane
-  Lanes out;
+  Lanes out = {};
   for (int l = 0; l < LANES; ++l) out[l] = at[l][i];
   return out;
 }
@@ -32,12 +37,12 @@ INLINE bool any(const Bits &flag) {
 }
 
 INLINE Lanes root(const Lanes &a) {
-  Lanes out;
+  Lanes out = {};
   for (int l = 0; l < LANES; ++l) out[l] = std::sqrt(a[l]);
   return out;
 }
 INLINE Lanes rest(const Lanes &a, const Lanes &b, const Lanes &ab) {
-  Lanes out;
+  Lanes out = {};
   for (int l = 0; l < LANES; ++l) out[l] = std::fma(a[l], b[l], -ab[l]);
   return out;
 }
@@ -224,12 +229,11 @@ INLINE void store(const Lanes *value, int entries, double *to, Size first, Size 
 }
 
 // L, U and whether det > 0, of F (frame, 3, 3); L and U mean nothing where it is not.
-py::tuple polar(Array F_) {
+Three polar(Array F_) {
   const Size n = F_.shape(0);
-  Array L_({n, Size{3}, Size{3}}), U_({n, Size{3}, Size{3}}), det_(n);
+  Out L_({n, 3, 3}), U_({n, 3, 3}), det_({n});
   const double *F = F_.data();
-  double *L_out = L_.mutable_data(), *U_out = U_.mutable_data(), *det_out = det_.mutable_data();
-  std::unique_ptr<py::gil_scoped_release> unlocked(new py::gil_scoped_release);
+  double *L_out = L_.data(), *U_out = U_.data(), *det_out = det_.data();
   for (Size first = 0; first < n; first += LANES) {
     Lanes f[9], L[9], D[3], R[9], Q[9], U[9], power;
     load(F, first, n, f, power);
@@ -245,18 +249,16 @@ py::tuple polar(Array F_) {
       }
     store(Q, 9, L_out, first, n), store(U, 9, U_out, first, n), store(&det, 1, det_out, first, n);
   }
-  unlocked.reset();
-  return py::make_tuple(L_, U_, det_);
+  return std::make_tuple(L_, U_, det_);
 }
 
 // L, D, R and the sign of det, of F (frame, 3, 3).
-py::tuple bipolar_factors(Array F_) {
+Four bipolar_factors(Array F_) {
   const Size n = F_.shape(0);
-  Array L_({n, Size{3}, Size{3}}), D_({n, Size{3}}), R_({n, Size{3}, Size{3}}), det_(n);
+  Out L_({n, 3, 3}), D_({n, 3}), R_({n, 3, 3}), det_({n});
   const double *F = F_.data();
-  double *L_out = L_.mutable_data(), *D_out = D_.mutable_data(), *R_out = R_.mutable_data(),
-         *det_out = det_.mutable_data();
-  std::unique_ptr<py::gil_scoped_release> unlocked(new py::gil_scoped_release);
+  double *L_out = L_.data(), *D_out = D_.data(), *R_out = R_.data(),
+         *det_out = det_.data();
   for (Size first = 0; first < n; first += LANES) {
     Lanes f[9], L[9], D[3], R[9], Q[9], Rt[9], power;
     load(F, first, n, f, power);
@@ -270,9 +272,12 @@ py::tuple bipolar_factors(Array F_) {
     store(L, 9, L_out, first, n), store(D, 3, D_out, first, n), store(R, 9, R_out, first, n);
     store(&det, 1, det_out, first, n);
   }
-  unlocked.reset();
-  return py::make_tuple(L_, D_, R_, det_);
+  return std::make_tuple(L_, D_, R_, det_);
 }
 
-} // namespace ARCH
+} // namespace polar
 } // namespace
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC pop_options
+#endif

@@ -3,16 +3,14 @@
 // W = a I1 + b I2 + c J^2 - d log J. A body stays in registers and first-level cache through all its steps; sums of F
 // and V are compensated as in numpy. Bodies whose det F is not positive and finite are parked at F = I, V = 0, and told.
 //
-// Included once for each kind of processor, in a namespace ARCH of its own with registers of REGISTER doubles,
-// by _splitting.cpp.
+// Compiled once for each kind of processor, with registers of REGISTER doubles.
 
 namespace {
-namespace ARCH {
+namespace splitting {
 
 constexpr int LANES = REGISTER;
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
 typedef std::int64_t Bits __attribute__((vector_size(LANES * 8), may_alias));
-
 
 struct Law { // constants of the material, and 1/e of E = diag(e)
   double a, b, c, d, over[3];
@@ -91,19 +89,19 @@ void save(double *to, Size bodies, Size at, int count, const Lanes *from) {
 }
 
 // Steps in place on F, V and their low parts (3, 3, body); stopped (body,) int8 is set where a body was parked.
-void steps(Array F, Array V, Array F_low, Array V_low, py::array_t<std::int8_t, py::array::c_style> stopped,
-           const std::vector<double> &kick, const std::vector<double> &drift, Size n, double a, double b, double c,
-           double d, bool volumetric, std::vector<double> over) {
+void steps(Out F, Out V, Out F_low, Out V_low, Tensor<std::int8_t> stopped,
+           Array kick_, Array drift_, Size n, double a, double b, double c,
+           double d, bool volumetric, Array over_) {
+  const double *kick = kick_.data(), *drift = drift_.data(), *over = over_.data();
+  const Size stages = drift_.size();
   const Size bodies = F.shape(2);
   for (const auto &X : {F, V, F_low, V_low})
-    if (X.ndim() != 3 || X.size() != 9 * bodies) throw py::value_error("expected (3, 3, body)");
-  if (stopped.size() != bodies || over.size() != 3 || kick.size() != drift.size() + 1)
-    throw py::value_error("lengths do not fit");
+    if (X.ndim() != 3 || X.size() != 9 * bodies) throw std::invalid_argument("expected (3, 3, body)");
+  if (stopped.size() != bodies || over_.size() != 3 || kick_.size() != stages + 1)
+    throw std::invalid_argument("lengths do not fit");
   const Law law{a, b, c, d, {over[0], over[1], over[2]}, volumetric};
-  double *f = F.mutable_data(), *v = V.mutable_data(), *fl = F_low.mutable_data(), *vl = V_low.mutable_data();
-  std::int8_t *gone = stopped.mutable_data();
-  py::gil_scoped_release free;
-  const std::size_t stages = drift.size();
+  double *f = F.data(), *v = V.data(), *fl = F_low.data(), *vl = V_low.data();
+  std::int8_t *gone = stopped.data();
   for (Size at = 0; at < bodies; at += LANES) {
     const int count = int(std::min<Size>(LANES, bodies - at));
     Lanes x[9], y[9], xl[9], yl[9], push[9];
@@ -114,7 +112,7 @@ void steps(Array F, Array V, Array F_low, Array V_low, py::array_t<std::int8_t, 
     Bits out = {};
     acceleration(law, x, push);
     for (Size step = 0; step < n; ++step) {
-      for (std::size_t i = 0; i < stages; ++i) {
+      for (Size i = 0; i < stages; ++i) {
         // the last kick of a step and the first of the next are one
         add(y, yl, i == 0 && step > 0 ? kick[0] + kick[stages] : kick[i], push);
         add(x, xl, drift[i], y);
@@ -132,5 +130,5 @@ void steps(Array F, Array V, Array F_low, Array V_low, py::array_t<std::int8_t, 
   }
 }
 
-} // namespace ARCH
+} // namespace splitting
 } // namespace

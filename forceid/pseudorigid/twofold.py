@@ -2,7 +2,7 @@
 
 A twofold number is an unrounded sum, high + low. Products are split after Dekker and sums kept after Knuth;
 rounding the skew part of L^T F once would cost eps s1 / (s2 + s3) of the rotation, s the singular values.
-The arithmetic is that of _polar.cpp. Source: pseudo-rigid bodies 2.
+The arithmetic is that of polar.hpp. Source: pseudo-rigid bodies 2.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from forceid.errors import ConfigError, EstimationError
 from forceid.kalman import engines, linear
 from forceid.kalman.channels import Start, load_chain
 
-BUILT = find_spec("forceid.kalman._compiled") is not None
+BUILT = find_spec("forceid.compiled._engine") is not None
 OURS = ("numpy", "compiled") if BUILT else ("numpy",)
 ENGINES = (*OURS, "filterpy")
 

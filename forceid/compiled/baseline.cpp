@@ -1,0 +1,16 @@
+// Kernels for every processor.
+
+#include "standard.hpp"
+
+#define REGISTER 2
+#define SIZES(X)
+#include "../kalman/lanes.hpp"
+#include "../kalman/strips.hpp"
+#include "../kalman/passes.hpp"
+#include "../kalman/flight.hpp"
+#include "../motion/poses.hpp"
+#include "../pseudorigid/polar.hpp"
+#include "../pseudorigid/splitting.hpp"
+
+const Kernels baseline_kernels = {
+    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps}};

@@ -1,0 +1,57 @@
+// What is compiled once for each kind of processor: one table of functions for each.
+
+#pragma once
+
+#include "array.hpp"
+
+#include <cstdint>
+#include <tuple>
+
+using Two = std::tuple<Out, Out>;
+using Three = std::tuple<Out, Out, Out>;
+using Four = std::tuple<Out, Out, Out, Out>;
+using Poses = std::tuple<Out, Out, Out, Out, Out, Out>;
+using Runs = std::tuple<Tensor<Size>, Out, Out, Out, Out, Size>;
+using Later = std::tuple<Tensor<Size>, Out, Size>;
+using Smoothed = std::tuple<const char *, Out, Out, Out, Out, double, Out, Out, double>;
+
+// kalman/passes.hpp
+struct Passes {
+  Runs (*covariance_pass)(Array F, Array Q, Array H, Array R, Array P0, Mask seen, bool steady);
+  Out (*mean_pass)(Array F, Array u, Array H, Index start, Array K, Array x0, Array z);
+  Out (*adjoint_pass)(Array F, Array u, Array H, Index start, Array P, Array K, Array W, Array G, Array z, Array x);
+  Later (*information_pass)(Array F, Array Q, Array H, Array R, Mask seen, bool steady);
+  Out (*combine)(Array P, Array later);
+  Out (*log_likelihood)(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen,
+                        double limit, bool steady);
+};
+
+// kalman/flight.hpp
+struct Flights {
+  int lanes;
+  Three (*turn)(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps);
+  Three (*rotation_rows)(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps, Array F,
+                         Array Q, Index which, Array axes, Array chain);
+  Smoothed (*smooth)(Array F, Array Q, Array u, Index which, Array top, Array noise, Array push, Array H, Array R,
+                     Array z, Array read, int theta, Array P0, Array x0, Size first, Size warm, bool cut, int mode);
+  Out (*between)(Array A, Array B);
+  Out (*turned)(Array phi, Array R);
+};
+
+// motion/poses.hpp, pseudorigid/polar.hpp and splitting.hpp
+struct Bodies {
+  Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C, Array V);
+  Three (*polar)(Array F);
+  Four (*bipolar)(Array F);
+  void (*steps)(Out F, Out V, Out F_low, Out V_low, Tensor<std::int8_t> stopped, Array kick, Array drift, Size n,
+                double a, double b, double c, double d, bool volumetric, Array over);
+};
+
+struct Kernels {
+  Passes passes;
+  Flights flights;
+  Bodies bodies;
+};
+
+extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA
+extern const Passes v4_passes;                     // AVX-512, by which the others gain nothing more

@@ -1,0 +1,19 @@
+// Kernels for processors with AVX2 and FMA.
+
+#include "standard.hpp"
+
+#if DISPATCHES
+V3
+#define REGISTER 4
+#define SIZES(X) X(2, 1) X(3, 1) X(4, 1)
+#include "../kalman/lanes.hpp"
+#include "../kalman/strips.hpp"
+#include "../kalman/passes.hpp"
+#include "../kalman/flight.hpp"
+#include "../motion/poses.hpp"
+#include "../pseudorigid/polar.hpp"
+#include "../pseudorigid/splitting.hpp"
+
+const Kernels v3_kernels = {
+    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps}};
+#endif
