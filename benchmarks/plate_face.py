@@ -141,6 +141,7 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
         both = (np.nanmax([row[key] for row in rows]) for key in (name, f"moment {name}"))
         return ", ".join(f"{value:.2f}" for value in both)
 
+    what = (__doc__ or "").split("\n\n", 2)[2].strip()
     refused = sum(row["verdict"] == "refused" for row in rows)
     wrong = [
         r for r in rows if r["verdict"] == "ok" and max(r["force over claim"], r["moment over claim"]) > 2
@@ -149,14 +150,14 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
 
 `{command}`
 
-{(__doc__ or "").split("FOLDER", 1)[1].split("]", 1)[1].strip()}
+{what}
 
 | what | found |
 |---|---|
 | recordings, of which refused since the markers lie on a line | {len(rows)}, {refused} |
 | `auto` over the better of rigid and modal, largest: force, moment | {largest("over the better")} |
 | told over told nothing, largest: force, moment | {largest("over untold")} |
-| verdict `ok`, error over twice the claim | {len(wrong)} |
+| verdict `ok`, error at any frequency over twice the claim | {len(wrong)} |
 
 {table(rows, list(rows[0]))}
 """
