@@ -1,8 +1,8 @@
 """Counts that tell whether the house is easy to walk through: python tools/house.py [--walk]
 
-Lines, files in a folder, names with several homes, chosen numbers, circles of imports. With --walk also how
-often one default estimate of the shipped boomerang computes its kinematics, and through how many functions the
-settings and the recording are handed (stays), and how often they come back up to a room that they had left
+Lines, files in a folder, names with several homes, chosen numbers, circles of imports. With --walk also
+how often one default estimate of the shipped boomerang computes its kinematics, how many functions the
+settings and the recording are handed to (stays), and how often they come back up to a room that they left
 (climbs).
 """
 
