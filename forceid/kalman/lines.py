@@ -207,7 +207,7 @@ def find_line(
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
         told = np.einsum("tcafi,tc->fai", white, v)
-        gained, std = np.moveaxis([evidence(information, told, s) for s in subsets], 0, -1)
+        gained, std = np.moveaxis(np.array([evidence(information, told, s) for s in subsets]), 0, -1)
         price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
         price = price + np.where(decay * span > COHERENT, FREED, 0.0)
         return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std
