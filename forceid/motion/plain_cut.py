@@ -57,16 +57,19 @@ def spectrum_of(time: Array, z: Array, corner: Array | float = 0.0) -> Spectrum:
     """Spectrum of a record z (time, channel), no gaps, of which the second differences count.
 
     corner (channel,) Hz: below it, noise adds up, and rises as 1 + (corner / f)^2; zero for white noise.
+    What accelerates alike all the time, as a weight does, has no frequency and is left out.
     """
-    frequency, bent, dof, step = bending(time, z)
+    frequency, bent, dof, step = bending(time, z, varying=True)
     f = frequency[1:, None]
     moved = (2 * np.sin(np.pi * f * step) / step) ** 4 * (1 + (np.asarray(corner) / f) ** 2)
     moved = np.broadcast_to(moved, bent[1:].shape)
     return Spectrum(frequency[1:], bent[1:] / moved, moved, dof, step)
 
 
-def bending(time: Array, z: Array) -> tuple[Array, Array, float, float]:
+def bending(time: Array, z: Array, varying: bool = False) -> tuple[Array, Array, float, float]:
     """Frequency (bin,) Hz and power (bin, channel) of the second differences of z over step^2; dof; step s.
+
+    varying: without their mean, which the taper would spread over the first bins.
 
     The first bin and twice the others, summed and over the samples, are the mean square weighted by the
     square of the taper.
@@ -80,6 +83,8 @@ def bending(time: Array, z: Array) -> tuple[Array, Array, float, float]:
         z = np.stack([np.interp(regular, time, column) for column in z.T], 1)
     bent = np.diff(z, 2, axis=0) / step**2
     taper = tapered(n - 2)
+    if varying:
+        bent = bent - (taper @ bent) / taper.sum()
     power = np.abs(np.fft.rfft(bent * taper[:, None], axis=0)) ** 2 / (taper**2).sum()
     dof = 2 * float((taper**2).sum() ** 2 / ((taper**4).sum() * (n - 2)))
     return np.asarray(np.fft.rfftfreq(n - 2, step)), np.asarray(power), dof, step

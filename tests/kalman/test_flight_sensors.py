@@ -351,4 +351,6 @@ def test_engines_see_the_same_flight_with_sensors():
     np.testing.assert_allclose(
         ours.wrench_cov[on], reference.wrench_cov[on], atol=1e-5 * ours.wrench_cov.max()
     )
-    np.testing.assert_allclose(ours.bias, reference.bias, atol=1e-6)
+    np.testing.assert_allclose(ours.bias, plain.bias, atol=1e-10)
+    # the bias is that of the whole record, and the reference loses digits of it at the start
+    assert (np.abs(ours.bias - reference.bias) < 1e-4 * ours.bias_std).all()

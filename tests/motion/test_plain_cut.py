@@ -69,3 +69,15 @@ def test_errors_smoothed_at_the_source_do_not_raise_the_cut():
     jitter = lfilter(*([0.02, 0.04, 0.02], [1, -1.56, 0.64]), rng.standard_normal((1000, 3)), axis=0)
     for cut in plain_cuts(spectrum_of(t, path + 3e-4 * jitter)):
         assert 1.0 < cut.frequency < 6.0
+
+
+def test_a_weight_moves_no_cut():
+    for seed in range(10):
+        t, path, _, noise, rng = drawn(seed)
+        z = path + noise * rng.standard_normal(path.shape)
+        with_weight = z + 0.5 * np.outer(t**2, [0.0, -9.81, 1e3])
+        for cut, other in zip(
+            plain_cuts(spectrum_of(t, z)), plain_cuts(spectrum_of(t, with_weight)), strict=True
+        ):
+            assert other.frequency == cut.frequency
+            assert abs(other.noise / cut.noise - 1) < 1e-3
