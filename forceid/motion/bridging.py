@@ -9,7 +9,7 @@ best is taken. What it missed there is the error that it is claimed with.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,9 +61,9 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
             judged[k, size] = judge(time, x, seen, k, near[k], length)
         gap = np.arange(first, first + length)
         for mean_square, bridge in judged[k, size]:
-            filled = bridge.fill(time, x, seen, k, near[k], gap)
-            if filled is not None:
-                x[gap, k], var[gap, k], seen[gap, k] = filled, mean_square, True
+            filled = dict(fillings(time, x, seen, k, near[k], gap, [bridge]))
+            if filled:
+                x[gap, k], var[gap, k], seen[gap, k] = filled[bridge], mean_square, True
                 break
     return Bridged(x, var)
 
@@ -76,26 +76,37 @@ class Bridge:
     side: int
     degree: int
 
-    def fill(
-        self, time: Array, position: Array, seen: Flags, k: int, near: Indices, gap: Indices
-    ) -> Array | None:
-        """Positions (gap, 3) of node k in a gap, or None where this bridge has nothing to rest on."""
-        own = np.flatnonzero(seen[:, k])
-        own = own[(own < gap[0]) | (own > gap[-1])]
-        at = np.searchsorted(own, gap[0])
-        before, after = own[max(0, at - self.side) : at], own[at : at + self.side]
+
+def fillings(
+    time: Array, position: Array, seen: Flags, k: int, near: Indices, gap: Indices, ways: Sequence[Bridge]
+) -> Iterator[tuple[Bridge, Array]]:
+    """Positions (gap, 3) of node k in a gap by each of some bridges that has something to rest on."""
+    own = np.flatnonzero(seen[:, k])
+    own = own[(own < gap[0]) | (own > gap[-1])]
+    at = np.searchsorted(own, gap[0])
+    # what bridges share is found once: samples and weights those of a side, frames those of a count as well
+    for side in sorted({way.side for way in ways}):
+        before, after = own[max(0, at - side) : at], own[at : at + side]
         rest = np.concatenate([before, after])
-        degree = self.degree if len(before) and len(after) else 0
-        if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
-            return None
         frames = np.concatenate([rest, gap])
-        shared = near[seen[np.ix_(frames, near)].all(0)][: self.count]
-        if len(shared) < self.count and not (self.count == len(near) and len(shared) >= NEIGHBORS[2]):
-            return None
-        origin, R = frame_of(position[np.ix_(frames, shared)], len(frames))
-        y = np.einsum("tba,tb->ta", R[: len(rest)], position[rest, k] - origin[: len(rest)])
-        z = weights(time[rest], time[gap], degree) @ y
-        return np.asarray(origin[len(rest) :] + np.einsum("tab,tb->ta", R[len(rest) :], z))
+        beside = near[seen[np.ix_(frames, near)].all(0)]
+        carried: dict[int, tuple[Array, Array, Array]] = {}
+        weigh: dict[int, Array] = {}
+        for way in (w for w in ways if w.side == side):
+            degree = way.degree if len(before) and len(after) else 0
+            if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
+                continue
+            count = min(way.count, len(beside))
+            if count < way.count and not (way.count == len(near) and count >= NEIGHBORS[2]):
+                continue
+            if degree not in weigh:
+                weigh[degree] = weights(time[rest], time[gap], degree)
+            if count not in carried:
+                origin, R = frame_of(position[np.ix_(frames, beside[:count])], len(frames))
+                y = np.einsum("tba,tb->ta", R[: len(rest)], position[rest, k] - origin[: len(rest)])
+                carried[count] = origin[len(rest) :], R[len(rest) :], y
+            origin, R, y = carried[count]
+            yield way, np.asarray(origin + np.einsum("tab,tb->ta", R, weigh[degree] @ y))
 
 
 def bridges(neighbors: int) -> Iterator[Bridge]:
@@ -117,17 +128,13 @@ def judge(
     if not len(starts):  # it is never seen for so long: gaps that hide what is seen of it
         starts = whole
     starts = starts[np.unique(np.linspace(0, len(starts) - 1, TRIALS).astype(int))]
-    found = []
-    for bridge in bridges(len(near)):
-        missed = []
-        for a in starts:
-            gap = np.arange(a, min(a + length, len(seen)))
-            gap = gap[seen[gap, k]]
-            filled = bridge.fill(time, position, seen, k, near, gap)
-            if filled is not None:
-                missed.append(float(((filled - position[gap, k]) ** 2).mean()))
-        if missed:
-            found.append((float(np.mean(missed)), bridge))
+    missed: dict[Bridge, list[float]] = {way: [] for way in bridges(len(near))}
+    for a in starts:
+        gap = np.arange(a, min(a + length, len(seen)))
+        gap = gap[seen[gap, k]]
+        for way, filled in fillings(time, position, seen, k, near, gap, list(missed)):
+            missed[way].append(float(((filled - position[gap, k]) ** 2).mean()))
+    found = [(float(np.mean(squares)), way) for way, squares in missed.items() if squares]
     return sorted(found, key=lambda f: f[0])
 
 
