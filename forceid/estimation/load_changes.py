@@ -174,7 +174,7 @@ def expected_error(load: Array, claimed: Array, best: Array, std: Array) -> floa
     >>> none = np.zeros((8, 3))
     >>> round(expected_error(none + 1.0, none + 1.0, none, none + 1.0) ** 2, 12)
     2.0
-    >>> expected_error(none + 0.6, none + 0.8, none, none + 1.0)
+    >>> round(expected_error(none + 0.6, none + 0.8, none, none + 1.0), 12)
     0.8
     """
     if (~np.isfinite(load + claimed).any(0) & np.isfinite(best + std).any(0)).any():

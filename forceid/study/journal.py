@@ -14,9 +14,9 @@ from typing import Any
 import forceid
 from forceid.errors import ConfigError
 
-ESTIMATORS = ("kalman", "motion", "principal", "estimation", "scenes")
+ESTIMATORS = ("compiled", "kalman", "motion", "principal", "estimation", "scenes")
 PACKAGE = Path(forceid.__file__).parent
-SOURCES = (".py", ".cpp")
+SOURCES = (".py", ".cpp", ".hpp")
 IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 

@@ -116,9 +116,9 @@ def test_what_was_found_is_found_again_until_code_changes_in_any_subfolder_and_n
 
 
 def test_every_source_of_the_package_counts_and_nothing_built_from_it_does():
-    sources = sources_in(("kalman", "estimation"))
-    assert {path.suffix for path in sources} == {".py", ".cpp"}
-    assert {path.parent.name for path in sources} >= {"kalman", "estimation"}
+    sources = sources_in(("compiled", "kalman", "estimation"))
+    assert {path.suffix for path in sources} == {".py", ".cpp", ".hpp"}
+    assert {path.parent.name for path in sources} >= {"compiled", "kalman", "estimation"}
 
 
 def test_an_honest_claim_covers_and_a_bold_one_does_not():
