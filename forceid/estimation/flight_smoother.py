@@ -15,7 +15,13 @@ from forceid.estimation.hidden_load import hidden_load, lines_at_spin
 from forceid.estimation.inner_wheel import allowing, inner_wheel, signals, with_momentum
 from forceid.estimation.kinematics import Kinematics, scaled
 from forceid.estimation.likely_priors import growth_along_world
-from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.load_channels import (
+    flight_of,
+    force_channel,
+    moment_channel,
+    noise_found,
+    tune_channel,
+)
 from forceid.estimation.load_lines import (
     MOST_LINES,
     NO_LINES,
@@ -98,7 +104,7 @@ def estimate_flight(
     reasons: tuple[str, ...] = (),
     lines: Lines = NO_LINES,
     dropped: Dropped = NONE_DROPPED,
-    slow: dict[str, float] | None = None,
+    slow: dict[str, Array] | None = None,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
@@ -121,8 +127,8 @@ def estimate_flight(
     kin, deformation = at_rest(kin)
     force = tune_channel(force_channel(kin, gravity), limits, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
-    if not 1 / ENOUGH < force.tuned.noise < ENOUGH:
-        kin = look(scaled(kin, {source: force.tuned.noise}))
+    if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
+        kin = look(scaled(kin, {source: noise_found(force)}))
         kin, deformation = at_rest(kin)
     notes: tuple[str, ...] = ()
     stated = kin.stated[source]
@@ -136,7 +142,7 @@ def estimate_flight(
             else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
         )
     ):
-        slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity))})
+        slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity)) * np.eye(3)})
         kin = look(slow)
         kin, deformation = at_rest(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
@@ -152,7 +158,7 @@ def estimate_flight(
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
-            kin = look(scaled(kin, {"orientation": moment.tuned.noise}))
+            kin = look(scaled(kin, {"orientation": noise_found(moment)}))
 
     def solve(flight: Flight) -> FlightState:
         if not kin.attitude:

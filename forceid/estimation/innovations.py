@@ -80,6 +80,9 @@ def colored(innovation: Array) -> tuple[float, str]:
             continue
         w = v / size
         r = float(np.mean(w[1:][pair] * w[:-1][pair]) / np.mean(w[np.isfinite(w)] ** 2))
+        # as slow errors, so small ones cost less than the white ones that are claimed
+        if float(np.nanmean(v**2)) * (1 + abs(r)) < 1 - abs(r):
+            continue
         if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
             worst, where = r, CHANNELS[j]
     return worst, where

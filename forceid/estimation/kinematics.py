@@ -18,6 +18,7 @@ from forceid.motion.modes import (
     Modes,
     fit_amplitudes,
 )
+from forceid.motion.noise_axes import floored, share, size, uneven
 from forceid.motion.pose import (
     Pose,
     body_axes,
@@ -40,12 +41,13 @@ class Kinematics:
 
     shape (node, 3) m about the mass center, body axes: the mean shape; pose: of every frame; seen (node,):
     nodes that carry a marker; shapes (mode, node, 3) of unit norm, with raw amplitudes (time, mode) m
-    and their noise_var; model: rigid, affine or modal; noise: standard deviation by variable, stated:
-    whether the user stated it; attitude: whether the markers fix the rotation; frames: what every frame says
-    of pose and amplitudes together, and beside (dof, dof) m2 what it counts as noise of deformation beside
-    the shapes, None for a body that does not deform; spin: of a slender body, whose pose follows its line
-    without it, None where it has none or none is seen; apart: whether the mass center is known by itself, as
-    the mean of nodes that carry all mass or by an affine map, so that no rotation touches the force.
+    and their noise_var; model: rigid, affine or modal; noise_root (3, 3) by variable: root of the covariance
+    of its noise, world axes, stated: whether the user stated it; attitude: whether the markers fix the
+    rotation; frames: what every frame says of pose and amplitudes together, and beside (dof, dof) m2 what it
+    counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
+    body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
+    mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
+    rotation touches the force.
     """
 
     time: Array
@@ -57,13 +59,22 @@ class Kinematics:
     amplitude: Array
     amplitude_var: Array
     model: str
-    noise: dict[str, float]
+    noise_root: dict[str, Array]
     stated: dict[str, bool]
     attitude: bool
     frames: Frames | None = None
     beside: Array | None = None
     spin: Spin | None = None
     apart: bool = False
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Standard deviation of the noise by variable, in the mean square over the axes."""
+        return {name: size(root) for name, root in self.noise_root.items()}
+
+    def share(self, name: str) -> Array:
+        """Covariance (3, 3) of the noise of a variable along world axes, over its mean variance."""
+        return share(self.noise_root[name])
 
     @property
     def deforms(self) -> bool:
@@ -77,16 +88,17 @@ class Kinematics:
 
 
 def kinematics(
-    body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None
+    body: Body, motion: Motion, settings: Settings, noise: dict[str, Array] | None = None
 ) -> Kinematics:
     """Poses and deformation of a recording.
 
-    noise: standard deviations by variable that replace those of the file, from an earlier tuning.
+    noise: roots (3, 3) of covariances by variable that replace those of the file, from an earlier tuning.
     """
     stated = motion.noise_std | settings.noise_std
+    noise = noise or {name: level * np.eye(3) for name, level in stated.items()}
     if motion.position is not None:
-        return from_markers(body, motion, motion.position, settings, stated, noise or stated)
-    return from_mean_motion(body, motion, stated, noise or stated)
+        return from_markers(body, motion, motion.position, settings, stated, noise)
+    return from_mean_motion(body, motion, stated, noise)
 
 
 def from_markers(
@@ -95,7 +107,7 @@ def from_markers(
     x: Array,
     settings: Settings,
     stated: dict[str, float],
-    noise: dict[str, float],
+    noise: dict[str, Array],
 ) -> Kinematics:
     """Kinematics of marker tracks x (time, node, 3)."""
     inertia = inertia_of(body)
@@ -107,12 +119,13 @@ def from_markers(
     measured = np.where(filled[..., None] > 0, np.nan, x)
     # the better half of the frames tells the shapes: where half of them are whole, no bridge does
     best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
-    sigma = noise.get("position") or marker_noise(motion.time, measured)
-    sigma = max(sigma, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
+    root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    sigma, along = size(root), share(root)
     thin, spin = thinned(inertia, X), None
     if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
-    level, known = {"position": sigma}, {"position": "position" in stated}
+    level, known = {"position": root}, {"position": "position" in stated}
     mean = mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
@@ -124,7 +137,7 @@ def from_markers(
         )
         T = len(x)
         cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
-        cov[:, :3, :3] = var[:, None, None] * np.eye(3)
+        cov[:, :3, :3] = var[:, None, None] * along
         unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
         pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
         if inertia.line is not None:
@@ -151,7 +164,7 @@ def from_markers(
     # as noise of one frame, deformation counts as often
     # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
     shown, own = (x, filled) if len(shapes) else (measured, None)
-    pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own)
+    pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own, uneven(root))
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
         thin = thinned(replace(inertia, tensor=products(inertia.nodal, shape, none).inertia[0, 0]), X)
@@ -161,12 +174,12 @@ def from_markers(
         pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
     frames, beside = None, period(motion, modes) * rest
     if len(shapes):
-        frames = fit_frames(shown, pose, shape, shapes, white + beside, own)
+        frames = fit_frames(shown, pose, shape, shapes, white + beside, own, uneven(root))
     known_center = mean
     if model == "affine" and mean is None:
         known_center = affine_center(measured, X, sigma**2)
     if known_center is not None:
-        pose, frames = with_center(pose, frames, known_center)
+        pose, frames = with_center(pose, frames, known_center, along)
     return Kinematics(
         motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, not inertia.point,
         frames, beside, spin, known_center is not None,
@@ -188,19 +201,19 @@ def marker_noise(time: Array, x: Array) -> float:
 
 
 def from_mean_motion(
-    body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, float]
+    body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, Array]
 ) -> Kinematics:
     """Kinematics of a measured mean motion: center and, where given, orientation."""
     assert motion.center is not None
     inertia = inertia_of(body)
     T, time, nodes = len(motion.time), motion.time, len(body.node)
-    c_std = noise.get("center") or float(np.sqrt(noise_variance(motion.time, motion.center)))
-    c_std = max(c_std, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
-    cov = np.zeros((T, 6, 6))
-    cov[:, :3, :3] = c_std**2 * np.eye(3)
+    root = noise["center"] if "center" in noise else np.sqrt(noise_variance(time, motion.center)) * np.eye(3)
+    root = floored(root, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
+    cov, c_std = np.zeros((T, 6, 6)), size(root)
+    cov[:, :3, :3] = root @ root.T
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
     inertia, spin = thinned(inertia, X), None
-    levels = {"center": c_std}
+    levels = {"center": root}
     R = np.full((T, 3, 3), np.nan)
     attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
     attitude = attitude and not inertia.point
@@ -210,9 +223,11 @@ def from_mean_motion(
         pair, steps = whole[1:] & whole[:-1], np.zeros((T, 3))
         steps[1:][pair] = log((R[1:] @ R[:-1].swapaxes(1, 2))[pair])
         angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
-        r_std = noise.get("orientation") or float(np.sqrt(noise_variance(time, angle)))
-        levels["orientation"] = max(r_std, ROUNDOFF)
-        cov[:, 3:, 3:] = levels["orientation"] ** 2 * np.eye(3)
+        turn = noise.get("orientation")
+        if turn is None:
+            turn = np.sqrt(noise_variance(time, angle)) * np.eye(3)
+        levels["orientation"] = turn = floored(turn, ROUNDOFF)
+        cov[:, 3:, 3:] = turn @ turn.T
     empty = np.zeros((T, 0))
     pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
     if inertia.line is not None and attitude:
@@ -224,9 +239,10 @@ def from_mean_motion(
     )  # fmt: skip
 
 
-def scaled(kin: Kinematics, factor: dict[str, float]) -> dict[str, float]:
-    """Noise levels of a record, each times the factor that tuning found for it."""
-    return {name: level * factor.get(name, 1.0) for name, level in kin.noise.items()}
+def scaled(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:
+    """Noise of a record, each times the factor (3, 3) along world axes that tuning found for it."""
+    roots = {name: root @ factor.get(name, np.eye(3)) for name, root in kin.noise_root.items()}
+    return {name: 0.5 * (root + root.T) for name, root in roots.items()}
 
 
 def shape_at(kin: Kinematics, amplitude: Array) -> Array:

@@ -81,18 +81,23 @@ def affine_center(position: Array, shape: Array, noise_var: float) -> MassCenter
     return MassCenter(fit.center, fit.cov[:, 0, 0])
 
 
-def with_center(pose: Pose, frames: Frames | None, mean: MassCenter) -> tuple[Pose, Frames | None]:
-    """Poses, and what frames say of deformation, about a mass center known by itself."""
+def with_center(
+    pose: Pose, frames: Frames | None, mean: MassCenter, share: Array
+) -> tuple[Pose, Frames | None]:
+    """Poses, and what frames say of deformation, about a mass center known by itself.
+
+    share (3, 3): covariance of its noise along world axes over its mean variance.
+    """
     if frames is not None:
         leak = frames.leak.copy()
         leak[:, :3] = 0.0
-        frames = replace(frames, center=mean.center, cov=apart(frames.cov, mean), leak=leak)
-    return replace(pose, center=mean.center, cov=apart(pose.cov, mean)), frames
+        frames = replace(frames, center=mean.center, cov=apart(frames.cov, mean, share), leak=leak)
+    return replace(pose, center=mean.center, cov=apart(pose.cov, mean, share)), frames
 
 
-def apart(cov: Array, mean: MassCenter) -> Array:
+def apart(cov: Array, mean: MassCenter, share: Array) -> Array:
     """Covariances (time, 6, 6) of poses whose center is `mean`, apart from the rotation."""
     found = cov.copy()
-    found[:, :3, :3] = mean.var[:, None, None] * np.eye(3)
+    found[:, :3, :3] = mean.var[:, None, None] * share
     found[:, :3, 3:] = found[:, 3:, :3] = 0.0
     return found

@@ -77,19 +77,19 @@ NONE_DROPPED = Dropped(np.zeros(0, bool), np.zeros(0, bool))
 
 
 def kinematics_without(
-    dropped: Dropped, body: Body, motion: Motion, settings: Settings, noise: dict[str, float] | None = None
+    dropped: Dropped, body: Body, motion: Motion, settings: Settings, noise: dict[str, Array] | None = None
 ) -> Kinematics:
     """Kinematics of a recording without frames; a mass center that is a mean loses its own only."""
     if not dropped.any:
         return kinematics(body, motion, settings, noise)
     centers = without_frames(motion, dropped.center)
     if noise is None and motion.position is not None:
-        noise = kinematics(body, centers, settings.model_copy(update={"model": "rigid"})).noise
+        noise = kinematics(body, centers, settings.model_copy(update={"model": "rigid"})).noise_root
     kin = kinematics(body, without_frames(motion, dropped.center | dropped.rotation), settings, noise)
     mean = mass_center(centers, kin.inertia, kin.noise.get("position", 0.0) ** 2)
     if mean is None:
         return kin
-    pose, frames = with_center(kin.pose, kin.frames, mean)
+    pose, frames = with_center(kin.pose, kin.frames, mean, kin.share("position"))
     return replace(kin, pose=pose, frames=frames)
 
 

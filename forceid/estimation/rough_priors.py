@@ -40,5 +40,5 @@ def prior(load: Array, momentum: float, span: float) -> LoadPrior:
     size = float(np.sqrt(np.mean(load**2))) if load.size else 1.0
     size = size or 1.0
     first = (10 * max(momentum, size * span)) ** 2
-    tuned = Tuned(ORDER, np.full(3, size), np.full(3, max(RATE, 3 / span)), 1.0, False, 0.0)
+    tuned = Tuned(ORDER, np.full(3, size), np.full(3, max(RATE, 3 / span)), np.ones(3), False, 0.0)
     return LoadPrior(tuned, np.eye(3), Start(1.0, first, (10 * size) ** 2))

@@ -25,6 +25,7 @@ from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array
 
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
+NONE = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
 SHARED = (
     "the tracks are smoother than independent errors of the stated size allow: {1:.1e} is taken, as the "
     "spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow errors "
@@ -76,13 +77,17 @@ def slow_and_small(innovation: Array, nis: Array) -> bool:
 def noise_beyond_motion(channel: Channel) -> float:
     """Factor on a noise that follows itself: to what the spectrum of a channel shows where the motion ends.
 
-    Errors of tracks are alike along all axes: the mean of what the axes show. Source: the plain cut.
+    Errors of tracks are alike along all axes: the mean of what the axes show, but for those that show none,
+    as in a planar video. Source: the plain cut.
     """
     seen = np.isfinite(channel.z).all(1)
     z = np.stack([np.interp(channel.time, channel.time[seen], axis[seen]) for axis in channel.z.T], 1)
-    shown = np.mean([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
-    taken = np.median(np.trace(channel.noise_cov[seen], axis1=1, axis2=2)) / 3  # bridges claim more
-    return float(np.sqrt(max(shown, np.finfo(float).tiny) / taken))
+    shown = np.array([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
+    some = shown >= NONE**2 * shown.max()
+    taken = np.median(
+        np.diagonal(channel.noise_cov[seen], axis1=1, axis2=2)[:, some].mean(1)
+    )  # bridges claim more
+    return float(np.sqrt(max(shown[some].mean(), np.finfo(float).tiny) / taken))
 
 
 def widened(

@@ -173,7 +173,7 @@ def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinem
     noise = {}
     if sensors is not None:
         read = [name for name in FAMILIES if getattr(motion, name) is not None]
-        noise = {name: float(sensors.noise_std[FAMILIES.index(name)].mean()) for name in read}
+        noise = {name: sensors.noise_std[FAMILIES.index(name)].mean() * np.eye(3) for name in read}
     stated = {name: name in known(motion, settings) for name in noise}
     none = np.zeros((0, nodes, 3))
     return Kinematics(

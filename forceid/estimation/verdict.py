@@ -96,8 +96,9 @@ def judge_clipping(motion: Motion) -> list[Finding]:
     for axis, name in enumerate("xyz"):
         values = x[..., axis]
         for edge in (np.nanmin(values), np.nanmax(values)):
+            rounding = 4 * np.spacing(np.nanmax(np.abs(values)))
             stuck = values == edge
-            stuck = stuck & ~(stuck | np.isnan(values)).all(0)  # a marker that never moves is at rest
+            stuck = stuck & ~(np.isnan(values) | (np.abs(values - edge) <= rounding)).all(0)  # at rest
             if stuck.sum() > max(STUCK, STUCK_PART * np.isfinite(values).sum()):
                 frames = int(stuck.any(1).sum())
                 return [

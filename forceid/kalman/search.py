@@ -6,8 +6,9 @@ from collections.abc import Callable
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 COARSE = 2  # grids after the first, each half as wide
 ROUNDS, FINE = 12, 1 / 200  # Newton's steps at most, and their differences as part of the box
@@ -20,43 +21,59 @@ def maximize(
     objective: Callable[[Array, Array], Array],
     lower: Array,
     upper: Array,
-    shared: tuple[float, float],
-    start: tuple[Array, float] | None = None,
-) -> tuple[Array, float, float]:
-    """Maximum of a sum over problems on a box: each has its own point, all share one number.
+    shared: tuple[ArrayLike, ArrayLike],
+    start: tuple[Array, ArrayLike] | None = None,
+    same: Flags | None = None,
+) -> tuple[Array, Array, Array]:
+    """Maximum of a sum over problems on a box: each has its own point, and one number that some may share.
 
-    lower, upper (problem, dim); objective(points (level, problem, point, dim), levels (level,)) -> (level,
-    problem, point). A grid, so as many starts as it has points, unless start (points and number) is given;
-    then Newton's steps, derivatives by differences: many points cost about as much as one. Returns points,
-    shared number, value.
+    lower, upper (problem, dim); shared: bounds of the number, alike or (problem,); same (problem, problem):
+    which problems share theirs, all if not given. objective(points (level, problem, point, dim), levels
+    (level, problem)) -> (level, problem, point). A grid, so as many starts as it has points, unless start
+    (points and numbers) is given; then Newton's steps, derivatives by differences: many points cost about as
+    much as one. Returns points, numbers (problem,) and values (problem,).
 
     >>> def hills(p, s):
-    ...     return -((p - 0.3) ** 2).sum(-1) - (s[:, None, None] - 0.7) ** 2
+    ...     return -((p - 0.3) ** 2).sum(-1) - (s[..., None] - 0.7) ** 2
     >>> at, level, _ = maximize(hills, np.zeros((2, 2)), np.ones((2, 2)), (0.0, 1.0))
-    >>> bool(abs(at - 0.3).max() < 0.01), bool(abs(level - 0.7) < 0.01)
+    >>> bool(abs(at - 0.3).max() < 0.01), bool(abs(level - 0.7).max() < 0.01)
     (True, True)
     """
-    at, level = coarse(objective, lower, upper, shared) if start is None else start
-    return climb(objective, lower, upper, shared, at, level)
+    least, most = (np.broadcast_to(edge, len(lower)) for edge in shared)
+    if not (most > least).any():
+        same = np.eye(len(lower), dtype=bool)
+    elif same is None:
+        same = np.ones((len(lower), len(lower)), bool)
+    at, level = coarse(objective, lower, upper, (least, most), same) if start is None else start
+    level = same @ np.broadcast_to(level, len(lower)) / same.sum(1)  # of those that share it
+    return climb(objective, lower, upper, (least, most), at, level, same)
 
 
 def coarse(
-    objective: Callable[[Array, Array], Array], lower: Array, upper: Array, shared: tuple[float, float]
-) -> tuple[Array, float]:
+    objective: Callable[[Array, Array], Array],
+    lower: Array,
+    upper: Array,
+    shared: tuple[Array, Array],
+    same: Flags,
+) -> tuple[Array, Array]:
     """The best point of a grid over the box, and of a few finer ones about it."""
-    dims, free, each = lower.shape[-1], shared[1] > shared[0], np.arange(len(lower))
+    dims, free, each = lower.shape[-1], (shared[1] > shared[0]).any(), np.arange(len(lower))
     at, step = 0.5 * (lower + upper), (upper - lower) / 6
-    level, level_step, best = 0.5 * sum(shared), (shared[1] - shared[0]) / 6, -np.inf
+    level, level_step = 0.5 * (shared[0] + shared[1]), (shared[1] - shared[0]) / 6
+    best = np.full(len(lower), -np.inf)
     for turn in range(COARSE + 1):
         spread = np.arange(-1.0, 2.0) if turn else np.arange(-3.0, 4.0)
         offset = np.array(list(product(spread, repeat=dims)))
-        levels = np.clip(level + level_step * spread, *shared) if free else np.r_[level]
+        levels = np.clip(level + spread[:, None] * level_step, *shared) if free else level[None]
         points = np.clip(at[:, None] + offset * step[:, None], lower[:, None], upper[:, None])
         points = np.broadcast_to(points, (len(levels), *points.shape))
         value = np.nan_to_num(objective(points, levels), nan=-np.inf)
-        which = int(value.max(2).sum(1).argmax())
-        if (total := float(value[which].max(1).sum())) > best:
-            best, level, at = total, float(levels[which]), points[which, each, value[which].argmax(1)]
+        total = value.max(2) @ same
+        which = total.argmax(0)
+        found = points[which, each, value[which, each].argmax(1)]
+        better = total[which, each] > best
+        best = np.where(better, total[which, each], best)
+        level, at = np.where(better, levels[which, each], level), np.where(better[:, None], found, at)
         step, level_step = step / 2, level_step / 2
     return at, level
 
@@ -65,15 +82,16 @@ def climb(
     objective: Callable[[Array, Array], Array],
     lower: Array,
     upper: Array,
-    shared: tuple[float, float],
+    shared: tuple[Array, Array],
     at: Array,
-    level: float,
-) -> tuple[Array, float, float]:
+    level: Array,
+    same: Flags,
+) -> tuple[Array, Array, Array]:
     """Newton's steps from a point, each trusted as far as the last one kept its promise."""
-    problems, dims, free = *lower.shape, shared[1] > shared[0]
-    width = np.concatenate([upper - lower, np.full((problems, 1), shared[1] - shared[0])], 1)
-    low = np.concatenate([lower, np.full((problems, 1), shared[0])], 1)
-    h, x = FINE * width, np.concatenate([at, np.full((problems, 1), level)], 1)
+    (problems, dims), free = lower.shape, bool((shared[1] > shared[0]).any())
+    low = np.concatenate([lower, shared[0][:, None]], 1)
+    width = np.concatenate([upper, shared[1][:, None]], 1) - low
+    h, x = FINE * width, np.concatenate([at, level[:, None]], 1)
     offset = np.array(list(product((-1.0, 0.0, 1.0), repeat=dims)))
     levels_off = np.array([-1.0, 0.0, 1.0]) if free else np.zeros(1)
     grid = np.array([(*o, s) for s in levels_off for o in offset])
@@ -82,23 +100,23 @@ def climb(
     best_x, slope, bend = x, np.zeros((problems, dims + 1)), np.zeros((problems, dims + 1, dims + 1))
     for _ in range(ROUNDS):
         points = x[:, None, :-1] + offset * h[:, None, :-1]
-        levels = x[0, -1] + levels_off * h[0, -1]
+        levels = x[:, -1] + levels_off[:, None] * h[:, -1]
         value = objective(np.broadcast_to(points, (len(levels), *points.shape)), levels)
         value = np.nan_to_num(np.moveaxis(value, 0, 1).reshape(problems, -1), nan=-np.inf)
         here = value[:, middle]
-        # with a shared number the problems stand and fall together
-        better = np.full(problems, here.sum() > best.sum()) if free else here > best
+        # problems that share a number stand and fall together
+        better = np.array([here[mine].sum() > best[mine].sum() for mine in same])
         if not np.isfinite(best).all():
             better[:] = True
         new_slope, new_bend = parabola(grid, value)
         slope[better], bend[better] = new_slope[better], new_bend[better]
         best_x, best = np.where(better[:, None], x, best_x), np.where(better, here, best)
         reach = np.where(better, np.minimum(2 * reach, TRUST_AT_MOST), 0.2 * reach)
-        step, promise = newton(slope, bend, h, best_x, low, width, reach, free)
+        step, promise = newton(slope, bend, h, best_x, low, width, reach, same)
         if promise.max() < ENOUGH:
             break
         x = best_x + step
-    return best_x[:, :-1], float(best_x[0, -1]), float(best.sum())
+    return best_x[:, :-1], best_x[:, -1], best
 
 
 def parabola(grid: Array, value: Array) -> tuple[Array, Array]:
@@ -119,31 +137,35 @@ def parabola(grid: Array, value: Array) -> tuple[Array, Array]:
 
 
 def newton(
-    slope: Array, bend: Array, h: Array, x: Array, low: Array, width: Array, reach: Array, free: bool
+    slope: Array, bend: Array, h: Array, x: Array, low: Array, width: Array, reach: Array, same: Flags
 ) -> tuple[Array, Array]:
     """Step (problem, dim) uphill within reach and box, and the gain (problem,) that it promises.
 
-    slope, bend: in steps h. The last coordinate is shared by all problems, where it is free.
+    slope, bend: in steps h. The last coordinate is one for all problems that are the `same`.
     """
-    problems, dims = x.shape
     scale = np.where(h > 0, h, 1.0)
     down, up = (low - x) / scale, (low + width - x) / scale
-    if free:  # one problem in all coordinates
-        n = problems * (dims - 1) + 1
-        place = np.array([[*range(p * (dims - 1), (p + 1) * (dims - 1)), n - 1] for p in range(problems)])
-        g, H, least, most = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros(n)
-        for p in range(problems):
-            g[place[p]] += slope[p]
-            H[np.ix_(place[p], place[p])] += bend[p]
-            least[place[p]], most[place[p]] = down[p], up[p]
-        step = uphill(g, H, least, most)[place]
-    else:
-        step = np.stack([uphill(*of) for of in zip(slope, bend, down, up, strict=True)])
-    size = (np.abs(step) * FINE).max(1)
-    size = np.full(problems, size.max()) if free else size
-    step = step * np.minimum(1.0, reach / np.maximum(size, 1e-300))[:, None]
-    gain = (slope * step).sum(1) + 0.5 * np.einsum("pi,pij,pj->p", step, bend, step)
-    return step * scale, np.full(problems, gain.sum()) if free else gain
+    step, gain = np.zeros_like(x), np.zeros(len(x))
+    for group in np.unique(same, axis=0):
+        step[group] = shared_step(slope[group], bend[group], down[group], up[group])
+        size = (np.abs(step[group]) * FINE).max()
+        step[group] *= np.minimum(1.0, reach[group] / max(size, 1e-300))[:, None]
+        rises = (slope * step).sum(1) + 0.5 * np.einsum("pi,pij,pj->p", step, bend, step)
+        gain[group] = rises[group].sum()
+    return step * scale, gain
+
+
+def shared_step(slope: Array, bend: Array, down: Array, up: Array) -> Array:
+    """Newton's step of problems (problem, dim) whose last coordinate is one: a problem in all of them."""
+    problems, dims = slope.shape
+    n = problems * (dims - 1) + 1
+    place = np.array([[*range(p * (dims - 1), (p + 1) * (dims - 1)), n - 1] for p in range(problems)])
+    g, H, least, most = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    for p in range(problems):
+        g[place[p]] += slope[p]
+        H[np.ix_(place[p], place[p])] += bend[p]
+        least[place[p]], most[place[p]] = down[p], up[p]
+    return np.asarray(uphill(g, H, least, most)[place])
 
 
 def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from forceid.kalman.channels import (
     driven,
@@ -16,8 +19,9 @@ from forceid.kalman.channels import (
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.lines import PATIENCE, Line
 from forceid.kalman.search import maximize
-from forceid.records import Array
+from forceid.records import Array, Flags
 
+Peak = tuple[Array, Array, Array]  # search points (axis, 2), logarithms of the noise, values (axis,)
 ORDERS = (1, 2, 3, 4, 6)
 ASKED = 1.0  # log-likelihood by which a record asks for an order above that
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
@@ -30,14 +34,14 @@ OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough 
 class Tuned:
     """Matern prior of loads: order, std (axis,), rate (axis,) 1/s, and the noise found with it.
 
-    noise: factor on the stated standard deviation of the measurement; noise_at_limit: the likelihood
-    would have taken a smaller one than allowed.
+    noise (axis,): factor on the stated standard deviation of the measurement; noise_at_limit: on most axes
+    that a load moves the likelihood would have taken a smaller one than allowed.
     """
 
     order: int
     std: Array
     rate: Array
-    noise: float
+    noise: Array
     noise_at_limit: bool
     log_likelihood: float
 
@@ -56,10 +60,11 @@ def tune_loads(
     """Prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
     time (time,) s; z (time, axis), NaN = missing; gain: 1/kg for forces and a mass center; noise_var (time,
-    axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on the stated
-    standard deviation. Of the orders, the smoothest that no rougher one beats by e^PATIENCE; on an axis where
-    a varying load is not e^PATIENCE times as likely as a constant one, the constant. lines: that the load is
-    known to hold beside, with directions along the axes of z. engine: the fastest, if none is given.
+    axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on its std, one
+    for all axes that do not ask for their own. Of the orders, the smoothest that no rougher one beats by
+    e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
+    constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
+    fastest, if none is given.
     """
     stretches, axes, likelihood = stretch(z), z.shape[1], for_tuning(engine).log_likelihood
 
@@ -71,7 +76,7 @@ def tune_loads(
         shape = points.shape[:-1]
         std, rate = natural(points.reshape(-1, 2), order)
         axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
-        noise = np.broadcast_to(np.exp(2 * levels)[:, None, None], shape).ravel()
+        noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
         for run in stretches:
             y, t = z[run] - z[run][np.isfinite(z[run]).all(1)][0], time[run]
@@ -82,43 +87,78 @@ def tune_loads(
         return total.reshape(shape)
 
     def search(
-        order: int, shared: tuple[float, float], start: tuple[Array, float] | None = None
-    ) -> tuple[Array, float, float]:
-        return maximize(lambda p, s: objective(p, s, order), *box(order), shared, start)
+        order: int,
+        shared: tuple[ArrayLike, ArrayLike],
+        start: tuple[Array, ArrayLike] | None = None,
+        same: Flags | None = None,
+        load: bool = True,
+    ) -> Peak:
+        edges = box(order) if load else (box(order)[0],) * 2
+        return maximize(lambda p, s: objective(p, s, order), *edges, shared, start, same)
 
-    def tuned(order: int, at: Array, level: float, value: float) -> Tuned:
-        at_limit = limits[1] > limits[0] and level - limits[0] < 0.05
-        return Tuned(order, *natural(at, order), float(np.exp(level)), at_limit, value)
+    def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
+        at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < 0.05) > 0.5
+        return Tuned(order, *natural(at, order), np.exp(level), bool(at_limit), value)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
-    level = limits[0]
+    level: Array = np.full(axes, limits[0])
     if limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
-        _, level, _ = search(2, limits)
-    found: dict[int, tuple[Array, float, float]] = {}
+        (_, level, _), _ = by_axis(lambda same: search(2, limits, None, same), axes)
+    found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         found[order] = search(order, (level, level))
-        pays = found[order][2] > max(value for _, _, value in found.values()) - ASKED
+        pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - ASKED
         worse = 0 if pays else worse + (order <= FREE)
         if worse == MISSED:
             break
-    order = smoothest({order: value for order, (_, _, value) in found.items()})
-    at, level, value = (
-        search(order, limits, (found[order][0], level)) if limits[1] > limits[0] else found[order]
-    )
+    order = smoothest({order: float(value.sum()) for order, (_, _, value) in found.items()})
+    peak, same = found[order], np.eye(axes, dtype=bool)
+    if limits[1] > limits[0]:
+        start = (peak[0], level)
+        peak, same = by_axis(lambda same: search(order, limits, start, same), axes)
+    at, level, value = peak
     none = box(order)[0]
-    quiet = maximize(lambda p, s: objective(p, s, order), none, none, limits, (none, level))
-    if value - quiet[2] < PATIENCE * axes:
-        return tuned(order, *quiet)
-    each = objective(np.stack([at, none], 1)[None], np.array([level]), order)[0]
-    best = tuned(order, at, level, value)
+    quiet = search(order, limits, (none, level), same, load=False)
+    if value.sum() - quiet[2].sum() < PATIENCE * axes:
+        return tuned(order, *quiet[:2], float(quiet[2].sum()), np.ones(axes, bool))
+    each = objective(np.stack([at, none], 1)[None], level[None], order)[0]
     still = each[:, 0] - each[:, 1] < PATIENCE
+    best = tuned(order, at, level, float(value.sum()), ~still if not still.all() else still)
     if still.any():
         # the axes are known to about a hundredth, and by that much of it a load leaks to a still one
         strong = np.where(still, 0.0, best.std).argmax()
         std = np.where(still, LEAK * best.std[strong], best.std)
         best = replace(best, std=std, rate=np.where(still, best.rate[strong], best.rate))
     return best
+
+
+def by_axis(search: Callable[[Flags], Peak], axes: int) -> tuple[Peak, Flags]:
+    """The peak under one noise for all axes, or under more where each is e^PATIENCE times as likely.
+
+    search(same (axis, axis)): the peak where axes share a noise; also which of them do. So an axis that shows
+    no noise, as of a planar video or an encoder, has no say in that of the others.
+    """
+    same: Flags = np.ones((axes, axes), bool)
+    best = search(same)
+    if axes == 1:
+        return best, same
+    apart = np.eye(axes, dtype=bool)
+    own = search(apart)
+    if own[2].sum() < best[2].sum() + PATIENCE:
+        return best, same
+    cost = PATIENCE * (axes - 1)
+    found = [(float(best[2].sum()), best, same), (float(own[2].sum()) - cost, own, apart)]
+    order = own[1].argsort()
+    for cuts in product((False, True), repeat=axes - 1):
+        if 0 < sum(cuts) < axes - 1:
+            group = np.zeros(axes, int)
+            group[order] = np.cumsum([0, *cuts])
+            same = group[:, None] == group
+            peak = search(same)
+            found.append((float(peak[2].sum()) - PATIENCE * sum(cuts), peak, same))
+    _, best, same = max(found, key=lambda one: one[0])
+    return best, same
 
 
 def natural(points: Array, order: int) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from forceid.kalman.channels import driven, stretch
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process
-from forceid.kalman.search import climb
+from forceid.kalman.search import maximize
 from forceid.records import Array
 
 STATES = 3  # of a mode: amplitude, rate, load
@@ -89,12 +89,12 @@ def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | No
     grid[..., 0], grid[..., 2] = first[:, :, None], size[:, None, None]
     grid[..., 1], grid[..., 3] = (first[:, :, None] * rate for rate in shape.T)
     grid = np.log(grid.reshape(modes, -1, 4))
-    value = np.nan_to_num(objective(grid[None], np.zeros(1))[0], nan=-np.inf)
+    value = np.nan_to_num(objective(grid[None], np.zeros((1, modes)))[0], nan=-np.inf)
     at = grid[np.arange(modes), value.argmax(1)]
     low = np.log(np.broadcast_to([slow, 0.1 / span, 1.0, 0.1 / span], at.shape)).copy()
     high = np.log(np.broadcast_to([fast, fast, 1.0, fast], at.shape)).copy()
     low[:, 0], high[:, 0] = (np.clip(at[:, 0] + d, low[:, 0], high[:, 0]) for d in (-REACH, REACH))
     low[:, 2], high[:, 2] = np.log(0.1 * size), np.log(10 * size)
     at = np.clip(at, low, high)
-    found = climb(lambda p, s: objective(p, s), low, high, (0.0, 0.0), at, 0.0)[0]
+    found = maximize(objective, low, high, (0.0, 0.0), (at, 0.0))[0]
     return Vibration(*np.exp(found).T)

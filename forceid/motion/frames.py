@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.motion.noise_axes import through_fit
 from forceid.motion.pose import Pose, alike, body_axes, exp, pose_gain
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
@@ -32,16 +33,22 @@ class Frames:
 
 
 def fit_frames(
-    position: Array, pose: Pose, shape: Array, shapes: Array, cov: Array, own: Array | None = None
+    position: Array,
+    pose: Pose,
+    shape: Array,
+    shapes: Array,
+    cov: Array,
+    own: Array | None = None,
+    uneven: Array | None = None,
 ) -> Frames:
     """The pose and the further numbers of every frame, from markers near a pose.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
     cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes; own (time, node):
-    variance of single readings beside. Generalized least squares: what the fit of the pose leaves is
-    independent of it, and shows the amplitudes with the information Phi^T (V^-1 - V^-1 S C S^T V^-1) Phi,
-    whose square root the rows are. So nothing is lost where markers show less than m amplitudes, or none.
-    Source: principal equations 4b, 4d.
+    variance of single readings beside; uneven as for `fit_pose`. Generalized least squares: what the fit of
+    the pose leaves is independent of it, and shows the amplitudes with the information Phi^T (V^-1 - V^-1 S C
+    S^T V^-1) Phi, whose square root the rows are. So nothing is lost where markers show less than m
+    amplitudes, or none. Source: principal equations 4b, 4d.
     """
     T, m = len(position), len(shapes)
     center, R = pose.center.copy(), pose.rotation.copy()
@@ -65,6 +72,8 @@ def fit_frames(
         turn = np.zeros((len(at), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
         out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
+        if uneven is not None:
+            out[at] += through_fit(K, R[at], uneven)
         weighed = flat[seen].T @ V_inv
         information = weighed @ (flat[seen] - S[seen] @ (K @ flat[seen]))
         size, axes = np.linalg.eigh(0.5 * (information + information.T))

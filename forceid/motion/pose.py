@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.compiled import engine as compiled
+from forceid.motion.noise_axes import through_fit
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
 
@@ -56,14 +57,22 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
     return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
 
 
-def fit_pose(position: Array, shape: Array, weight: Array, cov: Array, own: Array | None = None) -> Pose:
+def fit_pose(
+    position: Array,
+    shape: Array,
+    weight: Array,
+    cov: Array,
+    own: Array | None = None,
+    uneven: Array | None = None,
+) -> Pose:
     """Pose of every frame by generalized least squares from the markers seen in it.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
     rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
     deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
-    neither center nor rotation. own (time, node) m2: variance that single readings have beside. Source:
-    principal equations 2.5, 4b.
+    neither center nor rotation. own (time, node) m2: variance that single readings have beside.
+    uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
+    fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
     """
     # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
     start = weight + weight.max()
@@ -75,6 +84,8 @@ def fit_pose(position: Array, shape: Array, weight: Array, cov: Array, own: Arra
         if gain is None:
             continue
         found = fitted(position, at, pattern, shape, start, gain)
+        if uneven is not None:
+            found = (*found[:2], found[2] + through_fit(gain[0], found[1], uneven), *found[3:])
         dof = np.full(len(at), 3.0 * pattern.sum() - 6)
         if len(at) == T:
             return Pose(*found, dof)

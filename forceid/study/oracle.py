@@ -54,7 +54,7 @@ def bound(
         (setup.moment_std * np.ones(3), np.eye(3), turned.time, path, 1.0),
     )
     for std, along, time, z, gain in loads:
-        tuned = Tuned(ORDER, std, np.full(3, setup.load_rate), 1.0, False, 0.0)
+        tuned = Tuned(ORDER, std, np.full(3, setup.load_rate), np.ones(3), False, 0.0)
         priors.append(LoadPrior(tuned, along, start_of(time, z, gain)))
     whole = Flight(
         flight.time, pose.center, pose.rotation, cov, mass, flight.inertia, flight.h, flight.gravity

@@ -107,7 +107,7 @@ def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
         best = value, order, theta
     assert best is not None
     std = np.where(moving, size * np.exp(best[2][:, 0]), QUIET)
-    return Tuned(best[1], std, np.exp(best[2][:, 1]), 1.0, False, best[0]), np.asarray(axes)
+    return Tuned(best[1], std, np.exp(best[2][:, 1]), np.ones(len(std)), False, best[0]), np.asarray(axes)
 
 
 def likeliest(order: int, z: Array, step: float, span: float) -> tuple[Array, float]:

@@ -1,0 +1,48 @@
+"""Noise that differs from axis to axis of the world: the root of its covariance, and what fits make of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.records import Array
+
+ALIKE = 1e-9  # of a variance: less is rounding
+
+
+def size(root: Array) -> float:
+    """Standard deviation of a noise whose covariance has the root (3, 3), in the mean square over the axes.
+
+    >>> size(np.diag([1.0, 1.0, 2.0])) ** 2
+    2.0
+    """
+    return float(np.sqrt((root**2).sum() / 3))
+
+
+def share(root: Array) -> Array:
+    """Covariance (3, 3) of a noise along world axes over its mean variance, from the root of it."""
+    return np.asarray(root @ root.T / size(root) ** 2)
+
+
+def floored(root: Array, least: float) -> Array:
+    """The root, or that of equal noise of `least` standard deviation where it is smaller in the mean."""
+    return root if size(root) >= least else least * np.eye(3)
+
+
+def uneven(root: Array) -> Array | None:
+    """What the covariance (3, 3) of a noise has beyond its mean variance on every axis; None for nothing."""
+    more = (share(root) - np.eye(3)) * size(root) ** 2
+    return more if np.abs(more).max() > ALIKE * size(root) ** 2 else None
+
+
+def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
+    """Covariance (time, 6, 6), world axes, of poses under noise of markers with noise_cov (3, 3), world axes.
+
+    gain (6, channel): of the fit, body axes; rotation (time, 3, 3).
+    """
+    each = gain.reshape(6, -1, 3).swapaxes(0, 1)
+    seen = rotation.swapaxes(1, 2) @ noise_cov @ rotation
+    made = np.einsum("nia,njb->ijab", each, each)
+    body = np.einsum("ijab,tab->tij", made, seen)
+    turn = np.zeros((len(rotation), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation
+    return np.asarray(turn @ body @ turn.swapaxes(1, 2))
