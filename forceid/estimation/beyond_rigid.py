@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.special import chdtri
 
 from forceid.estimation.deformation import ORDER
@@ -14,8 +15,10 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.passes import LOG_2PI
 from forceid.kalman.tuning import tune_loads
 from forceid.motion.pose import body_axes, fit_rotation
+from forceid.motion.window import ORDER as DIFFERENCES
+from forceid.motion.window import noise_variance
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, Motion
 
 CHANCE = 0.01  # of a veto where the level is right
 LAGS = 10  # of the autocorrelation of what a level leaves
@@ -71,6 +74,20 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
     left, size, _ = np.linalg.svd(S, full_matrices=True)
     U = left[:, int((size > 1e-9 * size[0]).sum()) :]
     return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
+
+
+def noise_beyond(kin: Kinematics, motion: Motion) -> float:
+    """Factor on the noise of the markers: to what high-order differences show where no shape moves them.
+
+    One where shapes and rigid motion together move the markers in all directions, or few frames are whole.
+    """
+    if motion.measured is None:
+        return 1.0
+    seen = beyond_rigid(motion.time, motion.measured, kin)
+    left = seen.y @ null_space(seen.of(kin.shapes), rcond=1e-6)
+    if not left.shape[1] or seen.frames < 2 * DIFFERENCES:
+        return 1.0
+    return float(np.sqrt(noise_variance(motion.time, left) / seen.var))
 
 
 def principal_axes(y: Array, directions: Array) -> Array:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from forceid.config import Settings
+from forceid.estimation.beyond_rigid import noise_beyond
 from forceid.estimation.body_loads import on_body
 from forceid.estimation.deformation import Deformation, as_smoothed, undeformed
 from forceid.estimation.gauges import gauge_reasons, with_gauges
@@ -15,20 +16,8 @@ from forceid.estimation.hidden_load import hidden_load, lines_at_spin
 from forceid.estimation.inner_wheel import allowing, inner_wheel, signals, with_momentum
 from forceid.estimation.kinematics import Kinematics, scaled
 from forceid.estimation.likely_priors import growth_along_world
-from forceid.estimation.load_channels import (
-    flight_of,
-    force_channel,
-    moment_channel,
-    noise_found,
-    tune_channel,
-)
-from forceid.estimation.load_lines import (
-    MOST_LINES,
-    NO_LINES,
-    Lines,
-    mass_hidden,
-    more_lines,
-)
+from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.load_lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
 from forceid.estimation.outliers import (
     NONE_DROPPED,
     Dropped,
@@ -118,6 +107,10 @@ def estimate_flight(
     source = "position" if motion.position is not None else "center"
     gravity = motion.gravity
     limits = (1.0, 1.0) if slow else STATED if kin.stated[source] else UNSTATED
+    # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
+    followed = kin.apart or not kin.deforms
+    if not followed and not slow and not kin.stated[source]:
+        kin, limits = look(scaled(kin, {source: min(noise_beyond(kin, motion), 1.0) * np.eye(3)})), (1.0, 1.0)
     causal = settings.method == "filter"
 
     def at_rest(kin: Kinematics) -> tuple[Kinematics, Deformation]:
@@ -128,14 +121,13 @@ def estimate_flight(
     force = tune_channel(force_channel(kin, gravity), limits, lines.force, engine=engine)
     at_limit = {source: force.tuned.noise_at_limit}
     if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
-        kin = look(scaled(kin, {source: noise_found(force)}))
+        kin = look(scaled(kin, {source: force.noise}))
         kin, deformation = at_rest(kin)
     notes: tuple[str, ...] = ()
     stated = kin.stated[source]
-    # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
     if (
         not slow
-        and (kin.apart or not kin.deforms)
+        and followed
         and (
             errors_shared(kin, force, gravity, engine)
             if stated
@@ -158,7 +150,7 @@ def estimate_flight(
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
-            kin = look(scaled(kin, {"orientation": noise_found(moment)}))
+            kin = look(scaled(kin, {"orientation": moment.noise}))
 
     def solve(flight: Flight) -> FlightState:
         if not kin.attitude:

@@ -18,7 +18,7 @@ from forceid.motion.modes import (
     Modes,
     fit_amplitudes,
 )
-from forceid.motion.noise_axes import floored, share, size, uneven
+from forceid.motion.noise_axes import as_stated, floored, share, size, uneven
 from forceid.motion.pose import (
     Pose,
     body_axes,
@@ -95,7 +95,7 @@ def kinematics(
     noise: roots (3, 3) of covariances by variable that replace those of the file, from an earlier tuning.
     """
     stated = motion.noise_std | settings.noise_std
-    noise = noise or {name: level * np.eye(3) for name, level in stated.items()}
+    noise = noise or as_stated(stated, motion)
     if motion.position is not None:
         return from_markers(body, motion, motion.position, settings, stated, noise)
     return from_mean_motion(body, motion, stated, noise)

@@ -57,11 +57,6 @@ def tune_channel(
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 
-def noise_found(prior: LoadPrior) -> Array:
-    """The factor (3, 3) on the noise of a channel that tuning found, along world axes."""
-    return np.asarray(prior.axes * prior.tuned.noise @ prior.axes.T)
-
-
 def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measured: bool = False) -> Flight:
     """The poses and the inertia that the flight smoother works on.
 

@@ -21,11 +21,11 @@ from forceid.kalman.flight_model import Flight, seen_part
 from forceid.kalman.lines import PATIENCE
 from forceid.kalman.prior import LoadPrior, load_rows
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
+from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array
 
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
-NONE = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
 SHARED = (
     "the tracks are smoother than independent errors of the stated size allow: {1:.1e} is taken, as the "
     "spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow errors "
@@ -83,7 +83,7 @@ def noise_beyond_motion(channel: Channel) -> float:
     seen = np.isfinite(channel.z).all(1)
     z = np.stack([np.interp(channel.time, channel.time[seen], axis[seen]) for axis in channel.z.T], 1)
     shown = np.array([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
-    some = shown >= NONE**2 * shown.max()
+    some = noisy(shown)
     taken = np.median(
         np.diagonal(channel.noise_cov[seen], axis1=1, axis2=2)[:, some].mean(1)
     )  # bridges claim more

@@ -10,6 +10,7 @@ from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.leakage import Leakage
 from forceid.estimation.lost_frames import longest_run, lost_frames
 from forceid.motion.free_turn import largest_turn
+from forceid.motion.noise_axes import at_rest
 from forceid.motion.window import noise_growth
 from forceid.records import Motion, Verdict
 
@@ -92,13 +93,11 @@ def judge_clipping(motion: Motion) -> list[Finding]:
     """Markers that stick to the edge of what the cameras see: one value, again and again, never passed."""
     if motion.position is None:
         return []
-    x = motion.position
+    x, rest = motion.position, at_rest(motion.position)
     for axis, name in enumerate("xyz"):
         values = x[..., axis]
         for edge in (np.nanmin(values), np.nanmax(values)):
-            rounding = 4 * np.spacing(np.nanmax(np.abs(values)))
-            stuck = values == edge
-            stuck = stuck & ~(np.isnan(values) | (np.abs(values - edge) <= rounding)).all(0)  # at rest
+            stuck = (values == edge) & ~rest[:, axis]
             if stuck.sum() > max(STUCK, STUCK_PART * np.isfinite(values).sum()):
                 frames = int(stuck.any(1).sum())
                 return [

@@ -38,6 +38,11 @@ class LoadPrior:
     lines: tuple[Line, ...] = ()
     carried: Array | None = None
 
+    @property
+    def noise(self) -> Array:
+        """The factor (3, 3) on the noise of the channel that was found with it, world axes."""
+        return np.asarray(self.axes * self.tuned.noise @ self.axes.T)
+
 
 def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chain of one load: three components an order, on its axes.

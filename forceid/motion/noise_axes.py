@@ -4,15 +4,49 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.records import Array
+from forceid.records import Array, Flags, Motion
 
+ROUNDING = 16  # of the last place, in sums of a few products
 ALIKE = 1e-9  # of a variance: less is rounding
+NONE = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
+
+
+def noisy(var: Array) -> Flags:
+    """Which axes of noise variances (axis,) show some: not those of a planar video, or of an encoder.
+
+    >>> noisy(np.array([1.0, 2.0, 0.0])).tolist()
+    [True, True, False]
+    """
+    return np.asarray(var >= NONE**2 * var.max())
+
+
+def at_rest(readings: Array) -> Flags:
+    """Which readings (time, ...) never change but by rounding: (...).
+
+    >>> at_rest(np.array([[0.1, 5.0], [0.1, 5.1]])).tolist()
+    [True, False]
+    """
+    seen = np.isfinite(readings)
+    high, low = (
+        f(np.where(seen, readings, worst), axis=0) for f, worst in ((np.max, -np.inf), (np.min, np.inf))
+    )
+    return np.asarray(high - low <= ROUNDING * np.spacing(np.abs(readings[seen]).max(initial=1e-9)))
+
+
+def as_stated(std: dict[str, float], motion: Motion) -> dict[str, Array]:
+    """Roots (3, 3) of the covariances of noise stated by variable: axes on which all is at rest have none."""
+    root = {name: level * np.eye(3) for name, level in std.items()}
+    for name, read in (("position", motion.position), ("center", motion.center)):
+        if name in root and read is not None:
+            still = at_rest(read).reshape(-1, 3).all(0)
+            root[name] = std[name] * np.diag(np.where(still & ~still.all(), NONE, 1.0))
+    return root
 
 
 def size(root: Array) -> float:
     """Standard deviation of a noise whose covariance has the root (3, 3), in the mean square over the axes.
 
-    >>> size(np.diag([1.0, 1.0, 2.0])) ** 2
+    >>> round(size(np.diag([1.0, 1.0, 2.0])) ** 2, 9)
     2.0
     """
     return float(np.sqrt((root**2).sum() / 3))
