@@ -22,7 +22,7 @@ test-long: .venv/test-ready
 	$(BIN)/pytest -n 2 --dist worksteal -m long
 
 # the numerical core under three kernels of BLAS, with the scalar and the vector engines
-NUMERICAL := tests/kalman/test_square_root.py tests/kalman/test_linear.py tests/kalman/test_long_flight.py \
+NUMERICAL := tests/kalman/test_square_root.py tests/kalman/test_linear.py tests/flight/test_long_flight.py \
   tests/motion/test_pose.py tests/principal tests/partition/test_partition_dynamics.py \
   tests/partition/test_tandem_commands.py tests/pseudorigid tests/estimation/test_affine_lever.py \
   tests/estimation/test_classic.py tests/estimation/test_kinematics.py tests/estimation/test_run.py

@@ -28,9 +28,9 @@ from forceid.estimation.affine_fit import fit_affine
 from forceid.estimation.affine_loads import smooth_affine
 from forceid.estimation.affine_priors import tune_channels
 from forceid.estimation.run import estimate_recording
-from forceid.kalman.channels import start_of
+from forceid.flight.channels import start_of
+from forceid.flight.priors.load import LoadPrior
 from forceid.kalman.engines import engine
-from forceid.kalman.prior import LoadPrior
 from forceid.records import Array, Estimate, Recording
 from forceid.report.bands import draw_estimate
 from forceid.report.style import BLUE, GRAY, INK, STYLE, VERMILION, draw_band, draw_line, label

@@ -22,11 +22,11 @@ from scipy.spatial.transform import Rotation
 from benchmarks.paired import Answer, Contestant, Goal, Race
 from benchmarks.strict import shape
 from forceid import kalman
-from forceid.kalman.channels import Start
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
+from forceid.flight.channels import Start
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import Tuned
 from forceid.motion.pose import fit_pose
 
 STEP, NOISE = 1e-3, 3e-4  # s, m

@@ -27,10 +27,10 @@ from forceid.estimation.load_channels import force_channel, moment_channel
 from forceid.estimation.parts import parts_of
 from forceid.estimation.run import estimate_whole
 from forceid.estimation.ties import beside
-from forceid.kalman.channels import start_of
+from forceid.flight.channels import start_of
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import smooth_flight
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.prior import LoadPrior
 from forceid.principal.wrench import transport_matrix
 from forceid.records import Array, Estimate, Motion, Recording
 from forceid.scenes import hinged

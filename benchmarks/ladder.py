@@ -26,7 +26,7 @@ from forceid.config import Settings, load_settings
 from forceid.estimation.flight_smoother import Solution, estimate_flight
 from forceid.estimation.ladder import climb
 from forceid.estimation.levels import Step
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.records import Body, Motion, Recording, deviation
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -22,12 +22,12 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from forceid.flight.channels import Start
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import Tuned
 from forceid.kalman import engines
-from forceid.kalman.channels import Start
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
 from forceid.motion.pose import fit_pose
 
 RATE, SECONDS, NOISE = 500.0, 0.6, 3e-4  # Hz, s, m

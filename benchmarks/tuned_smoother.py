@@ -9,8 +9,8 @@ import numpy as np
 from benchmarks import models, peers
 from benchmarks.paired import Answer, Contestant, Goal, Race
 from forceid import kalman
-from forceid.kalman.channels import driven, start_of
-from forceid.kalman.tuning import tune_loads
+from forceid.flight.channels import driven, start_of
+from forceid.flight.tuning import tune_loads
 
 STEP, NOISE, CHANNELS = 1e-3, 1e-4, 6
 OURS, PASS = "forceid, six channels tuned and smoothed", "filterpy, one filter pass over one channel, n = 3"

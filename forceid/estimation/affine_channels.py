@@ -18,8 +18,8 @@ from forceid.errors import DataError, EstimationError
 from forceid.estimation.affine_fit import AffineFit, fit_affine
 from forceid.estimation.inertia import inertia_of
 from forceid.estimation.kinematics import marker_noise
-from forceid.kalman.channels import Channel, start_of
-from forceid.kalman.prior import LoadPrior
+from forceid.flight.channels import Channel, start_of
+from forceid.flight.priors.load import LoadPrior
 from forceid.pseudorigid.decomposition import polar
 from forceid.records import Array, Flags, Recording
 

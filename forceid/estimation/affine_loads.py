@@ -16,8 +16,8 @@ from forceid.config import Settings, load_settings
 from forceid.estimation.affine_channels import AffineChannels, affine_channels, aligned, along_axes
 from forceid.estimation.affine_priors import tune_channels
 from forceid.estimation.affine_smoothing import smoothed
+from forceid.flight.priors.load import LoadPrior
 from forceid.kalman.engines import Engine, engine
-from forceid.kalman.prior import LoadPrior
 from forceid.pseudorigid.materials import Material
 from forceid.records import Array, Flags, Recording
 

@@ -8,11 +8,11 @@ from math import lgamma, pi
 
 import numpy as np
 
-from forceid.kalman.channels import driven, load_chain, start_of
+from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.tuning import OUTLIER, Tuned
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, resonator
-from forceid.kalman.tuning import OUTLIER, Tuned
 from forceid.records import Array
 
 LONGEST = 4096  # samples that are looked at

@@ -16,11 +16,11 @@ import numpy as np
 from forceid.estimation.affine_channels import AffineChannels, in_body, on_body
 from forceid.estimation.affine_powers import Axes, Powers, powers, richest, spectrum
 from forceid.estimation.affine_swings import find_swings
-from forceid.kalman.channels import Channel, load_axes, start_of
+from forceid.flight.channels import Channel, load_axes, start_of
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.tuning import ORDERS, Tuned, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE, Line
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import ORDERS, Tuned, tune_loads
 from forceid.records import Array
 
 SURE = 1.0  # log-likelihood by which a smoother prior must be likelier: too smooth a one claims too little

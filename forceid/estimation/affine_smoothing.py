@@ -8,9 +8,9 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.affine_channels import AffineChannels
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.kalman.process import block_diagonal
 from forceid.records import Array
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.estimation.affine_powers import Axes, Swing, powers
-from forceid.kalman.channels import driven, load_chain, start_of
+from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.tuning import OUTLIER, Tuned
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.process import resonator
-from forceid.kalman.tuning import OUTLIER, Tuned
 from forceid.records import Array, Indices
 
 MOST = 3  # swings of a body that are looked for

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
-from forceid.kalman.channels import lags, second_difference
+from forceid.flight.channels import lags, second_difference
 from forceid.motion.first_moment import angular_channel
 from forceid.records import Array
 

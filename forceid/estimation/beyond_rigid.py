@@ -10,10 +10,10 @@ from scipy.special import chdtri
 
 from forceid.estimation.deformation import ORDER
 from forceid.estimation.kinematics import Kinematics
-from forceid.kalman.channels import driven, load_chain, start_of
+from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.tuning import tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.passes import LOG_2PI
-from forceid.kalman.tuning import tune_loads
 from forceid.motion.pose import body_axes, fit_rotation
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance

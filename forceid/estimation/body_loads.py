@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior, channel_model
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior, channel_model
 from forceid.records import Array
 
 ORDER = 2  # of the Matern prior: a load that turns with the body leaves little to tell orders apart

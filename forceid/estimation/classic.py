@@ -9,8 +9,8 @@ from forceid.estimation.deformation import Deformation, inertia_along
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.slow_errors import SMOOTHED, slow_and_small
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
 from forceid.kalman.model import mean_square
 from forceid.motion.derivative import Derivatives, derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
+from forceid.flight.smoother import FlightState
+from forceid.flight.vibration import STATES, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
-from forceid.kalman.vibration import STATES, Vibration, tune_vibrations, vibrating
 from forceid.motion.pose import exp
 from forceid.motion.products import Products, fixed, products
 from forceid.records import Array

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.kalman.dead_reckoning import gyro_rate
-from forceid.kalman.flight import FlightState, first_reference
-from forceid.kalman.flight_model import Flight, Reference
-from forceid.kalman.prior import LoadPrior
+from forceid.flight.instruments.dead_reckoning import gyro_rate
+from forceid.flight.model import Flight, Reference
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, first_reference
 from forceid.motion.free_turn import free_turn
 from forceid.records import Array, Indices
 

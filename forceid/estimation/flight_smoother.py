@@ -39,10 +39,10 @@ from forceid.estimation.slow_errors import (
 from forceid.estimation.spin import turning
 from forceid.estimation.verdict import GROWTH
 from forceid.estimation.whitened import whitened
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation, with_translation
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
 from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
 from forceid.records import Array, Body, Flags, HiddenLoad, Motion

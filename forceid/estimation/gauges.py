@@ -8,9 +8,9 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.kinematics import ROUNDOFF, Kinematics
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.flight_modes import Gauges
+from forceid.flight.model import Flight
+from forceid.flight.modes import Gauges
+from forceid.flight.smoother import FlightState
 from forceid.motion.window import ORDER, noise_variance
 from forceid.records import Array, Body, Motion
 

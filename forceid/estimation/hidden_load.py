@@ -13,10 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from forceid.estimation.sensitivity import length
-from forceid.kalman.channels import Channel
-from forceid.kalman.flight import FlightState
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
 from forceid.kalman.lines import PATIENCE, REACH, near
-from forceid.kalman.prior import LoadPrior
 from forceid.kalman.process import matern
 from forceid.records import Array, HiddenLoad, deviation
 

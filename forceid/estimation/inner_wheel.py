@@ -16,9 +16,9 @@ import numpy as np
 from forceid.estimation.deformation import Deformation
 from forceid.estimation.sensitivity import length
 from forceid.estimation.whitened import Whitened, whitened
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
 from forceid.kalman.lines import PATIENCE
 from forceid.records import Array, Flags, deviation
 

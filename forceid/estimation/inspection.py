@@ -22,7 +22,7 @@ from forceid.estimation.shape_checks import judge_shape, judge_size
 from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
 from forceid.estimation.unmarked_prospects import sensed_bandwidths
 from forceid.estimation.verdict import judge_leakage, judge_recording
-from forceid.kalman.dead_reckoning import gyro_rate
+from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank

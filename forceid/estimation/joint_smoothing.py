@@ -17,8 +17,8 @@ from forceid.estimation.linked_flight import LinkedPart, Priors, linked_parts, s
 from forceid.estimation.parts import Joint, Part
 from forceid.estimation.ties import Ties, balanced, beside, held
 from forceid.estimation.verdict import Finding
+from forceid.flight.priors.load import along_world
 from forceid.kalman.engines import engine
-from forceid.kalman.prior import along_world
 from forceid.principal.wrench import transport, transport_matrix
 from forceid.records import Array, Estimate
 

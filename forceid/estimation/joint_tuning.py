@@ -14,10 +14,10 @@ from functools import partial
 import numpy as np
 
 from forceid.errors import EstimationError
+from forceid.flight.model import Flight, Reference, linear_flight
+from forceid.flight.priors.load import LoadPrior, along_world
+from forceid.flight.smoother import settled
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import settled
-from forceid.kalman.flight_model import Flight, Reference, linear_flight
-from forceid.kalman.prior import LoadPrior, along_world
 from forceid.records import Array
 
 FAMILIES = ("angular_velocity", "specific_force")

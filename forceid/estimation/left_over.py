@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, smoothed_once_more
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smoothed_once_more
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
 from forceid.motion.pose import log
 from forceid.records import Array
 

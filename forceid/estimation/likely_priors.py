@@ -14,8 +14,8 @@ import numpy as np
 
 from forceid.estimation.hidden_load import SLOWEST, band_of, densities
 from forceid.estimation.whitened import Whitened
-from forceid.kalman.flight import FlightState
-from forceid.kalman.tuning import LEAK
+from forceid.flight.smoother import FlightState
+from forceid.flight.tuning import LEAK
 from forceid.records import Array
 
 LEAKED = 2 * LEAK  # of the load on the strongest axis: one so small was not found

@@ -20,12 +20,12 @@ from forceid.estimation.flight_smoother import Smoothing, Solution
 from forceid.estimation.joint_tuning import LONGEST, climb, moved
 from forceid.estimation.load_channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.ties import Ties
+from forceid.flight.model import Reference, linear_flight
+from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Reference, linear_flight
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, load_rows
-from forceid.kalman.tuning import ORDERS
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin

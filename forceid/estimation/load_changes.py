@@ -13,10 +13,10 @@ from forceid.estimation.deformation import undeformed
 from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.load_channels import force_channel, moment_channel, tune_channel
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE
-from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.records import Array
 
 WORSE = 1.1  # times the error of the best level: an rms of a hundred samples is known to 7 % itself

@@ -7,13 +7,13 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.deformation import Deformation, products_of
 from forceid.estimation.kinematics import Kinematics
-from forceid.kalman.channels import Channel, load_axes, start_of
+from forceid.flight.channels import Channel, load_axes, start_of
+from forceid.flight.model import Flight
+from forceid.flight.modes import FlyingModes
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.tuning import ORDERS, tune_loads
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.flight_modes import FlyingModes
 from forceid.kalman.lines import Line
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import ORDERS, tune_loads
 from forceid.motion.first_moment import angular_channel
 from forceid.records import Array
 

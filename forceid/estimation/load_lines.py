@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.kinematics import Kinematics
+from forceid.flight.model import Flight, Reference, seen_part
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight, Reference, seen_part
 from forceid.kalman.lines import Candidate, Line, candidates, find_line, let_drift, near
-from forceid.kalman.prior import LoadPrior
 
 MOST_LINES = 24  # of both loads together
 AT_ONCE, ROUNDS = 4, 4  # candidates of one look at the innovations, and looks under one smooth prior

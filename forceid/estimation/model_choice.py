@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.levels import Step
-from forceid.kalman.vibration import STATES
+from forceid.flight.vibration import STATES
 
 LOADS = 30  # states of a flight without modes, with loads of order two
 

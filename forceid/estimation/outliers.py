@@ -10,8 +10,8 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.kinematics import Kinematics, kinematics
 from forceid.estimation.mass_center import mass_center, with_center, without_gaps
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight
+from forceid.flight.model import Flight
+from forceid.flight.smoother import FlightState
 from forceid.kalman.robust import WILD, drop_wild, runs, unswap
 from forceid.motion.spikes import spikes
 from forceid.records import Array, Body, Flags, Motion

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.flight.model import Flight, seen_part
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight, seen_part
 from forceid.kalman.lines import Line, excite, near, whiten
-from forceid.kalman.prior import LoadPrior
 from forceid.records import Array
 
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down

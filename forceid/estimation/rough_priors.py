@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.kalman.channels import Start
-from forceid.kalman.dead_reckoning import gyro_rate, reckoned
-from forceid.kalman.flight import steps_of
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
-from forceid.kalman.turning import apply
+from forceid.flight.attitude import apply
+from forceid.flight.channels import Start
+from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import steps_of
+from forceid.flight.tuning import Tuned
 from forceid.records import Array
 
 ORDER = 3

@@ -24,7 +24,7 @@ from forceid.estimation.wrong_body import (
     turning,
     wrong_mass,
 )
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.records import Array
 
 PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05

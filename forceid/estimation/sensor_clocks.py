@@ -8,11 +8,11 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.joint_tuning import FAMILIES
+from forceid.flight.instruments.imu import sensed
+from forceid.flight.model import Flight, moved_along
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import settled
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import settled
-from forceid.kalman.flight_model import Flight, moved_along
-from forceid.kalman.flight_sensors import sensed
-from forceid.kalman.prior import LoadPrior
 from forceid.records import Array
 
 FARTHEST = 0.25  # of the record, by which a clock is looked for

@@ -18,12 +18,12 @@ from forceid.estimation.joint_tuning import FAMILIES, tune_together
 from forceid.estimation.kinematics import ROUNDOFF, Kinematics
 from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.sensor_clocks import aligned
-from forceid.kalman.dead_reckoning import gyro_rate
+from forceid.flight.instruments.dead_reckoning import gyro_rate
+from forceid.flight.instruments.imu import Sensors
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.flight_sensors import Sensors
-from forceid.kalman.prior import LoadPrior
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp

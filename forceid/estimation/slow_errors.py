@@ -14,12 +14,12 @@ from forceid.estimation.deformation import Deformation
 from forceid.estimation.innovations import colored
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.load_channels import flight_of, tune_channel
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.model import Flight, seen_part
+from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, smooth_translation
-from forceid.kalman.flight_model import Flight, seen_part
 from forceid.kalman.lines import PATIENCE
-from forceid.kalman.prior import LoadPrior, load_rows
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
 from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of

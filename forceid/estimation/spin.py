@@ -13,7 +13,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.inertia import Inertia
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.motion.derivative import derivatives
 from forceid.motion.pose import Pose, exp
 from forceid.motion.window import Window, choose_window, windows

@@ -10,7 +10,7 @@ from forceid.estimation.flight_smoother import Solution
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.plain_route import plain_route
 from forceid.estimation.witness import low_passed, spectrum_and_cuts
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.records import Array, Body, Motion
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from forceid.estimation.inertia import Inertia
 from forceid.estimation.spin import Spin, spin_about, spun
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.motion.line_motion import directions, without_spin
 from forceid.motion.pose import RANK_TOLERANCE, Pose, body_axes
 from forceid.records import Array, Flags

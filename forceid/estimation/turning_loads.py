@@ -23,10 +23,10 @@ from forceid.estimation.joint_tuning import (
 )
 from forceid.estimation.joint_tuning import moved as shifted
 from forceid.estimation.left_over import with_left_over
+from forceid.flight.model import Flight, Reference
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, settled, smooth_flight
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState, settled, smooth_flight
-from forceid.kalman.flight_model import Flight, Reference
-from forceid.kalman.prior import LoadPrior
 from forceid.records import Array
 
 GAIN = 0.5  # of a log-likelihood: less is no gain

@@ -25,10 +25,10 @@ from forceid.estimation.spin import with_own_tensor
 from forceid.estimation.thin_mass import as_sphere, with_known_moment
 from forceid.estimation.turning_loads import Search, alternatives, slow
 from forceid.estimation.verdict import Finding
-from forceid.kalman.dead_reckoning import gyro_rate
+from forceid.flight.instruments.dead_reckoning import gyro_rate
+from forceid.flight.model import Flight
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.flight import FlightState
-from forceid.kalman.flight_model import Flight
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Motion
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.rough_priors import rough_priors
-from forceid.kalman.flight_model import Flight
+from forceid.flight.model import Flight
 
 
 def sensed_bandwidths(flight: Flight, resolved: float) -> tuple[float | None, float | None]:

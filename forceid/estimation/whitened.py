@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.estimation.hidden_load import beside_parabola, densities
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import OUTLIER
-from forceid.kalman.prior import LoadPrior, channel_model, load_rows
 from forceid.kalman.process import matern
 from forceid.records import Array, Indices
 

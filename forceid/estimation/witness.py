@@ -16,7 +16,7 @@ from scipy.special import fdtri
 
 from forceid.estimation.plain_route import FEWEST, Channel, plain_route
 from forceid.estimation.verdict import Finding
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Array, Body, Flags, Indices, Motion, Witness

@@ -18,7 +18,7 @@ import numpy as np
 from forceid.estimation.deformation import Deformation
 from forceid.estimation.kinematics import Kinematics
 from forceid.estimation.leakage import gauge, marker_cov
-from forceid.kalman.flight import FlightState
+from forceid.flight.smoother import FlightState
 from forceid.motion.pose import pose_gain
 from forceid.principal.operator import cross_matrix, summation_operator
 from forceid.records import Array

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.errors import ForceIdError
-from forceid.kalman.channels import start_of
+from forceid.flight.channels import start_of
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import Tuned
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import fit_pose
 from forceid.records import Array, Flags

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from forceid import kalman
-from forceid.kalman.channels import Channel, driven, load_chain
+from forceid.flight.channels import Channel, driven, load_chain
+from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.smoother import settled
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import settled
-from forceid.kalman.prior import LoadPrior, load_rows
 from forceid.records import Array
 from forceid.scenes.recipe import load_recipe, simulate
 from forceid.study.cases import LOADS, Case, case_of, shipped

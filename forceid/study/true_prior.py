@@ -20,12 +20,12 @@ from forceid.estimation.deformation import undeformed
 from forceid.estimation.kinematics import kinematics
 from forceid.estimation.load_channels import flight_of, force_channel, moment_channel
 from forceid.estimation.sensors import with_sensors
-from forceid.kalman.channels import Channel, start_of
+from forceid.flight.channels import Channel, start_of
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation
+from forceid.flight.tuning import ORDERS, Tuned
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import FlightState, smooth_flight, smooth_translation
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import ORDERS, Tuned
 from forceid.records import Array
 from forceid.study.cases import LOADS, Case
 from forceid.study.contestant import Answer, Contestant

@@ -10,10 +10,10 @@ from forceid.config import load_settings
 from forceid.estimation.body_loads import carried, evidence
 from forceid.estimation.load_channels import tune_channel
 from forceid.estimation.run import estimate_recording
-from forceid.kalman.channels import Channel, Start
+from forceid.flight.channels import Channel, Start
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.flight.tuning import Tuned
 from forceid.kalman.engines import engine
-from forceid.kalman.prior import LoadPrior, channel_model, load_rows
-from forceid.kalman.tuning import Tuned
 from forceid.records import Array
 from forceid.scenes.recipe import SceneRecipe, simulate
 

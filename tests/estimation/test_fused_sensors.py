@@ -20,7 +20,7 @@ from forceid.estimation.sensors import fused, sensor_reasons, sensors_of, with_s
 from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.verdict import judge_recording
 from forceid.files.validate import check_recording
-from forceid.kalman.flight import smooth_flight
+from forceid.flight.smoother import smooth_flight
 from forceid.scenes.recipe import SceneRecipe, simulate
 
 ENGINE, PLAIN = kalman.engine(), load_settings()

@@ -10,10 +10,10 @@ from forceid.estimation.load_channels import tune_channel
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.stretches import widest
 from forceid.files.result import read_result, write_result
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import channel_model
 from forceid.kalman.engines import engine
 from forceid.kalman.lines import candidates, find_line
-from forceid.kalman.prior import channel_model
 from forceid.records import HiddenLoad
 from forceid.scenes.recipe import SceneRecipe, simulate
 

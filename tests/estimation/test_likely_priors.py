@@ -6,9 +6,9 @@ from forceid.estimation.hidden_load import densities
 from forceid.estimation.likely_priors import growth_of
 from forceid.estimation.load_channels import tune_channel
 from forceid.estimation.whitened import LONGEST, whitened
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import channel_model, load_rows
 from forceid.kalman.engines import engine
-from forceid.kalman.prior import channel_model, load_rows
 from forceid.kalman.process import discretize, integrate, matern
 
 STEP, SIGMA, MASS = 2e-3, 3e-4, 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from forceid.estimation.slow_errors import noise_beyond_motion
-from forceid.kalman.channels import Channel
+from forceid.flight.channels import Channel
 
 
 def channel(rng, noise, taken):

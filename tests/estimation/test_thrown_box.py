@@ -12,9 +12,9 @@ from forceid.estimation.rough_priors import rough_priors
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.unmarked import unmarked_flight, unmarked_kinematics
 from forceid.files.hdf5 import read_motion
+from forceid.flight.model import unsettled
+from forceid.flight.smoother import smooth_flight
 from forceid.kalman import engine
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import unsettled
 
 # seed and number of a draw of a short record: what pushes, how often it is sampled, how fast it turns
 BODY_55 = 1, 31  # 55 Hz, 3.6 rev/s

@@ -7,12 +7,12 @@ import pytest
 from linear_models import draw
 from scipy.spatial.transform import Rotation
 
+from forceid.flight.channels import Channel, Start, driven, load_chain
+from forceid.flight.priors.load import LoadPrior, chain_along, channel_model, load_rows
+from forceid.flight.tuning import Tuned, tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
-from forceid.kalman.channels import Channel, Start, driven, load_chain
 from forceid.kalman.lines import Candidate, Line, candidates, evidence, excite, find_line, let_drift, whiten
-from forceid.kalman.prior import LoadPrior, chain_along, channel_model, load_rows
-from forceid.kalman.tuning import Tuned, tune_loads
 
 MASS, STEP, COUNT, NOISE = 0.13, 2e-3, 400, 1e-4
 TIME = STEP * np.arange(COUNT)

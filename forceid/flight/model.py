@@ -16,14 +16,14 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
-from forceid.kalman.bending_sensors import bending
-from forceid.kalman.flight_modes import FlyingModes, bent, gauged
-from forceid.kalman.flight_sensors import Moved, Sensors, carried, sensed_late, with_sensors
+from forceid.flight.attitude import Course, between, cubics
+from forceid.flight.attitude import turn as turn_along
+from forceid.flight.instruments.imu import Moved, Sensors, carried, sensed_late, with_sensors
+from forceid.flight.instruments.imu_bending import bending
+from forceid.flight.modes import FlyingModes, bent, gauged
+from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load_rows
 from forceid.kalman.lines import Line
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows
-from forceid.kalman.turning import Course, between, cubics
-from forceid.kalman.turning import turn as turn_along
 from forceid.motion.pose import log
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array

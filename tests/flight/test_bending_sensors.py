@@ -7,10 +7,10 @@ import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from forceid.kalman.bending_sensors import bending
-from forceid.kalman.flight_modes import FlyingModes
-from forceid.kalman.flight_sensors import Moved, Sensors, sensed
-from forceid.kalman.vibration import Vibration
+from forceid.flight.instruments.imu import Moved, Sensors, sensed
+from forceid.flight.instruments.imu_bending import bending
+from forceid.flight.modes import FlyingModes
+from forceid.flight.vibration import Vibration
 from forceid.motion.frames import Frames
 from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp

@@ -19,9 +19,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from forceid.flight.attitude import apply
+from forceid.flight.priors.load import LoadPrior, chain_along
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, chain_along
-from forceid.kalman.turning import apply
 from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array, Flags, Indices

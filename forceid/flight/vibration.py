@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from forceid.kalman.channels import driven, stretch
+from forceid.flight.channels import driven, stretch
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process

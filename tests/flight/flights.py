@@ -6,11 +6,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from forceid.flight.channels import Start, load_chain
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.tuning import Tuned
 from forceid.kalman import StateSpace, discretize
-from forceid.kalman.channels import Start, load_chain
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
 
 MASS, INERTIA = 0.13, np.diag([3e-4, 5e-4, 7e-4])
 GRAVITY = np.array([0.0, 0.0, -9.81])

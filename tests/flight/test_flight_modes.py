@@ -7,14 +7,14 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from forceid.kalman.channels import Start
+from forceid.flight.channels import Start
+from forceid.flight.model import Flight, Reference, flexed, linear_flight, turn
+from forceid.flight.modes import FlyingModes
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import Tuned
+from forceid.flight.vibration import STATES, Vibration
 from forceid.kalman.engines import engine
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Flight, Reference, flexed, linear_flight, turn
-from forceid.kalman.flight_modes import FlyingModes
-from forceid.kalman.prior import LoadPrior
-from forceid.kalman.tuning import Tuned
-from forceid.kalman.vibration import STATES, Vibration
 from forceid.motion.frames import Frames
 from forceid.motion.pose import exp, log
 from forceid.motion.products import products

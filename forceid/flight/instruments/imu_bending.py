@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.kalman.flight_modes import FlyingModes
-from forceid.kalman.flight_sensors import Moved, Sensors
-from forceid.kalman.turning import apply
-from forceid.kalman.vibration import STATES
+from forceid.flight.attitude import apply
+from forceid.flight.instruments.imu import Moved, Sensors
+from forceid.flight.modes import FlyingModes
+from forceid.flight.vibration import STATES
 from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.spatial.transform import Rotation
 
-from forceid.kalman.channels import Channel, Start, load_chain
+from forceid.flight.channels import Channel, Start, load_chain
+from forceid.flight.tuning import Tuned
 from forceid.kalman.lines import Line
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize, integrate
-from forceid.kalman.tuning import Tuned
 from forceid.records import Array
 
 GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # points, weights on 0 to 1

@@ -16,14 +16,14 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
-from forceid.kalman.flight_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
+from forceid.flight.attitude import Course, apply, between, turned
+from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load_rows, pushes
+from forceid.flight.rigid_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
-from forceid.kalman.prior import LoadPrior, along_world, chain_along, load_rows, pushes
-from forceid.kalman.turning import Course, apply, between, turned
 from forceid.records import Array, Indices
 
 if TYPE_CHECKING:
-    from forceid.kalman.flight_model import Flight
+    from forceid.flight.model import Flight
 
 ROUNDS = 12
 ERROR = 1e-3  # standard deviations that a flight may be from the most probable one

@@ -12,9 +12,10 @@ from functools import partial
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.kalman.dead_reckoning import gyro_rate, reckoned
-from forceid.kalman.engines import Engine
-from forceid.kalman.flight_model import (
+from forceid.flight.attitude import apply, turned
+from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
+from forceid.flight.instruments.imu import Sensors
+from forceid.flight.model import (
     Flight,
     Reference,
     course_of,
@@ -24,11 +25,10 @@ from forceid.kalman.flight_model import (
     turn,
     unsettled,
 )
-from forceid.kalman.flight_sensors import Sensors
-from forceid.kalman.long_flight import kinds_of, loads_of, settled_in_lanes, step_kinds
+from forceid.flight.priors.load import LoadPrior, along_world, load_rows
+from forceid.flight.rigid_path import kinds_of, loads_of, settled_in_lanes, step_kinds
+from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
-from forceid.kalman.prior import LoadPrior, along_world, load_rows
-from forceid.kalman.turning import apply, turned
 from forceid.motion.free_turn import free_turn, momentum_between
 from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew

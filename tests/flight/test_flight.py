@@ -8,10 +8,10 @@ from scipy.stats import chi2
 
 from forceid import kalman
 from forceid.errors import EstimationError
-from forceid.kalman import flight as flights
-from forceid.kalman import flight_model
-from forceid.kalman.flight import first_reference, smooth_flight
-from forceid.kalman.flight_model import Reference, rotation, stack, translation, turn
+from forceid.flight import model as flight_model
+from forceid.flight import smoother as flights
+from forceid.flight.model import Reference, rotation, stack, translation, turn
+from forceid.flight.smoother import first_reference, smooth_flight
 from forceid.kalman.lines import Line
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from forceid import kalman
+from forceid.flight.channels import Start, load_chain
+from forceid.flight.instruments.dead_reckoning import drift, gyro_rate, reckoned
+from forceid.flight.instruments.imu import Moved, Sensors, sensed
+from forceid.flight.model import Flight
+from forceid.flight.smoother import smooth_flight
 from forceid.kalman import StateSpace, discretize
-from forceid.kalman.channels import Start, load_chain
-from forceid.kalman.dead_reckoning import drift, gyro_rate, reckoned
-from forceid.kalman.flight import smooth_flight
-from forceid.kalman.flight_model import Flight
-from forceid.kalman.flight_sensors import Moved, Sensors, sensed
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 POSITION = np.array([[0.06, 0.01, 0.02], [-0.05, 0.03, -0.01]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from forceid.kalman.flight_sensors import Sensors
+from forceid.flight.instruments.imu import Sensors
 from forceid.motion.pose import log
 from forceid.records import Array
 

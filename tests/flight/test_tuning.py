@@ -4,11 +4,11 @@ from linear_models import draw
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
+from forceid.flight.channels import Start, load_chain, search_box, start_of, stretch
+from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood
-from forceid.kalman.channels import Start, load_chain, search_box, start_of, stretch
 from forceid.kalman.lines import PATIENCE
 from forceid.kalman.search import maximize
-from forceid.kalman.tuning import natural, smoothest, tune_loads
 
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
 

@@ -7,10 +7,12 @@ import pytest
 from flights import INERTIA, drawn_flight, flight_of, free_top, prior
 
 from forceid import kalman
-from forceid.kalman import flight as flights
-from forceid.kalman import flight_lanes, long_flight, turning
-from forceid.kalman.flight import first_reference, smooth_flight, smooth_long
-from forceid.kalman.flight_model import Reference, course
+from forceid.flight import attitude as turning
+from forceid.flight import rigid_lanes as flight_lanes
+from forceid.flight import rigid_path as long_flight
+from forceid.flight import smoother as flights
+from forceid.flight.model import Reference, course
+from forceid.flight.smoother import first_reference, smooth_flight, smooth_long
 from forceid.kalman.lines import Line
 from forceid.motion.pose import exp
 

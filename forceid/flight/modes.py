@@ -15,9 +15,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from forceid.flight.vibration import STATES, Vibration
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import discretize
-from forceid.kalman.vibration import STATES, Vibration
 from forceid.motion.frames import Frames
 from forceid.motion.products import Products
 from forceid.records import Array

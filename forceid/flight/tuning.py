@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.kalman.channels import (
+from forceid.flight.channels import (
     driven,
     load_chain,
     search_box,

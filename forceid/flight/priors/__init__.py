@@ -1,0 +1,1 @@
+"""Priors of the loads on a body in flight."""
