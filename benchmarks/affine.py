@@ -23,10 +23,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from forceid.config import load_settings
-from forceid.estimation.affine_channels import AffineChannels, affine_channels, on_body
-from forceid.estimation.affine_fit import fit_affine
-from forceid.estimation.affine_loads import smooth_affine
-from forceid.estimation.affine_priors import tune_channels
+from forceid.estimation.affine.channels import AffineChannels, affine_channels, on_body
+from forceid.estimation.affine.loads import smooth_affine
+from forceid.estimation.affine.priors import tune_channels
+from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import start_of
 from forceid.flight.priors.load import LoadPrior

@@ -166,9 +166,9 @@ LARGE_STUDY = """
 import json, os, sys, time
 from pathlib import Path
 import numpy as np
-from forceid.estimation.inertia import inertia_of
-from forceid.estimation.four_markers import affine_maps
-from forceid.estimation.streaming import summed
+from forceid.estimation.body.inertia import inertia_of
+from forceid.estimation.body.tetrahedron import affine_maps
+from forceid.estimation.long.out_of_core import summed
 from forceid.files.blocks import opened
 from forceid.files.heap import fingerprint
 path, found = Path(sys.argv[1]), {}

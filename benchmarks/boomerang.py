@@ -22,7 +22,7 @@ from scipy.signal import savgol_filter
 
 from benchmarks.coverage import NOISES, QUANTILE, RATES, flown
 from forceid.config import load_settings
-from forceid.estimation.kinematics import kinematics
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.motion.first_moment import angular_channel
 from forceid.report.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels

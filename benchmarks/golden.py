@@ -28,8 +28,9 @@ import numpy as np
 
 from forceid.config import Method, Model, Settings, load_settings
 from forceid.errors import ForceIdError
-from forceid.estimation import streaming, stretches
-from forceid.estimation.streaming import estimate_source
+from forceid.estimation.long import out_of_core as streaming
+from forceid.estimation.long import windows as stretches
+from forceid.estimation.long.out_of_core import estimate_source
 from forceid.files import blocks
 from forceid.files.hdf5 import read_motion, write_motion
 from forceid.files.result import write_result

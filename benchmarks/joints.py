@@ -18,15 +18,15 @@ import numpy as np
 
 from benchmarks.partition import table
 from forceid.config import Settings
-from forceid.estimation import joint_smoothing
-from forceid.estimation.flight_smoother import Solution
-from forceid.estimation.joints import joint_forces
-from forceid.estimation.linkage import at_joints, linkage_of, split
-from forceid.estimation.linked_flight import linked_parts, smooth_linked, widened
-from forceid.estimation.load_channels import force_channel, moment_channel
-from forceid.estimation.parts import parts_of
+from forceid.estimation.joints import together as joint_smoothing
+from forceid.estimation.joints.constraints import beside
+from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.joints.linkage import at_joints, linkage_of, split
+from forceid.estimation.joints.linked_flight import linked_parts, smooth_linked, widened
+from forceid.estimation.joints.parts import parts_of
+from forceid.estimation.loads.channels import force_channel, moment_channel
+from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.run import estimate_whole
-from forceid.estimation.ties import beside
 from forceid.flight.channels import start_of
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import smooth_flight

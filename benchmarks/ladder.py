@@ -23,9 +23,9 @@ from scipy.spatial.transform import Rotation
 
 from forceid import kalman
 from forceid.config import Settings, load_settings
-from forceid.estimation.flight_smoother import Solution, estimate_flight
-from forceid.estimation.ladder import climb
-from forceid.estimation.levels import Step
+from forceid.estimation.methods.smoother import Solution, estimate_flight
+from forceid.estimation.model_choice.ladder import climb
+from forceid.estimation.model_choice.levels import Step
 from forceid.flight.smoother import FlightState
 from forceid.records import Body, Motion, Recording, deviation
 

@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks.partition import table
 from forceid.config import Settings
 from forceid.errors import DataError, ForceIdError
-from forceid.estimation.streaming import read_recording
+from forceid.estimation.long.out_of_core import read_recording
 from forceid.files.hdf5 import write_motion
 from forceid.files.result import read_result, write_result
 from forceid.records import Body, Motion, Recording

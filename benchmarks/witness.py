@@ -17,8 +17,8 @@ import numpy as np
 
 from forceid.config import load_settings
 from forceid.estimation import run
-from forceid.estimation.plain_route import plain_route
-from forceid.estimation.witness import witness_of
+from forceid.estimation.witness.plain_route import plain_route
+from forceid.estimation.witness.witness import witness_of
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Body, Motion, Recording
 from forceid.study.flown_bodies import INERTIA, MASS, NODES, Setup, fly

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.cli.app import main
 from forceid.cli.estimate import kept_of
-from forceid.estimation import streaming, stretches
+from forceid.estimation.long import out_of_core as streaming
+from forceid.estimation.long import windows as stretches
 from forceid.files import blocks, heap
 from forceid.files.hdf5 import write_motion
 from forceid.records import Body, Motion, Recording

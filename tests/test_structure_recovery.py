@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.deformation import smooth_deformation
-from forceid.estimation.kinematics import kinematics, shape_at
+from forceid.estimation.body.deformation import smooth_deformation
+from forceid.estimation.body.kinematics import kinematics, shape_at
 from forceid.estimation.run import estimate_recording
 from forceid.kalman.engines import engine
 from forceid.motion.modes import elastic_modes

@@ -26,7 +26,7 @@ def run(
     from forceid.cli.progress import progress
     from forceid.config import load_settings
     from forceid.estimation.inspection import inspect_recording
-    from forceid.estimation.streaming import read_recording
+    from forceid.estimation.long.out_of_core import read_recording
 
     settings = load_settings(config)
     with naming(file):

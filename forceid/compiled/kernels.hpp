@@ -26,7 +26,7 @@ struct Passes {
                         double limit, bool steady);
 };
 
-// kalman/flight.hpp
+// flight/flight.hpp
 struct Flights {
   int lanes;
   Three (*turn)(Array step, Array R, Array H, Array T, Array dT, Array J, Array h, int substeps);

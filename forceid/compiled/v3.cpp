@@ -9,7 +9,7 @@ V3
 #include "../kalman/lanes.hpp"
 #include "../kalman/strips.hpp"
 #include "../kalman/passes.hpp"
-#include "../kalman/flight.hpp"
+#include "../flight/flight.hpp"
 #include "../motion/poses.hpp"
 #include "../pseudorigid/polar.hpp"
 #include "../pseudorigid/splitting.hpp"

@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.config import LoadSetting, Settings, Vector
 from forceid.errors import ConfigError
-from forceid.estimation.inertia import Inertia
+from forceid.estimation.body.inertia import Inertia
 from forceid.flight.smoother import FlightState
 from forceid.principal.loads import solve_loads
 from forceid.principal.wrench import transport, transport_cov

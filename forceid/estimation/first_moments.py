@@ -13,9 +13,9 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import ForceIdError
-from forceid.estimation.affine_loads import MOMENT, AffineLoads, affine_loads
-from forceid.estimation.flight_smoother import Solution
-from forceid.estimation.outliers import cleaned, without_frames
+from forceid.estimation.affine.loads import MOMENT, AffineLoads, affine_loads
+from forceid.estimation.body.cleaning import cleaned, without_frames
+from forceid.estimation.methods.smoother import Solution
 from forceid.records import Array, Recording
 
 UNCLEAR = 0.2  # of F, in a frame

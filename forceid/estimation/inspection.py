@@ -10,18 +10,23 @@ import numpy as np
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
-from forceid.estimation.bandwidths import RESOLVED, bandwidths
-from forceid.estimation.classic import estimate_classic
-from forceid.estimation.joint_prospects import JointProspects
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.leakage import Leakage, leakage
-from forceid.estimation.linkage_inspection import inspect_linkage
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.instruments.imu_prospects import sensed_bandwidths
+from forceid.estimation.joints.inspection import inspect_linkage
+from forceid.estimation.joints.prospects import JointProspects
+from forceid.estimation.loads.bandwidth import RESOLVED, bandwidths
+from forceid.estimation.methods.classic import estimate_classic
+from forceid.estimation.methods.imu_only import (
+    is_unmarked,
+    judge_unmarked,
+    unmarked_flight,
+    unmarked_kinematics,
+)
 from forceid.estimation.run import check_stiffness, with_stated
-from forceid.estimation.sensitivity import Budget, sensitivity
-from forceid.estimation.shape_checks import judge_shape, judge_size
-from forceid.estimation.unmarked import is_unmarked, judge_unmarked, unmarked_flight, unmarked_kinematics
-from forceid.estimation.unmarked_prospects import sensed_bandwidths
-from forceid.estimation.verdict import judge_leakage, judge_recording
+from forceid.estimation.verdict.finding import judge_leakage, judge_recording
+from forceid.estimation.verdict.leakage import Leakage, leakage
+from forceid.estimation.verdict.sensitivity import Budget, sensitivity
+from forceid.estimation.verdict.shape import judge_shape, judge_size
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion.free_turn import largest_turn

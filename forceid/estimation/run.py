@@ -13,30 +13,18 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
-from forceid.estimation.classic import estimate_classic
+from forceid.estimation.body.cleaning import prepared
+from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
+from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import told_first_moments
-from forceid.estimation.flight_smoother import Solution, estimate_flight
-from forceid.estimation.innovations import judge_innovations
-from forceid.estimation.joints import joint_forces
-from forceid.estimation.kinematics import Kinematics, kinematics, shape_at
-from forceid.estimation.ladder import climb
-from forceid.estimation.leakage import leakage
-from forceid.estimation.likely_priors import grown
-from forceid.estimation.load_checks import (
-    judge_haste,
-    judge_loads,
-    judge_momentum,
-    judge_overlap,
-    judge_roughness,
-)
-from forceid.estimation.model_choice import Choice, without_choice
-from forceid.estimation.outliers import prepared
-from forceid.estimation.sensitivity import sensitivity
-from forceid.estimation.shape_checks import judge_common, judge_reference, judge_shape, judge_size
-from forceid.estimation.stand_in import stand_in
-from forceid.estimation.thin_mass import with_known_moment
-from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.verdict import (
+from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.loads.order_uncertainty import grown
+from forceid.estimation.methods.classic import estimate_classic
+from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
+from forceid.estimation.methods.smoother import Solution, estimate_flight
+from forceid.estimation.model_choice.ladder import climb
+from forceid.estimation.model_choice.words import Choice, without_choice
+from forceid.estimation.verdict.finding import (
     Finding,
     judge,
     judge_clipping,
@@ -45,7 +33,19 @@ from forceid.estimation.verdict import (
     judge_rounding,
     judge_tuning,
 )
-from forceid.estimation.witness import as_measured, judge_witness, witness_of, yielding
+from forceid.estimation.verdict.innovations import judge_innovations
+from forceid.estimation.verdict.leakage import leakage
+from forceid.estimation.verdict.loads import (
+    judge_haste,
+    judge_loads,
+    judge_momentum,
+    judge_overlap,
+    judge_roughness,
+)
+from forceid.estimation.verdict.sensitivity import sensitivity
+from forceid.estimation.verdict.shape import judge_common, judge_reference, judge_shape, judge_size
+from forceid.estimation.witness.stand_in import stand_in
+from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
 from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation

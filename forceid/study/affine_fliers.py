@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from forceid.config import load_settings
-from forceid.estimation.inertia import inertia_of
+from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
 from forceid.files.validate import check_recording
 from forceid.records import Array, Recording

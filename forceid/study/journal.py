@@ -14,7 +14,7 @@ from typing import Any
 import forceid
 from forceid.errors import ConfigError
 
-ESTIMATORS = ("compiled", "kalman", "motion", "principal", "estimation", "scenes")
+ESTIMATORS = ("compiled", "kalman", "flight", "motion", "principal", "estimation", "scenes")
 PACKAGE = Path(forceid.__file__).parent
 SOURCES = (".py", ".cpp", ".hpp")
 IMPORTS = (ast.Import, ast.ImportFrom)

@@ -13,7 +13,7 @@ import numpy as np
 from forceid.config import Settings, load_settings
 from forceid.errors import ForceIdError
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.sensitivity import UNITS
+from forceid.estimation.verdict.sensitivity import UNITS
 from forceid.files.validate import check_recording
 from forceid.records import Array, Estimate, Recording
 from forceid.study.cell import Trial

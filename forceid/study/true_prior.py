@@ -16,10 +16,10 @@ import numpy as np
 from forceid import kalman
 from forceid.config import load_settings
 from forceid.errors import ForceIdError
-from forceid.estimation.deformation import undeformed
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.load_channels import flight_of, force_channel, moment_channel
-from forceid.estimation.sensors import with_sensors
+from forceid.estimation.body.deformation import undeformed
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.instruments.on_flight import with_sensors
+from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.model import Flight
 from forceid.flight.priors.load import LoadPrior

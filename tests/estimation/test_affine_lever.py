@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.plate_face import SIGMA, flown
 from forceid.config import load_settings
-from forceid.estimation.affine_lever import lever
-from forceid.estimation.load_changes import expected_error
+from forceid.estimation.body.affine_lever import lever
+from forceid.estimation.model_choice.load_seen import expected_error
 from forceid.estimation.run import estimate_recording
 
 CORNERS = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3)

@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.affine_channels import affine_channels, in_body
-from forceid.estimation.affine_fit import fit_affine
-from forceid.estimation.affine_loads import affine_loads, smooth_affine
-from forceid.estimation.affine_priors import tune_channels
+from forceid.estimation.affine.channels import affine_channels, in_body
+from forceid.estimation.affine.loads import affine_loads, smooth_affine
+from forceid.estimation.affine.priors import tune_channels
+from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 from forceid.kalman.engines import engine

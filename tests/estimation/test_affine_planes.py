@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.errors import DataError
-from forceid.estimation.affine_channels import affine_channels, aligned, shown_arms
-from forceid.estimation.affine_loads import affine_loads
+from forceid.estimation.affine.channels import affine_channels, aligned, shown_arms
+from forceid.estimation.affine.loads import affine_loads
 from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
 from forceid.scenes.spinning_block import CORNERS

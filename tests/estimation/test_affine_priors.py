@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from forceid.estimation.affine_powers import Axes, powers, richest, spectrum
-from forceid.estimation.affine_priors import least_error, likeliest
-from forceid.estimation.affine_swings import find_swings
+from forceid.estimation.affine.powers import Axes, powers, richest, spectrum
+from forceid.estimation.affine.priors import least_error, likeliest
+from forceid.estimation.affine.resonances import find_swings
 from forceid.kalman.engines import engine
 from forceid.scenes.drawn_loads import draw_periodic
 

@@ -7,8 +7,8 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.body_loads import carried, evidence
-from forceid.estimation.load_channels import tune_channel
+from forceid.estimation.loads.body_axes import carried, evidence
+from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel, Start
 from forceid.flight.priors.load import LoadPrior, channel_model, load_rows

@@ -6,8 +6,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.classic import choose_force, choose_moment, estimate_classic, moment_channel, spin
-from forceid.estimation.kinematics import kinematics
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.methods.classic import (
+    choose_force,
+    choose_moment,
+    estimate_classic,
+    moment_channel,
+    spin,
+)
 from forceid.kalman.engines import engine
 from forceid.motion.window import windows
 

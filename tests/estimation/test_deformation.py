@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from forceid.config import load_settings
-from forceid.estimation.deformation import inertia_along, smooth_deformation
-from forceid.estimation.kinematics import kinematics, shape_at
+from forceid.estimation.body.deformation import inertia_along, smooth_deformation
+from forceid.estimation.body.kinematics import kinematics, shape_at
 from forceid.kalman.engines import engine
 
 

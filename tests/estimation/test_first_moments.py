@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from forceid.config import load_settings
-from forceid.estimation.affine_loads import MOMENT, affine_loads, moment_of
+from forceid.estimation.affine.loads import MOMENT, affine_loads, moment_of
+from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.first_moments import with_moment
-from forceid.estimation.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 

@@ -9,16 +9,16 @@ from scipy.spatial.transform import Rotation
 from forceid import kalman
 from forceid.config import load_settings
 from forceid.errors import DataError
-from forceid.estimation.deformation import smooth_deformation
+from forceid.estimation.body.deformation import smooth_deformation
+from forceid.estimation.body.gaps import lost_frames
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.inspection import inspect_recording
-from forceid.estimation.joint_tuning import climb
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.load_channels import flight_of, force_channel, moment_channel, tune_channel
-from forceid.estimation.lost_frames import lost_frames
+from forceid.estimation.instruments.on_flight import fused, sensor_reasons, sensors_of, with_sensors
+from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.loads.fused_tuning import climb
+from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.sensors import fused, sensor_reasons, sensors_of, with_sensors
-from forceid.estimation.unmarked import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.verdict import judge_recording
+from forceid.estimation.verdict.finding import judge_recording
 from forceid.files.validate import check_recording
 from forceid.flight.smoother import smooth_flight
 from forceid.scenes.recipe import SceneRecipe, simulate

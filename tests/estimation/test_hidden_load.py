@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from forceid.config import load_settings
-from forceid.estimation.hidden_load import beside_parabola, densities, hidden_load
-from forceid.estimation.load_channels import tune_channel
+from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.hidden import beside_parabola, densities, hidden_load
+from forceid.estimation.long.windows import widest
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.stretches import widest
 from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
 from forceid.flight.priors.load import channel_model

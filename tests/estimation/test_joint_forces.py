@@ -13,9 +13,10 @@ import forceid
 from forceid.cli.app import main
 from forceid.config import Settings
 from forceid.errors import ConfigError
-from forceid.estimation import joint_smoothing, linked_flight
-from forceid.estimation.joints import joint_forces
-from forceid.estimation.linked_flight import stretches
+from forceid.estimation.joints import linked_flight
+from forceid.estimation.joints import together as joint_smoothing
+from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.joints.linked_flight import stretches
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.files.result import read_result, read_truth, write_result
 from forceid.files.tree import tree_from_recording
@@ -136,7 +137,7 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
     linked, truth = drawn_chains(2)[0]
-    monkeypatch.setattr("forceid.estimation.joints.together", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.together", lambda *_: None)
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert rms(errors(apart, truth)[INNER, ..., :3]) > 2 * rms(errors(linked, truth)[INNER, ..., :3])
     assert rms(apart.force_std[INNER]) > 1.5 * rms(linked.force_std[INNER])
@@ -149,7 +150,7 @@ def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(mo
     monkeypatch.setattr(linked_flight, "climb", lambda _, start: start)
     monkeypatch.setattr(joint_smoothing, "smooth_linked", lost)
     found = joint_forces(recording, jointed(parameters), estimate_whole)
-    monkeypatch.setattr("forceid.estimation.joints.together", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.together", lambda *_: None)
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert np.isfinite(found.wrench_cov).all()
     np.testing.assert_array_equal(found.force, apart.force)

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.errors import DataError
-from forceid.estimation.inertia import inertia_of
-from forceid.estimation.kinematics import kinematics, scaled, shape_at
+from forceid.estimation.body.inertia import inertia_of
+from forceid.estimation.body.kinematics import kinematics, scaled, shape_at
 from forceid.records import Body
 
 

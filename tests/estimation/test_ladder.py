@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from forceid.config import load_settings
-from forceid.estimation.beyond_rigid import Beyond, beyond_rigid, correlation, dynamic_gain, often_seen
-from forceid.estimation.classic import estimate_classic
-from forceid.estimation.flight_smoother import estimate_flight
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.ladder import climb
-from forceid.estimation.levels import Level, Step, explaining, levels, weigh
+from forceid.estimation.body.deformation_residual import (
+    Beyond,
+    beyond_rigid,
+    correlation,
+    dynamic_gain,
+    often_seen,
+)
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.methods.classic import estimate_classic
+from forceid.estimation.methods.smoother import estimate_flight
+from forceid.estimation.model_choice.ladder import climb
+from forceid.estimation.model_choice.levels import Level, Step, explaining, levels, weigh
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 from forceid.files.result import read_result, write_result

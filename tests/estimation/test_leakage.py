@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 from forceid.config import load_settings
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.leakage import joint_condition, leakage, rigid_condition, rotation_sigma, sine
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.verdict.leakage import joint_condition, leakage, rigid_condition, rotation_sigma, sine
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from forceid.estimation.hidden_load import densities
-from forceid.estimation.likely_priors import growth_of
-from forceid.estimation.load_channels import tune_channel
-from forceid.estimation.whitened import LONGEST, whitened
+from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.hidden import densities
+from forceid.estimation.loads.order_uncertainty import growth_of
+from forceid.estimation.loads.whitened import LONGEST, whitened
 from forceid.flight.channels import Channel
 from forceid.flight.priors.load import channel_model, load_rows
 from forceid.kalman.engines import engine

@@ -11,8 +11,8 @@ from forceid.cli.app import main
 from forceid.config import Settings
 from forceid.errors import ConfigError
 from forceid.estimation.inspection import inspect_recording
-from forceid.estimation.joints import joint_forces
-from forceid.estimation.linkage_inspection import inspect_linkage
+from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.run import estimate_whole
 from forceid.records import Motion, Recording
 from forceid.scenes import hinged

@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.beyond_rigid import noise_beyond
-from forceid.estimation.kinematics import kinematics
+from forceid.estimation.body.deformation_residual import noise_beyond
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.motion.noise_axes import through_fit
 from forceid.motion.pose import fit_pose, log

@@ -7,8 +7,8 @@ import pytest
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
-from forceid.estimation.innovations import judge_innovations
 from forceid.estimation.run import estimate_recording
+from forceid.estimation.verdict.innovations import judge_innovations
 from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

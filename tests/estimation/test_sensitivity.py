@@ -9,10 +9,10 @@ import pytest
 from scipy.linalg import eigh
 
 from forceid.config import load_settings
-from forceid.estimation import sensitivity as sn
-from forceid.estimation import wrong_body as wrong
-from forceid.estimation.flight_smoother import estimate_flight
+from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.run import estimate_recording
+from forceid.estimation.verdict import body_errors as wrong
+from forceid.estimation.verdict import sensitivity as sn
 from forceid.files.hdf5 import read_motion
 from forceid.kalman.engines import engine
 from forceid.motion.modes import split

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from forceid.estimation.slow_errors import noise_beyond_motion
+from forceid.estimation.loads.noise import noise_beyond_motion
 from forceid.flight.channels import Channel
 
 

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError
-from forceid.estimation import streaming
-from forceid.estimation.inertia import inertia_of
+from forceid.estimation.body.inertia import inertia_of
+from forceid.estimation.long import out_of_core as streaming
+from forceid.estimation.long.out_of_core import estimate_source, read_recording
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.streaming import estimate_source, read_recording
 from forceid.files import blocks
 from forceid.files.hdf5 import read_motion, write_motion
 from forceid.motion.pose import fit_rotation

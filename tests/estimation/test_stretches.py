@@ -7,9 +7,9 @@ import pytest
 
 from forceid import __version__
 from forceid.config import load_settings
-from forceid.estimation import stretches
+from forceid.estimation.long import windows as stretches
+from forceid.estimation.long.windows import estimate_stretches
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.stretches import estimate_stretches
 from forceid.records import Body, Motion, Recording
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from benchmarks.thrown_box import draw, judge, settings_of, write
 from forceid.config import load_settings
-from forceid.estimation.left_over import LEFT, with_left_over
-from forceid.estimation.rough_priors import rough_priors
+from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics
+from forceid.estimation.methods.left_over import LEFT, with_left_over
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.unmarked import unmarked_flight, unmarked_kinematics
 from forceid.files.hdf5 import read_motion
 from forceid.flight.model import unsettled
 from forceid.flight.smoother import smooth_flight

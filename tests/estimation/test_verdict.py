@@ -10,13 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.errors import DataError
-from forceid.estimation.innovations import chance_limit, colored, judge_innovations, strongest_line, wildest
-from forceid.estimation.kinematics import kinematics
-from forceid.estimation.leakage import leakage
-from forceid.estimation.load_checks import judge_haste, judge_loads, judge_overlap, judge_roughness
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.shape_checks import judge_reference, judge_shape, judge_size
-from forceid.estimation.verdict import (
+from forceid.estimation.verdict.finding import (
     Finding,
     judge,
     judge_clipping,
@@ -25,6 +21,16 @@ from forceid.estimation.verdict import (
     judge_rounding,
     judge_tuning,
 )
+from forceid.estimation.verdict.innovations import (
+    chance_limit,
+    colored,
+    judge_innovations,
+    strongest_line,
+    wildest,
+)
+from forceid.estimation.verdict.leakage import leakage
+from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
+from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.study.failures_body import near_directions, rigid_looking, vibration

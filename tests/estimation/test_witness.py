@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
-from forceid.estimation.plain_route import plain_route
-from forceid.estimation.witness import (
+from forceid.estimation.witness.plain_route import plain_route
+from forceid.estimation.witness.witness import (
     apart_in_bands,
     differs,
     judge_witness,

@@ -1,0 +1,1 @@
+"""Force, moment and first moments of a body that deforms affinely."""

@@ -1,0 +1,175 @@
+"""Force and the nine first moments of force on a body that deforms affinely, x = c + F X.
+
+The center and the columns of F E V, with E the second moment and V the axes in which their errors are
+independent, are channels that a load drives: m c'' = f + m g and (F E)'' = K. K turns with the body, whose
+spin it holds whole, so its prior is one along axes of the body. Then N_E = K F^T, the Euler tensor of all
+that acts. Source: pseudo-rigid bodies, section 1; principal equations 4e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.config import Settings, load_settings
+from forceid.estimation.affine.channels import AffineChannels, affine_channels, aligned, along_axes
+from forceid.estimation.affine.priors import tune_channels
+from forceid.estimation.affine.smoothing import smoothed
+from forceid.flight.priors.load import LoadPrior
+from forceid.kalman.engines import Engine, engine
+from forceid.pseudorigid.materials import Material
+from forceid.records import Array, Flags, Recording
+
+NO_STRESS = "the stretch of the body is open in part: so is the stress in it, and the first moments applied"
+
+
+@dataclass(frozen=True)
+class AffineLoads:
+    """Affine motion and its loads, world axes, F from reference axes; covariances of matrices row by row.
+
+    time (time,) s; center (time, 3) m; force (time, 3) N, weight excluded, force_cov (time, 3, 3); F, dF 1/s
+    and ddF 1/s2 (time, 3, 3), F_cov (time, 9, 9); stretch (time, 3, 3): U of F = R U, of markers in a plane
+    that of the plane; first_moment (time, 3, 3) N m: F'' E F^T about the mass center, of all forces on the
+    body, those in it too, row: of the force, column: of its arm; first_moment_cov (time, 9, 9).
+    applied_first_moment and its covariance: of the forces applied alone, where the material is known.
+
+    What markers leave open is NaN, and `reasons` says which and why. What is known then of the first moments:
+    arm_moment (time, 3, arm) N m = F'' E arms, of the force along world axes and its arm along reference
+    directions arms (3, arm), where the arm was in the reference; arm_moment_cov (time, 3 arm, 3 arm).
+    span (3, arm): orthonormal reference directions along which F is known, spanned (time, 3, arm) = F span.
+    """
+
+    time: Array
+    center: Array
+    force: Array
+    force_cov: Array
+    F: Array
+    F_cov: Array
+    dF: Array
+    ddF: Array
+    stretch: Array
+    first_moment: Array
+    first_moment_cov: Array
+    log_likelihood: float
+    applied_first_moment: Array | None = None
+    applied_first_moment_cov: Array | None = None
+    reasons: tuple[str, ...] = ()
+    arms: Array | None = None
+    arm_moment: Array | None = None
+    arm_moment_cov: Array | None = None
+    span: Array | None = None
+    spanned: Array | None = None
+
+    @property
+    def moment(self) -> Array:
+        """Moment (time, 3) N m about the mass center: what is antisymmetric in the first moments."""
+        return moment_of(self.first_moment)
+
+    @property
+    def moment_cov(self) -> Array:
+        """Covariance (time, 3, 3) of the moment."""
+        return np.asarray(MOMENT @ self.first_moment_cov @ MOMENT.T)
+
+
+def affine_loads(
+    recording: Recording, settings: Settings | None = None, material: Material | None = None
+) -> AffineLoads:
+    """Force and first moments of an affine body from the markers of a recording.
+
+    material: W of the whole body in J, as in forceid.pseudorigid, to tell applied from inner forces. What
+    markers in a plane leave open is NaN, with reasons. Raises DataError where they lie on a line;
+    EstimationError for too short a record. Source: pseudo-rigid bodies, section 1.
+    """
+    settings = load_settings() if settings is None else settings
+    chosen = engine(settings.engine)
+    channels = affine_channels(recording, settings)
+    return smooth_affine(channels, tune_channels(channels, chosen), chosen, material)
+
+
+def smooth_affine(
+    channels: AffineChannels, priors: list[LoadPrior], chosen: Engine, material: Material | None = None
+) -> AffineLoads:
+    """Force and first moments under given priors, of the force where it is shown and of columns of K."""
+    s = smoothed(channels, priors, chosen)
+    V, E, span = channels.axes, channels.second_moment, channels.span
+    T, n, first = len(s.k), V.shape[1], int(channels.center is not None)
+    entry = np.arange(s.cov.shape[1]).reshape(2, 3, n + first)  # of k and z: axis, group
+    columns = entry[..., first:].ravel()
+    cov = s.cov[:, columns[:, None], columns]
+    k, z, rate = (a[..., first:] for a in (s.k, s.z, s.rate))
+    center, force, force_cov = np.full((T, 3), np.nan), np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
+    if first:
+        own = entry[0, :, 0]
+        center, force, force_cov = s.z[..., 0], s.k[..., 0], s.cov[:, own[:, None], own]
+    to_span, eye = np.linalg.inv(span.T @ E @ V), np.eye(3)
+    known = along_axes(span)
+    F, dF, ddF = (told(a @ to_span @ span.T, known) for a in (z, rate, k))
+    by_F = np.kron(eye, span @ to_span.T)
+    F_cov = by_F @ cov[:, 3 * n :, 3 * n :] @ by_F.T
+    N, N_cov, by_k, by_z = first_moments(k, z, cov, np.asarray(np.linalg.inv(V.T @ E @ V)))
+    N, N_cov = (N, N_cov) if channels.whole else (np.full_like(N, np.nan), np.full_like(N_cov, np.nan))
+    applied, applied_cov, reasons = None, None, channels.reasons
+    if material is not None and not (known.all() and channels.whole):
+        reasons = (*reasons, NO_STRESS)
+    elif material is not None:
+        gradient = material.gradient(F)
+        applied = N + gradient @ F.mT
+        units = np.eye(9).reshape(9, 3, 3)
+        change = material.hessian(F[:, None], units) @ F[:, None].mT + gradient[:, None] @ units.mT
+        both = np.concatenate([by_k, by_z + change.reshape(T, 9, 9).mT @ by_F], 2)
+        applied_cov = both @ cov @ both.mT
+    arms = aligned(V)
+    by_arm = np.kron(eye, arms.T @ V)
+    return AffineLoads(
+        channels.time, center, force, force_cov, F, told_cov(F_cov, known), dF, ddF,
+        told(told(stretch_of(z @ to_span, span), known).mT, known).mT,
+        N, N_cov, s.log_likelihood, applied, applied_cov, reasons,
+        arms, k @ V.T @ arms, by_arm @ cov[:, : 3 * n, : 3 * n] @ by_arm.T, span, z @ to_span,
+    )  # fmt: skip
+
+
+def first_moments(k: Array, z: Array, cov: Array, A: Array) -> tuple[Array, Array, Array, Array]:
+    """N = k A z^T (time, 3, 3), its covariance (time, 9, 9), and the change of N by k and by z.
+
+    k, z (time, 3, n) with cov (time, 6 n, 6 n) of both, row by row; A (n, n).
+    """
+    T, n = len(k), k.shape[2]
+    eye = np.eye(3)
+    by_k = np.einsum("ac,tbB->tabcB", eye, z @ A).reshape(T, 9, 3 * n)
+    by_z = np.einsum("bc,taB->tabcB", eye, k @ A).reshape(T, 9, 3 * n)
+    both = np.concatenate([by_k, by_z], 2)
+    linked = cov[:, : 3 * n, 3 * n :].reshape(T, 3, n, 3, n)
+    return k @ A @ z.mT + np.einsum("taBbC,BC->tab", linked, A), both @ cov @ both.mT, by_k, by_z
+
+
+def stretch_of(columns: Array, span: Array) -> Array:
+    """Stretch (time, 3, 3), reference axes, of F where F span (3, n) = columns (time, 3, n), zero across."""
+    square, turn = np.linalg.eigh(columns.mT @ columns)
+    U = (turn * np.sqrt(np.maximum(square, 0.0))[:, None]) @ turn.mT
+    return np.asarray(span @ U @ span.T)
+
+
+def told(matrix: Array, known: Flags) -> Array:
+    """A matrix (time, 3, 3), NaN in the columns of reference axes that are not known."""
+    return np.asarray(np.where(known, matrix, np.nan))
+
+
+def told_cov(cov: Array, known: Flags) -> Array:
+    """Covariance (time, 9, 9) of such a matrix, NaN where it is open."""
+    entries = np.tile(known, 3)
+    return np.asarray(np.where(entries & entries[:, None], cov, np.nan))
+
+
+MOMENT = np.zeros((3, 9))  # takes first moments, row by row, to the moment: r x f, of f r^T
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    MOMENT[_i, 3 * _k + _j], MOMENT[_i, 3 * _j + _k] = 1.0, -1.0
+
+
+def moment_of(first_moment: Array) -> Array:
+    """Moment (..., 3) N m of first moments (..., 3, 3), f r^T: r x f.
+
+    >>> moment_of(np.outer([0.0, 2.0, 0.0], [0.5, 0.0, 0.0])).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    return np.asarray(first_moment.reshape(*first_moment.shape[:-2], 9) @ MOMENT.T)

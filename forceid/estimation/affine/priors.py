@@ -1,0 +1,120 @@
+"""Priors of the loads on an affine body: the level at which the expected error is least.
+
+Inner elastic forces swing at frequencies of their own, which no Matern spectrum has. Likelihood fits a prior
+where the load stands far above the noise, and raises it everywhere to reach them; errors are made where load
+and noise are alike, and there the claims come out too wide. So level and rate are those of the least expected
+error of the load, which the spectrum of the whitened innovations gives without bias. Source: C. M. Stein,
+Ann. Stat. 9 (1981) 1135, sections 2 and 5; principal equations 4e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.estimation.affine.channels import AffineChannels, in_body, on_body
+from forceid.estimation.affine.powers import Axes, Powers, powers, richest, spectrum
+from forceid.estimation.affine.resonances import find_swings
+from forceid.flight.channels import Channel, load_axes, start_of
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.tuning import ORDERS, Tuned, tune_loads
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import PATIENCE, Line
+from forceid.records import Array
+
+SURE = 1.0  # log-likelihood by which a smoother prior must be likelier: too smooth a one claims too little
+SHOWN = 0.2  # power of a load over that of the noise below which a frequency says nothing of it
+SLOWER = (1.0, 0.5, 0.25)  # rates tried, of the frequency where load and noise are alike
+SCALES = np.linspace(-3.0, 3.0, 121)  # levels tried, logarithms
+
+
+def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
+    """Priors of the force, along world axes, and of the columns of K along axes of the body.
+
+    The columns are one body's: one order, one rate and one factor on the level for all of their entries.
+    Lines of the prior of a column run along the axes of the body, three in turn.
+    """
+    priors = []
+    if channels.center is not None:
+        center, world = channels.center, axes_of(channels.center)
+        tuned = likeliest(joined([center], [world]), engine)
+        priors.append(LoadPrior(tuned, world, start_of(center.time, center.moved @ world, center.gain)))
+    bodily = [in_body(column, channels.rotation) for column in channels.columns]
+    axes = [axes_of(w) for w in bodily]
+    seen = joined(bodily, axes)
+    most = richest(seen)
+    tuned = least_error(likeliest(seen, engine), most, engine)
+    swings = find_swings(tuned, most, engine)
+    for B, column in enumerate(channels.columns):
+        own = slice(3 * B, 3 * B + 3)
+        part = replace(tuned, std=tuned.std[own], rate=tuned.rate[own])
+        lines = tuple(
+            Line(s.w / (2 * np.pi), float(std), s.bandwidth, axis, turns=True)
+            for s in swings
+            for std, axis in zip(s.std[own], axes[B].T, strict=True)
+        )
+        start = start_of(column.time, column.moved, 1.0)
+        priors.append(on_body(LoadPrior(part, axes[B], start, lines), column))
+    return priors
+
+
+def axes_of(channel: Channel) -> Array:
+    """Axes (columns) along which the load of a channel varies independently."""
+    seen = np.isfinite(channel.z).all(1)
+    return load_axes(channel.time[seen], channel.z[seen])
+
+
+def joined(channels: list[Channel], axes: list[Array]) -> Axes:
+    """Channels along their axes, side by side, in units of their loads."""
+    pairs = [(c, a, c.gain) for c, a in zip(channels, axes, strict=True)]
+    return Axes(
+        channels[0].time,
+        np.concatenate([c.moved @ a / g for c, a, g in pairs], 1),
+        np.concatenate([c.var(a) / g**2 for c, a, g in pairs], 1),
+        np.concatenate([np.diagonal(a.T @ c.drift @ a) / g**2 for c, a, g in pairs]),
+    )
+
+
+def likeliest(seen: Axes, engine: Engine) -> Tuned:
+    """The likeliest prior of the lowest order that no other beats clearly."""
+    found: list[Tuned] = []
+    for order in sorted((o for o in ORDERS if o > 1), reverse=True):
+        tuned = tune_loads(seen.time, seen.z, 1.0, seen.noise_var, seen.drift, orders=(order,), engine=engine)
+        found.append(tuned)
+        if tuned.log_likelihood < max(t.log_likelihood for t in found) - PATIENCE:
+            break  # rougher ones are less likely still
+    top = max(t.log_likelihood for t in found)
+    return next(t for t in reversed(found) if t.log_likelihood > top - SURE)
+
+
+def least_error(tuned: Tuned, seen: Axes, engine: Engine) -> Tuned:
+    """The prior of the same order, one rate and one factor on all levels, of the least expected error.
+
+    Expected error of the load at a frequency, from total power T, noise N and a prior S: the part 1 - G of
+    T - N that is lost, and the part G of N that passes, G = S / (S + N).
+    """
+    p = powers(tuned, seen, engine)
+    shown = p.prior > SHOWN * p.noise
+    if not shown.any():
+        return tuned
+    top = int(np.flatnonzero(shown.any(1))[-1]) + 1
+    shown, p = shown[:top], Powers(p.w[:top], p.total[:top], p.noise[:top], p.prior[:top])
+    alike = np.abs(np.log(p.prior / p.noise)).argmin(0)
+    axis = np.arange(p.total.shape[1])
+    # all axes count alike, whatever their size
+    share = shown / np.maximum((p.prior * p.noise / (p.prior + p.noise) * shown).sum(0), 1e-300)
+    middle = float(np.exp(np.log(p.w[alike][shown.any(0)]).mean()))
+    best, least = tuned, np.inf
+    for rate in middle * np.array(SLOWER):
+        base = spectrum(tuned.order, rate, p.w)[:, None]
+        level = np.log(p.prior[alike, axis] / base[alike, 0])  # alike where error is made
+        S = base * np.exp(level + 2 * SCALES[:, None, None])
+        gain = S / (S + p.noise)
+        lost = ((1 - gain) ** 2 * (p.total - p.noise) + gain**2 * p.noise) * share
+        error = lost.sum((1, 2))
+        k = int(error.argmin())
+        if error[k] < least:
+            std = np.exp(0.5 * level + SCALES[k])
+            best, least = replace(tuned, std=std, rate=np.full(len(axis), rate)), float(error[k])
+    return best

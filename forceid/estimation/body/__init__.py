@@ -1,0 +1,1 @@
+"""What moves, and how: inertia, mean motion, shapes, deformation; readings cleaned, gaps filled."""

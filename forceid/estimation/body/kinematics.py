@@ -1,0 +1,250 @@
+"""From a recording to what moved: mass, shape, the pose of every frame, and the deformation that shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Settings
+from forceid.estimation.body.inertia import Inertia, inertia_of
+from forceid.estimation.body.mass_center import affine_center, mass_center, with_center
+from forceid.estimation.body.shapes import check_scale, deformation_shapes, modes_of, rank_of, spinning_shape
+from forceid.estimation.body.spin import Spin
+from forceid.estimation.body.thin_mass import followed_line, shown_rank, thinned
+from forceid.motion.frames import Frames, fit_frames
+from forceid.motion.modes import (
+    Modes,
+    fit_amplitudes,
+)
+from forceid.motion.noise_axes import as_stated, floored, share, size, uneven
+from forceid.motion.pose import (
+    Pose,
+    body_axes,
+    center_of_mass,
+    fit_pose,
+    fit_rotation,
+    log,
+)
+from forceid.motion.products import products
+from forceid.motion.window import noise_variance
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Body, Flags, Motion
+
+ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What a recording shows of the motion.
+
+    shape (node, 3) m about the mass center, body axes: the mean shape; pose: of every frame; seen (node,):
+    nodes that carry a marker; shapes (mode, node, 3) of unit norm, with raw amplitudes (time, mode) m
+    and their noise_var; model: rigid, affine or modal; noise_root (3, 3) by variable: root of the covariance
+    of its noise, world axes, stated: whether the user stated it; attitude: whether the markers fix the
+    rotation; frames: what every frame says of pose and amplitudes together, and beside (dof, dof) m2 what it
+    counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
+    body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
+    mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
+    rotation touches the force.
+    """
+
+    time: Array
+    inertia: Inertia
+    shape: Array
+    seen: Flags
+    pose: Pose
+    shapes: Array
+    amplitude: Array
+    amplitude_var: Array
+    model: str
+    noise_root: dict[str, Array]
+    stated: dict[str, bool]
+    attitude: bool
+    frames: Frames | None = None
+    beside: Array | None = None
+    spin: Spin | None = None
+    apart: bool = False
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Standard deviation of the noise by variable, in the mean square over the axes."""
+        return {name: size(root) for name, root in self.noise_root.items()}
+
+    def share(self, name: str) -> Array:
+        """Covariance (3, 3) of the noise of a variable along world axes, over its mean variance."""
+        return share(self.noise_root[name])
+
+    @property
+    def deforms(self) -> bool:
+        """Whether the poses allow for a deformation, in shapes or beside them."""
+        return bool(len(self.shapes)) or (self.beside is not None and bool(self.beside.any()))
+
+    @property
+    def unfollowed(self) -> Flags:
+        """Nodes (node,) with mass that neither a marker nor a shape follows as the body deforms."""
+        return (self.inertia.weight > 0) & ~self.seen & ~self.shapes.any(axis=(0, 2))
+
+
+def kinematics(
+    body: Body, motion: Motion, settings: Settings, noise: dict[str, Array] | None = None
+) -> Kinematics:
+    """Poses and deformation of a recording.
+
+    noise: roots (3, 3) of covariances by variable that replace those of the file, from an earlier tuning.
+    """
+    stated = motion.noise_std | settings.noise_std
+    noise = noise or as_stated(stated, motion)
+    if motion.position is not None:
+        return from_markers(body, motion, motion.position, settings, stated, noise)
+    return from_mean_motion(body, motion, stated, noise)
+
+
+def from_markers(
+    body: Body,
+    motion: Motion,
+    x: Array,
+    settings: Settings,
+    stated: dict[str, float],
+    noise: dict[str, Array],
+) -> Kinematics:
+    """Kinematics of marker tracks x (time, node, 3)."""
+    inertia = inertia_of(body)
+    assert body.position is not None
+    X = body.position - inertia.center
+    check_scale(x, X)
+    seen = np.any(np.isfinite(x).all(2), axis=0)
+    filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
+    measured = np.where(filled[..., None] > 0, np.nan, x)
+    # the better half of the frames tells the shapes: where half of them are whole, no bridge does
+    best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
+    root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
+    root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    sigma, along = size(root), share(root)
+    thin, spin = thinned(inertia, X), None
+    if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
+        settings = settings.model_copy(update={"model": "rigid"})
+    level, known = {"position": root}, {"position": "position" in stated}
+    mean = mass_center(motion, inertia, sigma**2)
+    massive = seen & (inertia.weight > 0)
+    weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
+    none = np.zeros((0, *X.shape))
+    if shown_rank(X, seen, sigma) < 6:
+        inertia = thin
+        center, var = (
+            center_of_mass(x, X, inertia.weight, sigma**2) if mean is None else (mean.center, mean.var)
+        )
+        T = len(x)
+        cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
+        cov[:, :3, :3] = var[:, None, None] * along
+        unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
+        pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
+        if inertia.line is not None:
+            pose, spin = followed_line(motion.time, pose, x, X, inertia, sigma)
+        shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
+        return Kinematics(
+            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown),
+            spin=spin, apart=mean is not None,
+        )  # fmt: skip
+    modes = None if thin.on_line or thin.point else modes_of(body, inertia)
+    shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)
+    # in the gauge of the weights, before any marker's noise is weighed
+    center, R = fit_rotation(x, shape, weight)
+    residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
+    shapes, var, rest = deformation_shapes(
+        body, inertia, modes, residual, shape, weight, seen, sigma, settings
+    )
+    model = settings.model
+    if model == "auto":
+        model = "modal" if len(shapes) else "rigid"
+    flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)
+    deforming = rest + flat.T @ (var[:, None] * flat)
+    # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
+    # as noise of one frame, deformation counts as often
+    # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
+    shown, own = (x, filled) if len(shapes) else (measured, None)
+    pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own, uneven(root))
+    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
+    if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
+        thin = thinned(replace(inertia, tensor=products(inertia.nodal, shape, none).inertia[0, 0]), X)
+    if not len(shapes):
+        inertia = thin
+    if inertia.line is not None:
+        pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
+    frames, beside = None, period(motion, modes) * rest
+    if len(shapes):
+        frames = fit_frames(shown, pose, shape, shapes, white + beside, own, uneven(root))
+    known_center = mean
+    if model == "affine" and mean is None:
+        known_center = affine_center(measured, X, sigma**2)
+    if known_center is not None:
+        pose, frames = with_center(pose, frames, known_center, along)
+    return Kinematics(
+        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, not inertia.point,
+        frames, beside, spin, known_center is not None,
+    )  # fmt: skip
+
+
+def period(motion: Motion, modes: Modes | None) -> float:
+    """Frames in a period of the lowest mode of a body, 1 where none is known."""
+    if modes is None or modes.compliance is None or not modes.compliance.any():
+        return 1.0
+    longest = 2 * np.pi * np.sqrt(modes.compliance.max())
+    return float(np.clip(longest / np.median(np.diff(motion.time)), 1.0, len(motion.time)))
+
+
+def marker_noise(time: Array, x: Array) -> float:
+    """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
+    frames = np.isfinite(x).all(2).sum(0)
+    return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
+
+
+def from_mean_motion(
+    body: Body, motion: Motion, stated: dict[str, float], noise: dict[str, Array]
+) -> Kinematics:
+    """Kinematics of a measured mean motion: center and, where given, orientation."""
+    assert motion.center is not None
+    inertia = inertia_of(body)
+    T, time, nodes = len(motion.time), motion.time, len(body.node)
+    root = noise["center"] if "center" in noise else np.sqrt(noise_variance(time, motion.center)) * np.eye(3)
+    root = floored(root, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
+    cov, c_std = np.zeros((T, 6, 6)), size(root)
+    cov[:, :3, :3] = root @ root.T
+    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    inertia, spin = thinned(inertia, X), None
+    levels = {"center": root}
+    R = np.full((T, 3, 3), np.nan)
+    attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
+    attitude = attitude and not inertia.point
+    if motion.orientation is not None:
+        whole = np.all(np.isfinite(motion.orientation), axis=1)
+        R[whole] = Rotation.from_quat(motion.orientation[whole]).as_matrix()
+        pair, steps = whole[1:] & whole[:-1], np.zeros((T, 3))
+        steps[1:][pair] = log((R[1:] @ R[:-1].swapaxes(1, 2))[pair])
+        angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
+        turn = noise.get("orientation")
+        if turn is None:
+            turn = np.sqrt(noise_variance(time, angle)) * np.eye(3)
+        levels["orientation"] = turn = floored(turn, ROUNDOFF)
+        cov[:, 3:, 3:] = turn @ turn.T
+    empty = np.zeros((T, 0))
+    pose = Pose(motion.center, R, cov, np.zeros((T, nodes, 3)), np.full(T, np.nan), np.zeros(T))
+    if inertia.line is not None and attitude:
+        pose, spin = followed_line(time, pose, None, X, inertia, c_std)
+    known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
+    return Kinematics(
+        time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude,
+        spin=spin,
+    )  # fmt: skip
+
+
+def scaled(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:
+    """Noise of a record, each times the factor (3, 3) along world axes that tuning found for it."""
+    roots = {name: root @ factor.get(name, np.eye(3)) for name, root in kin.noise_root.items()}
+    return {name: 0.5 * (root + root.T) for name, root in roots.items()}
+
+
+def shape_at(kin: Kinematics, amplitude: Array) -> Array:
+    """Shape (time, node, 3) about the mass center, body axes, at mode amplitudes (time, mode)."""
+    return np.asarray(kin.shape + np.einsum("tk,kna->tna", amplitude, kin.shapes))

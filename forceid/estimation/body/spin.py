@@ -1,0 +1,154 @@
+"""The turn of a slender body about its line, and the little momentum that it and the body's flatness carry.
+
+Beside J n x n' of a line the momentum of such a body is L = R dJ R^T omega + J s n, s its rate of turn about
+the line and dJ its tensor less that of a sphere of inertia J. L is known well enough from the measured
+rotations alone: it is to the rest as the width of the body to its length, squared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.errors import EstimationError
+from forceid.estimation.body.inertia import Inertia
+from forceid.flight.smoother import FlightState
+from forceid.motion.derivative import derivatives
+from forceid.motion.pose import Pose, exp
+from forceid.motion.window import Window, choose_window, windows
+from forceid.principal.operator import axial, cross_matrix
+from forceid.records import Array, Flags
+
+
+@dataclass(frozen=True)
+class Spin:
+    """The turn about a line: angle rad and rate rad/s (time,), from rotations that do not spin.
+
+    momentum (time, 3) kg m2/s: L in the axes that follow the line without spin; moment (time,) N m along the
+    line, and its variance moment_var (time,).
+    """
+
+    angle: Array
+    rate: Array
+    momentum: Array
+    moment: Array
+    moment_var: Array
+
+
+def spin_about(time: Array, pose: Pose, free: Array, n: Array, inertia: Inertia) -> Spin:
+    """The spin of the rotations of a pose beside spin-free ones, free (time, 3, 3), of lines n (time, 3)."""
+    assert inertia.line is not None
+    seen: Flags = np.asarray(np.isfinite(pose.rotation).all((1, 2)) & np.isfinite(free).all((1, 2)))
+    angle = turn_about(pose.rotation[seen], free[seen], inertia.line)
+    along = n[seen]
+    noise = np.full(len(time), np.nan)
+    noise[seen] = np.einsum("ta,tab,tb->t", along, pose.cov[seen, 3:, 3:], along)
+    measured = np.full((len(time), 1), np.nan)
+    measured[seen, 0] = np.unwrap(angle)
+    window, smooth, rate, speed, speed_var = smoothed(time, measured, noise)
+    none = np.zeros(len(time))
+    if inertia.beside is None:
+        return Spin(smooth, rate, np.zeros((len(time), 3)), none, none)
+    n = bridged(time, n)
+    dn = np.gradient(n, time, axis=0) if window is None else derivatives(time, n, window).first
+    n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    dn = dn - np.einsum("ta,ta->t", dn, n)[:, None] * n
+    free = np.where(seen[:, None, None], free, np.nan)
+    free = bridged(time, free.reshape(len(time), 9)).reshape(-1, 3, 3)
+    R = free @ exp(smooth[:, None] * inertia.line)
+    across = np.cross(n, dn)
+    omega = across + rate[:, None] * n
+    J, own = inertia.tensor[0, 0], float(inertia.line @ (inertia.tensor + inertia.beside) @ inertia.line)
+    L = np.einsum("tab,bc,tdc,td->ta", R, inertia.beside, R, omega) + J * rate[:, None] * n
+    moment = own * speed - np.einsum("ta,ta->t", L, dn)
+    return Spin(smooth, rate, np.einsum("tba,tb->ta", free, L), moment, own**2 * speed_var)
+
+
+def turn_about(R: Array, free: Array, axis: Array) -> Array:
+    """Angle (time,) rad about `axis` (3,), body axes, by which R (time, 3, 3) is ahead of `free`.
+
+    >>> turn_about(exp(np.array([[0.0, 0.0, 0.3]])), np.eye(3)[None], np.array([0.0, 0, 1])).round(9).tolist()
+    [0.3]
+    """
+    M = free.swapaxes(1, 2) @ R
+    cos = 0.5 * (np.trace(M, axis1=1, axis2=2) - np.einsum("a,tab,b->t", axis, M, axis))
+    return np.asarray(np.arctan2(-0.5 * axial(M) @ axis, cos))
+
+
+def smoothed(time: Array, angle: Array, noise: Array) -> tuple[Window | None, Array, Array, Array, Array]:
+    """Angle, rate, and its rate with variance (time,), of an angle (time, 1) with variance noise (time,).
+
+    By the window of least error of the last, which comes first; a straight line where a record is too short.
+    """
+    var = np.nanmean(noise)
+
+    def estimate(window: Window) -> tuple[Array, Array]:
+        d = derivatives(time, angle, window)
+        return d.second, var * d.gain[:, :1, 2, 2]
+
+    try:
+        chosen = choose_window(windows("savgol", time), estimate)
+    except EstimationError:
+        seen = np.isfinite(angle[:, 0])
+        slope, start = np.polyfit(time[seen], angle[seen, 0], 1) if seen.sum() > 1 else (0.0, 0.0)
+        line = start + slope * time
+        return None, line, np.full_like(line, slope), np.zeros_like(line), np.zeros_like(line)
+    d = derivatives(time, angle, chosen.window)
+    speed, speed_var = chosen.target[:, 0], chosen.variance[:, 0]
+    known: Flags = np.asarray(np.isfinite(speed) & np.isfinite(speed_var))
+    # in a gap the rate changes as it does elsewhere
+    gap = float(np.mean(speed[known] ** 2) + speed_var[known].max())
+    speed_var = np.where(known, speed_var, gap)
+    value, rate, speed = (bridged(time, a[:, None])[:, 0] for a in (d.value[:, 0], d.first[:, 0], speed))
+    return chosen.window, value, rate, speed, speed_var
+
+
+def bridged(time: Array, values: Array) -> Array:
+    """Values (time, channel) with straight lines where they are NaN."""
+    seen = np.isfinite(values).all(1)
+    if seen.all():
+        return values
+    return np.stack([np.interp(time, time[seen], v[seen]) for v in values.T], 1)
+
+
+def turning(state: FlightState, spin: Spin | None, axis: Array | None) -> FlightState:
+    """The state of a flight that follows the line `axis` (3,), body axes, with the rate of its spin."""
+    if spin is None or axis is None:
+        return state
+    return replace(state, omega=state.omega + spin.rate[:, None] * (state.rotation @ axis))
+
+
+def with_own_tensor(state: FlightState, inertia: Inertia, rate_std: float) -> FlightState:
+    """The state of a slender body whose turn gyros read, to rate_std rad/s, with the moment of its tensor.
+
+    The flight was that of a sphere of inertia J: from its moment, omega' = T / J; T = J omega' + omega x J
+    omega with the body's own J in its place.
+    """
+    assert inertia.line is not None
+    J, n = float(inertia.tensor[0, 0]), inertia.line
+    own = inertia.tensor + (-J * np.outer(n, n) if inertia.beside is None else inertia.beside)
+    own = state.rotation @ own @ state.rotation.swapaxes(1, 2)
+    H = np.einsum("tab,tb->ta", own, state.omega)
+    both = np.zeros((len(H), 6, 6))
+    both[:, :3, :3], both[:, 3:, 3:] = np.eye(3), own / J
+    by_rate = cross_matrix(state.omega) @ own - cross_matrix(H)
+    cov = both @ state.wrench_cov @ both.swapaxes(1, 2)
+    cov[:, 3:, 3:] += rate_std**2 * by_rate @ by_rate.swapaxes(1, 2)
+    moment = np.einsum("tab,tb->ta", own, state.moment) / J + np.cross(state.omega, H)
+    return replace(state, moment=moment, H=H, wrench_cov=cov)
+
+
+def spun(state: FlightState, spin: Spin, n: Array, axis: Array) -> FlightState:
+    """The state of a flight that follows a line n (time, 3) without spin, turned about it as the spin says.
+
+    axis (3,): the line in body axes. What of moment and momentum lies along the line is that of the spin.
+    """
+    along = np.einsum("tba,ta->tb", state.rotation, spin.momentum) * n
+    cov = state.wrench_cov.copy()
+    cov[:, 3:, 3:] += spin.moment_var[:, None, None] * n[:, :, None] * n[:, None]
+    return replace(
+        state, rotation=state.rotation @ exp(spin.angle[:, None] * axis),
+        omega=state.omega + spin.rate[:, None] * n, H=state.H + along.sum(1, keepdims=True) * n,
+        moment=state.moment + spin.moment[:, None] * n, wrench_cov=cov,
+    )  # fmt: skip

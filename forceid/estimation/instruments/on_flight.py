@@ -1,0 +1,218 @@
+"""Gyros and accelerometers of a recording: onto the flight, and into the priors of its loads.
+
+Markers show a load through two integrals, sensors almost directly: what the markers leave of its prior to
+guess, the likelihood of all channels together settles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.config import Settings
+from forceid.errors import DataError, EstimationError
+from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.instruments.clock_offset import aligned
+from forceid.estimation.loads.fused_tuning import FAMILIES, tune_together
+from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.flight.instruments.dead_reckoning import gyro_rate
+from forceid.flight.instruments.imu import Sensors
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.motion.free_turn import largest_turn
+from forceid.motion.mounting import mounted
+from forceid.motion.pose import exp
+from forceid.motion.window import ORDER as DIFFERENCES
+from forceid.motion.window import noise_variance
+from forceid.records import Array, Body, Motion
+
+AMISS = 1.3  # mean squared innovation of a family of sensors, over its covariance
+NAMES, SHORT = ("gyros", "accelerometers"), ("gyro", "accelerometer")
+UNITS = ("rad/s", "m/s2")
+FAR = 1.0  # rad between frames: beyond, the first moment is a poor channel to tune the moment on
+SENSE = 0.8 * np.pi  # rad between frames: beyond, frames alone may have the wrong sense
+SURE = 3.0  # standard errors beyond which a clock is off
+EARLY = 0.1  # of a step: less than that of an offset is not worth a word
+
+
+def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
+    """The flight with the gyros and accelerometers of its recording; as it is where there are none.
+
+    Noise is as stated, by the file or as noise_std.angular_velocity and noise_std.specific_force; else as
+    high-order differences show it. Biases stay constant from a start as good as unknown, or with a standard
+    deviation of noise_std.angular_velocity_bias (rad/s) and noise_std.specific_force_bias (m/s2); they wander
+    by noise_std.angular_velocity_walk (rad/s per root of a second), noise_std.specific_force_walk (m/s2 per
+    root of a second) where stated. The clocks are off by about noise_std.angular_velocity_clock (s) and
+    noise_std.specific_force_clock (s), zero for clocks that agree; by a frame where nothing is stated.
+    Raises DataError where nobody says where the sensors stand.
+    """
+    sensors = sensors_of(body, motion, settings, kin.inertia.center)
+    if sensors is None:
+        return flight
+    if body.sensor_position is None or body.position is None:
+        return replace(flight, sensors=sensors)
+    return on_shape(replace(flight, sensors=sensors), kin, body.position - kin.inertia.center)
+
+
+def on_shape(flight: Flight, kin: Kinematics, position: Array) -> Flight:
+    """The flight with its sensors where the mean shape takes them from the reference shape, and its modes on.
+
+    position (node, 3) m about the mass center: the reference shape.
+    """
+    sensors, modes = flight.sensors, flight.modes
+    assert sensors is not None
+    if not len(position) or not (kin.shapes.size or (kin.shape != position).any()):
+        return flight
+    shapes = np.concatenate([(kin.shape - position)[None], kin.shapes])
+    moved, tilt = mounted(position, shapes, sensors.position)
+    rotation = exp(tilt[:, 0]) @ sensors.rotation
+    sensors = replace(sensors, position=sensors.position + moved[:, 0], rotation=rotation)
+    if modes is not None:
+        modes = replace(modes, mounting=(moved[:, 1:], tilt[:, 1:]))
+    return replace(flight, sensors=sensors, modes=modes)
+
+
+def fused(
+    flight: Flight,
+    priors: dict[str, LoadPrior],
+    kin: Kinematics,
+    body: Body,
+    motion: Motion,
+    settings: Settings,
+    engine: Engine,
+) -> tuple[Flight, dict[str, LoadPrior]]:
+    """A flight with the sensors of its recording, and the priors of "force" and "moment" that both call for.
+
+    As they were where markers do not show the rotation, or where there are no sensors and the body turns by
+    less between frames than makes the first moment a poor channel.
+    """
+    if kin.attitude and kin.inertia.line is None:
+        flight = with_sensors(flight, kin, body, motion, settings)
+    turn = turn_a_frame(flight)
+    if not kin.attitude or (flight.sensors is None and turn < FAR):
+        return flight, priors
+    force, moment = priors["force"], priors["moment"]
+    if turn < SENSE:
+        flight = aligned(flight, force, moment, engine)
+    elif flight.sensors is not None and gyro_rate(flight.time, flight.sensors) is not None:
+        moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
+    known = set(motion.noise_std | settings.noise_std)
+    try:
+        flight, force, moment = tune_together(flight, force, moment, engine, known)
+    except EstimationError:
+        if flight.sensors is not None:
+            raise
+        return flight, priors  # read in the wrong sense, perhaps: what the first moment says has to do
+    return flight, priors | {"force": force, "moment": moment}
+
+
+def turn_a_frame(flight: Flight) -> float:
+    """Largest turn (rad) from one frame seen to the next: as gyros of three axes read it, or as both show."""
+    rate = gyro_rate(flight.time, flight.sensors)
+    seen = np.isfinite(flight.rotation).all((1, 2))
+    if rate is None or seen.sum() < 2:
+        return largest_turn(flight.time, flight.rotation)
+    return float(np.linalg.norm(rate, axis=1).max() * np.median(np.diff(flight.time[seen])))
+
+
+def sensor_reasons(flight: Flight, state: FlightState, stated: Set[str] = frozenset()) -> tuple[str, ...]:
+    """Sentences on clocks that are off, on biases that wander though none is `stated` to (by the name of its
+    noise_std), and on the family that reads most of what nothing explains.
+    """
+    if flight.sensors is None:
+        return ()
+    found, level, sensors = [], {}, flight.sensors
+    step = float(np.median(np.diff(flight.time)))
+    for i, name in enumerate(NAMES):
+        white = state.sensor_innovation[:, sensors.family == i]
+        level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
+        off, error = float(sensors.shifted[i] + state.clock[i]), float(state.clock_std[i])
+        if i in sensors.clocked and abs(off) > max(SURE * error, EARLY * step):
+            sense = "later" if off > 0 else "earlier"
+            found.append(
+                f"the {name} read {1e3 * abs(off):.3g} ms {sense} than their samples say, with a standard "
+                f"error of {1e3 * error:.2g} ms: taken into account; set the clocks"
+            )
+        if sensors.bias_walk[i] and f"{FAMILIES[i]}_walk" not in stated:
+            found.append(
+                f"the biases of the {name} wander, by {sensors.bias_walk[i]:.2g} {UNITS[i]} in a second, or "
+                "what passes for it: they stand or point elsewhere than stated, or the body bends; look at "
+                f"their places, or state noise_std.{FAMILIES[i]}_walk"
+            )
+    worst = max(level, key=level.__getitem__)
+    if level[worst] > AMISS:
+        found.append(
+            f"the innovations of the {worst} are {np.sqrt(level[worst]):.2f} times as large as predicted: "
+            "they stand or point elsewhere than stated, their clock drifts, or the body bends under them; "
+            "claimed errors are too small"
+        )
+    return tuple(found)
+
+
+def named_sensors(flight: Flight, state: FlightState) -> dict[str, float]:
+    """What was found of the clocks (s) and of biases that wander, as numbers with names."""
+    found = {}
+    if (sensors := flight.sensors) is None:
+        return {}
+    for i in sensors.clocked:
+        found[f"clock_offset_{SHORT[i]}"] = float(sensors.shifted[i] + state.clock[i])
+        found[f"clock_offset_{SHORT[i]}_std"] = float(state.clock_std[i])
+    for i in np.flatnonzero(sensors.bias_walk):
+        found[f"bias_walk_{SHORT[i]}"] = float(sensors.bias_walk[i])
+    return found
+
+
+def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) -> Sensors | None:
+    """Sensors of a recording about the mass center (3,) in reference axes; None where nothing is read."""
+    read = {name: value for name in FAMILIES if (value := getattr(motion, name)) is not None}
+    read = {name: value for name, value in read.items() if np.isfinite(value).any()}
+    if not read:
+        return None
+    shape = next(iter(read.values())).shape
+    gone = np.full(shape, np.nan)
+    if "specific_force" in read and body.sensor_position is None:
+        raise DataError("is missing", "/body/sensor_position", "add where each accelerometer stands")
+    position = np.zeros(shape[1:]) if body.sensor_position is None else body.sensor_position - center
+    rotation = np.tile(np.eye(3), (shape[1], 1, 1))
+    if body.sensor_rotation is not None:
+        rotation = Rotation.from_quat(body.sensor_rotation).as_matrix()
+    stated = motion.noise_std | settings.noise_std
+    noise, bias = np.ones((2, shape[1])), np.ones((2, shape[1]))
+    walk = np.array([stated.get(f"{name}_walk", 0.0) for name in FAMILIES])
+    frame = marker_step(motion)
+    clock = np.array([stated.get(f"{name}_clock", frame) for name in FAMILIES])
+    for i, name in enumerate(FAMILIES):
+        if name not in read:
+            continue
+        largest = float(np.nanmax(np.abs(read[name])))
+        bias[i] = stated.get(f"{name}_bias", max(largest, ROUNDOFF))
+        for s in range(shape[1]):
+            level = stated.get(name) or sensor_noise(motion.time, read[name][:, s])
+            noise[i, s] = max(level, ROUNDOFF * largest)
+    gyro, accelerometer = (read.get(name, gone) for name in FAMILIES)
+    return Sensors(gyro, accelerometer, position, rotation, noise, bias, walk, clock)
+
+
+def marker_step(motion: Motion) -> float:
+    """Usual time s between frames in which a marker or a mean motion is seen; of the clock where none is."""
+    seen = motion.position if motion.position is not None else motion.center
+    time = motion.time
+    if seen is not None:
+        time = time[np.isfinite(seen).reshape(len(time), -1).any(1)]
+    return float(np.median(np.diff(time))) if len(time) > 1 else float(np.ptp(motion.time))
+
+
+def sensor_noise(time: Array, z: Array) -> float:
+    """Standard deviation that high-order differences of a sensor z (time, 3) show, over the axes it has.
+
+    Of one that reads too little to tell, its own spread: next to nothing of it is believed.
+    """
+    z = z[:, np.isfinite(z).any(0)]
+    if np.isfinite(z).all(1).sum() < 2 * DIFFERENCES:
+        return float(np.nanstd(z)) if np.isfinite(z).any() else 1.0
+    return float(np.sqrt(noise_variance(time, z)))

@@ -1,0 +1,70 @@
+"""Strain gauges of a recording: what they read of the modes of a body, and nothing of its mean motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.flight.model import Flight
+from forceid.flight.modes import Gauges
+from forceid.flight.smoother import FlightState
+from forceid.motion.window import ORDER, noise_variance
+from forceid.records import Array, Body, Motion
+
+AMISS = 1.3  # mean squared innovation of the gauges, over its covariance
+UNUSED = "strain was read, but {}: the gauges tell nothing"
+
+
+def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
+    """The flight with the strain gauges of its recording, where it has modes and any gauge reads.
+
+    A gauge reads the displacement from the reference shape as /body/strain_shape (gauge, node, axis) says, to
+    within a bias that stays. Noise is as stated, by the file or as noise_std.strain; else as high-order
+    differences show it; the bias has a standard deviation of noise_std.strain_bias, else of its largest
+    reading. Source: principal equations 4d.
+    """
+    if flight.modes is None or body.strain_shape is None or motion.strain is None:
+        return flight
+    used = np.isfinite(motion.strain).any(0)
+    if not used.any() or body.position is None:
+        return flight
+    reads, reading = body.strain_shape[used].reshape(used.sum(), -1), motion.strain[:, used]
+    steady = reads @ (kin.shape - (body.position - kin.inertia.center)).ravel()
+    known, largest = motion.noise_std | settings.noise_std, np.nanmax(np.abs(reading), axis=0)
+    noise = np.array([known.get("strain") or gauge_noise(motion.time, z) for z in reading.T])
+    noise = np.maximum(noise, np.maximum(ROUNDOFF * largest, 1e-15))
+    bias = np.broadcast_to(known.get("strain_bias", np.maximum(largest, noise)), noise.shape)
+    cov = np.diag(noise**2)
+    if kin.beside is not None:  # modes that the model leaves out strain a gauge too
+        cov += reads @ kin.beside @ reads.T
+    rows = reads @ kin.shapes.reshape(len(kin.shapes), -1).T
+    gauges = Gauges(reading - steady, rows, cov, np.asarray(bias, float))
+    return replace(flight, modes=replace(flight.modes, gauges=gauges))
+
+
+def gauge_noise(time: Array, z: Array) -> float:
+    """Standard deviation that high-order differences of a gauge z (time,) show; its own spread if short."""
+    if np.isfinite(z).sum() < 2 * ORDER:
+        return float(np.nanstd(z))
+    return float(np.sqrt(noise_variance(time, z[:, None])))
+
+
+def gauge_reasons(flight: Flight, state: FlightState, body: Body, motion: Motion) -> tuple[str, ...]:
+    """A sentence where gauges are of no use, or read what the modes do not explain."""
+    if motion.strain is None or not np.isfinite(motion.strain).any():
+        return ()
+    if body.strain_shape is None:
+        return (UNUSED.format("/body/strain_shape, what each gauge reads of the nodes, is missing"),)
+    if flight.modes is None:
+        return (UNUSED.format("the body is taken for one without modes"),)
+    level = float(np.nanmean(state.gauge_innovation**2))
+    if level < AMISS:
+        return ()
+    return (
+        f"the innovations of the strain gauges are {np.sqrt(level):.2f} times as large as predicted: the "
+        "body bends in more modes than the model has, or /body/strain_shape is not what they read; claimed "
+        "errors are too small",
+    )

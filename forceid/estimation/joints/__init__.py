@@ -1,0 +1,1 @@
+"""Bodies in parts: constraints, motion of the parts together, forces in the joints."""

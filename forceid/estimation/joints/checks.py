@@ -1,0 +1,72 @@
+"""Whether joint forces can be believed: loops, balances that do not close, parts apart at a joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtri
+
+from forceid.estimation.joints.parts import Joint, Part
+from forceid.estimation.verdict.finding import Finding, judge
+from forceid.records import Array, Interface, Recording
+
+SURE = 0.001  # chance that noise alone leaves as much of the balances
+GROSS = 25.0  # times the claims, that balances may be off and the joint forces still be worth a number
+APART = 2.0  # times its noise, by which two parts may be apart at their joint
+
+
+def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Finding]:
+    """Joints that the motion does not tell, balances that do not close, and parts apart at their joint.
+
+    gap_cov (time, joint, 3, 3) m2 of the gaps; wrench (time, part, 6): of the parts, from which the joints'
+    were found. Two parts smooth a load between them alike, so that balances close better than claimed.
+    """
+    findings = []
+    if not found.determined.all():
+        names = ", ".join(n for n, told in zip(found.name, found.determined, strict=True) if not told)
+        findings.append(
+            Finding(
+                f"the motion does not tell what passes through {names}: the joints close a loop, or loads "
+                "from outside act on too many parts; see null_space, or state what a joint cannot pass",
+                refuses=not found.determined.any(),
+            )
+        )
+    seen = np.isfinite(found.chi_square)
+    if found.dof and seen.any():
+        turns = wrench[seen].reshape(seen.sum(), -1) - wrench[seen].reshape(seen.sum(), -1).mean(0)
+        independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
+        limit = chdtri(found.dof * independent, SURE) / (found.dof * independent)
+        if found.consistency > limit:
+            findings.append(
+                Finding(
+                    f"the balances of the parts do not close: what is left is {found.consistency:.3g} times "
+                    f"what the claims allow, at most {limit:.2g} by chance; check masses and joints, or mark "
+                    "the part that a load from outside acts on with external = true",
+                    refuses=found.consistency > GROSS,
+                )
+            )
+    apart = np.sqrt((found.gap**2).sum(2).mean(0))
+    noise = np.sqrt(np.einsum("tjaa->tj", gap_cov).mean(0))
+    for name, off, size in zip(found.name, apart, noise, strict=True):
+        if off > APART * size:
+            findings.append(
+                Finding(
+                    f"the parts are {1e3 * off:.2g} mm apart at joint {name}, where noise explains "
+                    f"{1e3 * size:.2g} mm: the joint is not there, and its moment is off; correct `at`"
+                )
+            )
+    return findings
+
+
+def refused(
+    recording: Recording, joints: tuple[Joint, ...], parts: tuple[Part, ...], findings: list[Finding]
+) -> Interface:
+    """An answer that says nothing but why."""
+    T, n = len(recording.motion.time), len(joints)
+    none = np.full((T, n, 3), np.nan)
+    return Interface(
+        name=tuple(j.name for j in joints),
+        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        force=none, moment=none, wrench_cov=np.full((T, n, 6, 6), np.nan), point=none,
+        determined=np.zeros(n, bool), null_space=np.zeros((n, 6, 0)), gap=none,
+        chi_square=np.full(T, np.nan), dof=0, verdict=judge(findings),
+    )  # fmt: skip

@@ -1,0 +1,97 @@
+"""What joints forbid the parts they hold: wrenches that do not balance, and motion they do not let.
+
+The place of a joint is the same on both parts, c_2 + R_2 a_2 = c_1 + R_1 a_1, and directions that a joint
+keeps at right angles stay so, R_1 u . R_2 e = 0. To first order about references of both parts, with rotation
+errors theta on the left, these are rows on the poses. Where a joint is on each part and how its axes stand is
+known roughly: constants of each joint, estimated beside, leave to the rows what changes. Source: principal
+equations 2.7, 4f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation.joints.parts import Joint, Part
+from forceid.principal.operator import cross_matrix
+from forceid.records import Array
+
+PLACED, ALIGNED = 1e-3, 5e-3  # m, rad: to which place and axes of a joint are known
+PLAY = 0.02  # of the noise of one frame, by which a joint may give
+
+
+@dataclass(frozen=True)
+class Ties:
+    """What parts cannot do to each other, as rows on their wrenches (time, row, part * 6) about their own
+    centers, on their motion (time, row, part * 9), center (m), rotation error (rad) and angular momentum (kg
+    m2/s), and on constants (time, row, constant): they add up to gap (time, row), to within the variances
+    slack (time, row). spread (constant,): standard deviations of the constants before anything is seen. NaN
+    rows are not used.
+    """
+
+    on_wrench: Array
+    on_motion: Array
+    offset: Array
+    gap: Array
+    slack: Array
+    spread: Array
+
+
+def beside(ties: Sequence[Ties]) -> Ties:
+    """All ties as one."""
+    each = [len(t.spread) for t in ties]
+    at = np.cumsum([0, *each])
+    offset = [
+        np.pad(t.offset, ((0, 0), (0, 0), (start, at[-1] - start - n)))
+        for t, start, n in zip(ties, at, each, strict=False)
+    ]
+    names = ("on_wrench", "on_motion", "gap", "slack")
+    rows = {name: np.concatenate([getattr(t, name) for t in ties], 1) for name in names}
+    return Ties(offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in ties]), **rows)
+
+
+def balanced(rows: Array, slack: Array) -> Ties:
+    """Combinations (time, row, part * 6) of the wrenches that are zero, to within a variance (time, row)."""
+    time, count, size = rows.shape
+    on_motion, none = np.zeros((time, count, size // 6 * 9)), np.zeros((time, count, 0))
+    return Ties(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0))
+
+
+def held(joint: Joint, parts: Sequence[Part], rotation: Sequence[Array], pose_cov: Sequence[Array]) -> Ties:
+    """What a joint keeps of the poses: three rows for its place, one for each pair of directions.
+
+    rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each.
+    """
+    a, b = joint.before, joint.behind
+    R_a, R_b = rotation[a], rotation[b]
+    pairs = kept(joint)
+    time, n = len(R_a), 3 + len(pairs)
+    arm_a, arm_b = (rotation[k] @ (joint.at - parts[k].center) for k in (a, b))
+    u, e = (np.einsum("tab,kb->tka", R, pairs[:, i]) for R, i in ((R_a, 0), (R_b, 1)))
+    normal = np.cross(u, e)
+    rows = np.zeros((time, n, len(parts), 9))
+    rows[:, :3, a, :3], rows[:, :3, b, :3] = -np.eye(3), np.eye(3)
+    rows[:, :3, a, 3:6], rows[:, :3, b, 3:6] = cross_matrix(arm_a), -cross_matrix(arm_b)
+    rows[:, 3:, a, 3:6], rows[:, 3:, b, 3:6] = normal, -normal
+    gap = np.concatenate([arm_a - arm_b, -(u * e).sum(2)], 1)
+    offset = np.zeros((time, n, 6 + len(pairs)))
+    offset[:, :3, :3], offset[:, :3, 3:6] = R_a, -R_b
+    offset[:, 3:, 6:] = np.eye(len(pairs))
+    noise = sum(np.diagonal(pose_cov[k], axis1=1, axis2=2).reshape(time, 2, 3).mean(2) for k in (a, b))
+    slack = PLAY**2 * np.repeat(np.asarray(noise), [3, len(pairs)], axis=1)
+    spread = np.repeat([PLACED, ALIGNED], [6, len(pairs)])
+    on_wrench = np.zeros((time, n, 6 * len(parts)))
+    return Ties(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread)
+
+
+def kept(joint: Joint) -> Array:
+    """Pairs (pair, 2, 3) of directions on the part before and on that behind that stay at right angles."""
+    if joint.kind == "ball" or (joint.kind == "hinge" and joint.axis is None):
+        return np.zeros((0, 2, 3))
+    if joint.kind == "hinge":
+        assert joint.axis is not None
+        return np.stack([[u, joint.axis] for u in np.linalg.svd(joint.axis[None])[2][1:]])
+    x, y, z = np.eye(3)
+    return np.array([[x, y], [y, z], [z, x]])

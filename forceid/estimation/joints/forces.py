@@ -1,0 +1,78 @@
+"""Joint forces of a body in parts: what must pass through the joints for every part to move as it did.
+
+Each part is estimated as a body of its own, which gives the wrench on it, weight excluded. The joints and the
+loads from outside that are allowed for have to make up all of these wrenches: least squares on the graph of
+the parts. Where the parts were smoothed they are smoothed again, together. Source: principal equations 2.8,
+2.11 A, 4h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.joints.checks import GROSS, judge_joints, refused
+from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
+from forceid.estimation.joints.parts import parts_of
+from forceid.estimation.joints.together import together
+from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.verdict.finding import Finding, judge
+from forceid.partition.resultants import link_resultants
+from forceid.records import Estimate, Interface, Recording
+
+Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
+
+
+def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Interface:
+    """Wrench of every joint in the settings, from each part estimated by `solve` as a body of its own.
+
+    Raises ConfigError for parts and joints that do not fit the recording; where a part is refused all is NaN.
+    """
+    parts, joints = parts_of(recording, settings)
+    alone = settings.model_copy(update={"part": (), "joint": (), "load": (), "moment_about": "mass_center"})
+    solved = [solve(part.recording, alone) for part in parts]
+    findings = [
+        Finding(f"part {part.name}: {reason}", refuses=estimate.verdict.level == "refused")
+        for part, (estimate, _) in zip(parts, solved, strict=True)
+        for reason in estimate.verdict.reasons
+    ]
+    if any(f.refuses for f in findings):
+        return refused(recording, joints, parts, findings)
+    estimates = [estimate for estimate, _ in solved]
+    if blind := [p.name for p, e in zip(parts, estimates, strict=True) if not np.isfinite(e.moment).any()]:
+        text = f"part {blind[0]}: its markers show no moment, and without it no joint force follows"
+        return refused(recording, joints, parts, [*findings, Finding(text, refuses=True)])
+    linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
+    wrench, cov = about_center(linkage, estimates)
+    found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
+    g, C = found.wrench, found.joint_cov
+    assert C is not None
+    smoothed = None
+    misfit = found.chi_square[np.isfinite(found.chi_square)]
+    if not found.dof or not misfit.size or misfit.mean() < GROSS * found.dof:  # else they contradict
+        smoothed = together(linkage, parts, joints, estimates, [solution for _, solution in solved], settings)
+    if smoothed is not None:
+        to_joints = -split(linkage)
+        g = np.einsum("tij,tj->ti", to_joints, smoothed.wrench.reshape(len(g), -1)).reshape(g.shape)
+        C = to_joints @ smoothed.cov @ to_joints.swapaxes(1, 2)
+        findings += smoothed.findings
+    count = len(joints)
+    null = found.null_space.reshape(len(linkage.links), 6, -1)
+    determined = found.determined[:count]
+    force, moment, covs = at_joints(linkage, g[:, :count], C)
+    for a in (force, moment, covs):
+        a[:, ~determined] = np.nan
+    lost = ~np.isfinite(covs).all((2, 3))
+    force[lost], moment[lost] = np.nan, np.nan  # no number without what it is worth
+    result = Interface(
+        name=tuple(j.name for j in joints),
+        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        force=force, moment=moment, wrench_cov=covs, point=linkage.point, determined=determined,
+        null_space=null[:count], gap=linkage.gap, chi_square=found.chi_square, dof=found.dof,
+        verdict=judge([]),
+    )  # fmt: skip
+    findings += judge_joints(result, linkage.gap_cov, wrench)
+    return replace(result, verdict=judge(findings))

@@ -1,0 +1,144 @@
+"""Parts and joints as they move: where the joints are, what they can pass, and what that does to the parts.
+
+Source: principal equations 2.8, 4h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.estimation.joints.parts import Joint, Part
+from forceid.estimation.methods.smoother import Solution
+from forceid.partition.resultants import GROUND, incidence, transmitted
+from forceid.principal.operator import cross_matrix
+from forceid.principal.wrench import transport, transport_cov, transport_matrix
+from forceid.records import Array, Estimate
+
+RANK = 1e-6  # of the largest singular value, with moments over the length of the joints' arms
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Parts and joints as they move: world point and gap (time, joint, 3) m, point_cov (time, joint, 3, 3) m2
+    and gap_cov alike; center of all parts (time, 3) m and arms (time, part, 3) m from there to their own;
+    links (first, second) with passes (time, 6, k) about that center; loads from outside, of the ground, last.
+    """
+
+    point: Array
+    point_cov: Array
+    gap: Array
+    gap_cov: Array
+    center: Array
+    arms: Array
+    links: tuple[tuple[int, int], ...]
+    passes: tuple[Array, ...]
+
+
+def linkage_of(
+    parts: tuple[Part, ...],
+    joints: tuple[Joint, ...],
+    estimates: list[Estimate],
+    solutions: list[Solution | None],
+) -> Linkage:
+    """Where joints and parts are at every sample, and what the joints can pass."""
+    mass = np.array([part.mass for part in parts])
+    centers = np.stack([e.center for e in estimates], 1)
+    center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
+    R = [rotations(e.orientation) for e in estimates]
+    at, spread, links, passes = [], [], [], []
+    for joint in joints:
+        ends = []
+        for k in (joint.before, joint.behind):
+            arm = np.einsum("tab,b->ta", R[k], joint.at - parts[k].center)
+            moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
+            ends.append(
+                (centers[:, k] + arm, moved @ pose_cov(solutions[k], len(arm)) @ moved.swapaxes(1, 2))
+            )
+        at.append([x for x, _ in ends])
+        spread.append([cov for _, cov in ends])
+        links.append((joint.before, joint.behind))
+        # the point, halfway between what the two parts say of it
+        about = 0.5 * (ends[0][0] + ends[1][0])
+        passes.append(transport_matrix(about - center) @ passed(joint, R[joint.before]))
+    for k, part in enumerate(parts):
+        if part.external:
+            links.append((GROUND, k))
+            passes.append(np.broadcast_to(np.eye(6), (len(center), 6, 6)))
+    ends_at, covs = np.array(at).transpose(2, 0, 1, 3), np.array(spread).transpose(2, 0, 1, 3, 4)
+    return Linkage(
+        point=ends_at.mean(2), point_cov=covs.sum(2) / 4, gap=ends_at[:, :, 1] - ends_at[:, :, 0],
+        gap_cov=covs.sum(2), center=center, arms=centers - center[:, None],
+        links=tuple(links), passes=tuple(passes),
+    )  # fmt: skip
+
+
+def passed(joint: Joint, R: Array) -> Array:
+    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with the part before it."""
+    force = np.broadcast_to(np.eye(6, 3), (len(R), 6, 3))
+    if joint.free == "all":
+        return force
+    if joint.free == "none" or joint.axis is None:
+        return np.broadcast_to(np.eye(6), (len(R), 6, 6))
+    across = np.linalg.svd(joint.axis[None])[2][1:].T
+    moment = np.concatenate([np.zeros((len(R), 3, 2)), R @ across], 1)
+    return np.concatenate([force, moment], 2)
+
+
+def about_center(linkage: Linkage, estimates: list[Estimate]) -> tuple[Array, Array]:
+    """Wrenches (time, part, 6) about the center of all parts, and their covariances (time, part, 6, 6)."""
+    w = np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
+    C = np.stack([e.wrench_cov for e in estimates], 1)
+    return transport(w, linkage.arms), transport_cov(C, linkage.arms)
+
+
+def balances(linkage: Linkage) -> tuple[Array, Array, float]:
+    """Effects A (time, part * 6, column) of what links can pass on the parts, moments over a length; the same
+    columns E (time, link * 6, column) of the links; and that length (m).
+    """
+    length = float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1)))) or 1.0
+    parts = linkage.arms.shape[1]
+    E = transmitted(list(linkage.passes), len(linkage.links), 6)
+    A = np.kron(incidence(linkage.links, parts), np.eye(6)) @ E
+    return A / np.tile(np.repeat([1.0, length], 3), parts)[:, None], E, length
+
+
+def split(linkage: Linkage) -> Array:
+    """Matrix (time, link * 6, part * 6) from wrenches that balance to those of the links."""
+    A, E, length = balances(linkage)
+    known = np.asarray(np.isfinite(A).all((1, 2)))
+    back = np.full((len(A), E.shape[1], A.shape[1]), np.nan)
+    back[known] = E[known] @ np.linalg.pinv(A[known], rcond=RANK)
+    return np.asarray(back / np.tile(np.repeat([1.0, length], 3), linkage.arms.shape[1]))
+
+
+def at_joints(linkage: Linkage, g: Array, C: Array) -> tuple[Array, Array, Array]:
+    """Force, moment (time, joint, 3) about the joints, and covariance (time, joint, 6, 6), with that of where
+    the joints are.
+    """
+    count = g.shape[1]
+    each = np.stack([C[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(count)], 1)
+    arm = linkage.center[:, None] - linkage.point
+    w, cov = transport(g, arm), transport_cov(each, arm)
+    X = cross_matrix(w[..., :3])
+    cov[..., 3:, 3:] += X @ linkage.point_cov @ X.swapaxes(-1, -2)
+    return w[..., :3].copy(), w[..., 3:].copy(), cov
+
+
+def pose_cov(solution: Solution | None, time: int) -> Array:
+    """Covariance (time, 6, 6) of the poses of a part: smoothed, or of every frame by itself."""
+    if solution is None:
+        return np.zeros((time, 6, 6))
+    cov = solution.state.pose_cov
+    return cov if np.isfinite(cov).any() else solution.kinematics.pose.cov
+
+
+def rotations(quaternion: Array) -> Array:
+    """Rotation matrices (time, 3, 3), NaN where the quaternion is."""
+    R = np.full((len(quaternion), 3, 3), np.nan)
+    seen = np.isfinite(quaternion).all(1)
+    if seen.any():
+        R[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return R

@@ -1,0 +1,238 @@
+"""The flights of the parts of a body smoothed together, under what the joints cannot pass.
+
+Each part by itself claims an error that is half noise and half load smoothed away. The noise of two parts is
+independent, the load between them is one and the same: averaged as if independent, their wrenches claim too
+little. So the linear models of all parts stand side by side, with rows that hold the balances which no joint
+wrench can upset (whole body free, hinge without moment about its axis) at every sample. Source: principal
+equations 2.8, 4f, 4h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from forceid.errors import EstimationError
+from forceid.estimation.joints.constraints import Ties
+from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
+from forceid.estimation.loads.fused_tuning import LONGEST, climb, moved
+from forceid.estimation.methods.smoother import Smoothing, Solution
+from forceid.flight.model import Reference, linear_flight
+from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import ORDERS
+from forceid.kalman.engines import Engine
+from forceid.kalman.model import StateSpace
+from forceid.records import Array
+
+BEGINNING = 8  # samples that tell where parts begin
+ROOM = 8_000_000  # samples times states squared that are smoothed at a time
+WEAK = 0.1  # of the strongest axis of a load, which the others are taken to hold at least
+FAST = 3.0  # times its rate, where they are compared
+SHORTEST = 400  # samples of such a stretch, of which a quarter at either end only leads to it
+
+
+Priors = list[dict[str, LoadPrior]]  # of force and moment, of every part
+
+
+@dataclass(frozen=True)
+class LinkedPart:
+    """A part as it was smoothed by itself: what that rests on, and the reference it was linearized about."""
+
+    smoothing: Smoothing
+    reference: Reference
+
+
+def linked_parts(solutions: list[Solution | None], highest: int, engine: Engine) -> list[LinkedPart]:
+    """Solved parts, ready to be smoothed together; none where one of them was not smoothed.
+
+    Of several priors of one load the one that claims most prevails: one of an order above `highest` is tuned
+    again without it.
+    """
+    found = [None if solution is None else linked_part(solution, highest, engine) for solution in solutions]
+    kept = [part for part in found if part is not None]
+    return kept if len(kept) == len(solutions) else []
+
+
+def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart | None:
+    """A part that was smoothed, under priors of modest order; None for one that was not, or has no moment."""
+    smoothing, reference = solution.smoothing, solution.state.reference
+    if smoothing is None or reference is None or "moment" not in smoothing.priors:
+        return None
+    kin, priors = solution.kinematics, dict(smoothing.priors)
+    for name, prior in smoothing.priors.items():
+        if prior.tuned.order > highest:
+            force = name == "force"
+            channel = (
+                force_channel(kin, smoothing.flight.gravity)
+                if force
+                else moment_channel(kin, solution.deformation)
+            )
+            orders = tuple(order for order in ORDERS if order <= highest)
+            priors[name] = tune_channel(channel, (1.0, 1.0), prior.lines, orders, engine)
+    if any(priors[name] is not smoothing.priors[name] for name in priors):
+        state = smooth_flight(smoothing.flight, priors["force"], priors["moment"], engine)
+        if state.reference is None:
+            return None
+        smoothing, reference = replace(smoothing, priors=priors), state.reference
+    return LinkedPart(smoothing, reference)
+
+
+def tuned_linked(
+    parts: list[LinkedPart], ties: Ties, widening: float, engine: Engine
+) -> tuple[Priors, float]:
+    """Priors of every part under which all parts and their ties are likeliest; how likely.
+
+    widening: factor on the variance of the priors, each of which was found as if its part flew alone: a load
+    that several parts show is counted as often, and is to keep its size. From there the sizes and the rates
+    of all forces move together, and those of all moments. How likely: the markers, given the ties, and where
+    the parts begin; that ties hold is likelier the smaller the loads, and tells nothing of them.
+    """
+    each = [{name: widened(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
+    time = len(ties.gap)
+    middle = max((time - LONGEST) // 2, 0)
+    run = slice(middle, min(middle + LONGEST, time))
+
+    def likely(by: Array) -> float:
+        model, z, _ = linked_model(parts, both_moved(each, by), ties, run)
+        begun = z.copy()
+        begun[BEGINNING:, : -ties.gap.shape[1]] = np.nan
+        try:
+            return float(engine.log_likelihood(model, z)) - float(engine.log_likelihood(model, begun))
+        except EstimationError:  # numbers so far off that a covariance loses its sign
+            return -np.inf
+
+    best = climb(likely, np.zeros(4))
+    return both_moved(each, best), likely(best)
+
+
+def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: Engine) -> tuple[Array, Array]:
+    """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6)."""
+    time = len(ties.gap)
+    size = 6 * len(parts)
+    wrench, cov = np.empty((time, size)), np.empty((time, size, size))
+    states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
+    for run, kept in stretches(time, max(SHORTEST, ROOM // states**2)):
+        model, z, read = linked_model(parts, priors, ties, run)
+        path = engine.smooth(model, z)
+        inner = slice(kept.start - run.start, kept.stop - run.start)
+        wrench[kept] = path.x[inner] @ read.T
+        cov[kept] = read @ path.P[inner] @ read.T
+    return wrench.reshape(time, len(parts), 6), cov
+
+
+def both_moved(priors: Priors, by: Array) -> Priors:
+    """The priors of all parts, of forces moved by by[:2] and of moments by by[2:]."""
+    return [{"force": moved(p["force"], by[:2]), "moment": moved(p["moment"], by[2:])} for p in priors]
+
+
+def linked_model(
+    parts: list[LinkedPart], priors: Priors, ties: Ties, run: slice
+) -> tuple[StateSpace, Array, Array]:
+    """All parts under their ties over the samples of `run`: model, what it measures, and rows (part * 6,
+    state) that read the wrenches.
+    """
+    models: list[StateSpace] = []
+    seen, wrenches, motions = list[Array](), list[Array](), list[Array]()
+    for part, prior in zip(parts, priors, strict=True):
+        force, moment = prior["force"], prior["moment"]
+        model, z = linear_flight(part.smoothing.flight, force, moment, part.reference)
+        n, end = (len(load_rows_of(p)[0]) for p in (force, moment))
+        wrench, moving = np.zeros((6, len(model.x0))), np.zeros((9, len(model.x0)))
+        wrench[:3, :n], wrench[3:, n : n + end] = load_rows_of(force), load_rows_of(moment)
+        moving[:3, :3], moving[3:6, n : n + 3], moving[6:, n + 3 : n + 6] = force.axes, np.eye(3), moment.axes
+        models.append(model)
+        seen.append(z[run])
+        wrenches.append(wrench)
+        motions.append(moving)
+    models.append(standing(ties.spread))
+    read, moved_by = block_diag(*wrenches), block_diag(*motions)
+    tied = np.concatenate([ties.on_wrench[run] @ read + ties.on_motion[run] @ moved_by, ties.offset[run]], 2)
+    slack, gap = ties.slack[run], ties.gap[run]
+    used = np.isfinite(tied).all(2) & np.isfinite(slack) & np.isfinite(gap)
+    tied, slack = np.where(used[..., None], tied, 0.0), np.where(used, slack, 1.0)
+    model = side_by_side(models, tied, slack, run)
+    return (
+        model,
+        np.concatenate([*seen, np.where(used, gap, np.nan)], 1),
+        np.pad(read, ((0, 0), (0, len(ties.spread)))),
+    )
+
+
+def standing(spread: Array) -> StateSpace:
+    """Constants of standard deviations spread (constant,), which nothing measures by itself."""
+    n = len(spread)
+    return StateSpace(
+        np.eye(n), np.zeros((n, n)), np.zeros((0, n)), np.zeros((0, 0)), np.zeros(n), np.diag(spread**2)
+    )
+
+
+def widened(prior: LoadPrior, factor: float) -> LoadPrior:
+    """The prior of a load with `factor` times its variance, and no axis all but still beside the strongest.
+
+    That an axis holds next to no load a part by itself tells badly, and of several parts the one that claims
+    it most would prevail.
+    """
+    root, tuned = float(np.sqrt(factor)), prior.tuned
+    strong = int(tuned.std.argmax())
+    fast = FAST * tuned.rate[strong]  # where a record still tells them, and a prior begins to
+    level = tuned.std * tuned.rate ** (tuned.order - 0.5) / (tuned.rate**2 + fast**2) ** (0.5 * tuned.order)
+    weak = (level < WEAK * level[strong]) & (tuned.rate < fast)
+    std = root * np.where(weak, WEAK * tuned.std[strong], tuned.std)
+    rate = np.where(weak, tuned.rate[strong], tuned.rate)
+    lines = tuple(replace(line, std=root * line.std) for line in prior.lines)
+    return replace(prior, tuned=replace(tuned, std=std, rate=rate), lines=lines)
+
+
+def load_rows_of(prior: LoadPrior) -> Array:
+    """Rows (3, state) that read a load out of its own chain."""
+    axes = prior.axes
+    return load_rows(3 * (prior.tuned.order + 3) + 2 * len(prior.lines), axes, prior.lines)
+
+
+def stretches(time: int, longest: int) -> Iterator[tuple[slice, slice]]:
+    """Stretches of a record to smooth by themselves, and the part of each that is kept.
+
+    >>> [(run.start, run.stop, kept.start, kept.stop) for run, kept in stretches(500, 300)]
+    [(0, 300, 0, 225), (150, 450, 225, 375), (300, 500, 375, 500)]
+    """
+    if time <= longest:
+        yield slice(0, time), slice(0, time)
+        return
+    start, kept, margin = 0, 0, longest // 4
+    while kept < time:
+        stop = min(start + longest, time)
+        until = stop if stop == time else stop - margin
+        yield slice(start, stop), slice(kept, until)
+        start, kept = until - margin, until
+
+
+def side_by_side(models: list[StateSpace], rows: Array, slack: Array, run: slice) -> StateSpace:
+    """The models of the parts as one over the samples of `run`, with rows (time, row, state) of balances."""
+    steps, count = run.stop - run.start - 1, run.stop - run.start
+    sizes = [len(m.x0) for m in models]
+    told = [m.H.shape[-2] for m in models]
+    N, C = sum(sizes), sum(told)
+    F, Q, u = np.zeros((steps, N, N)), np.zeros((steps, N, N)), np.zeros((steps, N))
+    H, R = np.zeros((count, C + rows.shape[1], N)), np.zeros((count, C + rows.shape[1], C + rows.shape[1]))
+    at = low = 0
+    for model, n, c in zip(models, sizes, told, strict=True):
+        own, channels = slice(at, at + n), slice(low, low + c)
+        step = slice(run.start, run.stop - 1)
+        F[:, own, own], Q[:, own, own] = during(model.F, step, 3), during(model.Q, step, 3)
+        if model.u is not None:
+            u[:, own] = during(model.u, step, 2)
+        H[:, channels, own], R[:, channels, channels] = during(model.H, run, 3), during(model.R, run, 3)
+        at, low = at + n, low + c
+    H[:, C:] = rows
+    R[:, C:, C:] = slack[:, :, None] * np.eye(rows.shape[1])
+    x0, P0 = np.concatenate([m.x0 for m in models]), block_diag(*[m.P0 for m in models])
+    return StateSpace(F, Q, H, R, x0, P0, u)
+
+
+def during(a: Array, run: slice, axes: int) -> Array:
+    """What holds over `run` of an array that may have an axis of time before its last axes."""
+    return a[run] if a.ndim == axes and len(a) > 1 else a

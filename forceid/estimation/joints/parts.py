@@ -1,0 +1,192 @@
+"""A body in parts: which nodes move as one, and what holds the parts together, as the settings say it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.config import JointSetting, PartSetting, Settings
+from forceid.errors import ConfigError
+from forceid.estimation.body.inertia import inertia_of
+from forceid.motion.pose import pose_rank
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Body, Indices, Motion, Recording
+
+BESIDE = 1e-9  # of the largest entry of a mass matrix: what couples two parts beyond it
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body of its own: its recording, mass kg, mass center (3,) m in the reference shape, and whether loads
+    other than weight and joints act on it.
+    """
+
+    name: str
+    recording: Recording
+    mass: float
+    center: Array
+    external: bool
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A link from one part to another (by number) at a place (3,) m of the reference shape; axis (3,).
+
+    kind: weld, hinge or ball; free: axes about which it passes no moment, "none", "one" (that axis) or "all".
+    """
+
+    name: str
+    before: int
+    behind: int
+    at: Array
+    axis: Array | None
+    kind: str
+    free: str
+
+
+def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...], tuple[Joint, ...]]:
+    """Parts and joints of the settings on this recording; ConfigError for what does not fit it."""
+    body, motion = recording.body, recording.motion
+    if motion.position is None or body.position is None:
+        raise ConfigError("need markers: the motion file holds no positions", "part", "leave out [[part]]")
+    if not settings.part:
+        raise ConfigError("is given without parts", "joint", "add [[part]] for what it holds together")
+    if not settings.joint:
+        raise ConfigError("stands without a joint", "part", "add [[joint]] for what holds them together")
+    check_names("part", [p.name for p in settings.part])
+    check_names("joint", [j.name for j in settings.joint])
+    chosen = [nodes_of(part, body) for part in settings.part]
+    check_shared(settings, chosen, body)
+    parts = tuple(
+        part_of(setting, nodes, recording) for setting, nodes in zip(settings.part, chosen, strict=True)
+    )
+    names = [part.name for part in parts]
+    joints = tuple(joint_of(joint, names, body) for joint in settings.joint)
+    held = {k for joint in joints for k in (joint.before, joint.behind)}
+    if loose := [name for k, name in enumerate(names) if k not in held]:
+        raise ConfigError(
+            "is held by no joint", f"part {loose[0]}", "name it in a [[joint]], or leave it out"
+        )
+    return parts, joints
+
+
+def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
+    """The part on the markers of its nodes."""
+    body, motion, where = recording.body, recording.motion, f"part {setting.name}"
+    assert motion.position is not None
+    assert body.position is not None
+    x, X = motion.position[:, nodes], body.position[nodes]
+    seen = np.isfinite(x).all(2).any(0)
+    if seen.sum() < 3 or pose_rank(summation_operator(X[seen])) < 6:
+        how = "on a line" if seen.sum() > 2 else "seen"
+        raise ConfigError(
+            f"has {seen.sum()} markers {how}, expected three off a line at least", where, "add nodes to it"
+        )
+    own = Body(node=tuple(body.node[k] for k in nodes) if body.node else (), position=X)
+    own = with_mass(own, setting, nodes, body, where)
+    if body.internal_momentum is not None and not body.internal_momentum.any():
+        own = replace(own, internal_momentum=body.internal_momentum)  # nothing turns inside any part
+    inertia = inertia_of(own)
+    noise = {name: std for name, std in motion.noise_std.items() if name == "position"}
+    told = Motion(motion.time, x, gravity=motion.gravity, noise_std=noise)
+    part = Recording(own, told, title=setting.name, sha256=recording.sha256)
+    return Part(setting.name, part, inertia.mass, inertia.center, setting.external)
+
+
+def with_mass(own: Body, setting: PartSetting, nodes: Indices, body: Body, where: str) -> Body:
+    """The part with its mass: that of the settings, or of its nodes."""
+    given = {"mass": setting.mass, "center": setting.center, "inertia": setting.inertia}
+    if lacking := [name for name, value in given.items() if value is None]:
+        if len(lacking) < 3:
+            raise ConfigError(f"has no {lacking[0]}", where, "give mass, center and inertia, or none of them")
+    else:
+        J = np.array(setting.inertia)
+        if not np.allclose(J, J.T) or np.linalg.eigvalsh(J)[0] <= 0:
+            raise ConfigError("has an inertia that no body has", where, "give the symmetric tensor in kg m2")
+        return replace(own, total_mass=setting.mass, mass_center=np.array(setting.center), inertia=J)
+    if body.mass is not None:
+        mass = body.mass[nodes]
+        if not mass.sum() > 0:
+            raise ConfigError("has nodes without mass", where, "give its mass, center and inertia")
+        return replace(own, mass=mass)
+    if body.mass_matrix is not None:
+        dof = (3 * nodes[:, None] + np.arange(3)).ravel()
+        beside = np.delete(body.mass_matrix[dof], dof, axis=1)
+        if np.abs(beside).max(initial=0.0) > BESIDE * np.abs(body.mass_matrix).max():
+            what = "is coupled by the mass matrix to nodes of other parts"
+            raise ConfigError(what, where, "give its mass, center and inertia")
+        return replace(own, mass_matrix=body.mass_matrix[np.ix_(dof, dof)])
+    raise ConfigError("is of a body known only as a whole", where, "give its mass, center and inertia")
+
+
+def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
+    """The joint between numbered parts."""
+    where = f"joint {setting.name}"
+    before, behind = (index_of(name, names, where, "part") for name in setting.parts)
+    if before == behind:
+        raise ConfigError(f"holds part '{names[before]}' to itself", where, "name two parts")
+    assert body.position is not None
+    if isinstance(setting.at, str):
+        at = body.position[index_of(setting.at, body.node, where, "node")]
+    else:
+        at = np.array(setting.at)
+    axis = None if setting.axis is None else np.array(setting.axis)
+    if setting.kind == "hinge" and (axis is None or not axis.any()):
+        raise ConfigError(
+            "is a hinge without an axis", where, "give axis, a direction in the reference shape"
+        )
+    free = "none" if setting.driven else {"weld": "none", "hinge": "one", "ball": "all"}[setting.kind]
+    axis = None if axis is None else axis / np.linalg.norm(axis)
+    return Joint(setting.name, before, behind, at, axis, setting.kind, free)
+
+
+def nodes_of(part: PartSetting, body: Body) -> Indices:
+    """The nodes of a part, by number."""
+    assert body.position is not None
+    where, count, found = f"part {part.name}", len(body.position), []
+    for node in part.nodes:
+        if isinstance(node, str):
+            found.append(index_of(node, body.node, where, "node"))
+        elif 0 <= node < count:
+            found.append(node)
+        else:
+            raise ConfigError(f"names node {node}, of {count}", where, "count nodes from 0, or name them")
+    return np.array(found, np.intp)
+
+
+def check_shared(settings: Settings, chosen: list[Indices], body: Body) -> None:
+    """No node is in two parts, and none with mass in no part."""
+    named = np.concatenate(chosen) if chosen else np.zeros(0, np.intp)
+    label = body.node or tuple(str(k) for k in range(len(body.position if body.position is not None else ())))
+    node, times = np.unique(named, return_counts=True)
+    if (times > 1).any():
+        twice = label[node[int(np.argmax(times > 1))]]
+        raise ConfigError(f"name node '{twice}' more than once", "part", "give every node to one part")
+    own = [part.mass is not None for part in settings.part]
+    if body.mass is None or any(own):
+        return
+    left = np.setdiff1d(np.flatnonzero(body.mass > 0), named)
+    if len(left):
+        what = f"leave out node '{label[left[0]]}', which carries {body.mass[left[0]]:g} kg"
+        raise ConfigError(what, "part", "give every node with mass to a part")
+
+
+def check_names(what: str, names: Iterable[str]) -> None:
+    """Every name is its own."""
+    found = list(names)
+    if twice := [name for name in found if found.count(name) > 1]:
+        raise ConfigError("is named twice", f"{what} {twice[0]}", "give each a name of its own")
+
+
+def index_of(name: str, known: Iterable[str], where: str, what: str) -> int:
+    """The number of a name, or a ConfigError with the nearest one."""
+    names = list(known)
+    if name in names:
+        return names.index(name)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
+    raise ConfigError(
+        f"names the unknown {what} '{name}'", where, f"did you mean '{near[0]}'?" if near else ""
+    )

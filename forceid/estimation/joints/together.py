@@ -1,0 +1,211 @@
+"""All parts of a body smoothed under what their joints forbid, where the record bears that out.
+
+Source: principal equations 2.8, 4f, 4h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.joints.accelerations import Motion, accelerated
+from forceid.estimation.joints.constraints import Ties, balanced, beside, held
+from forceid.estimation.joints.linkage import RANK, Linkage, balances, pose_cov
+from forceid.estimation.joints.linked_flight import (
+    LinkedPart,
+    Priors,
+    linked_parts,
+    smooth_linked,
+    tuned_linked,
+)
+from forceid.estimation.joints.parts import Joint, Part
+from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.verdict.finding import Finding
+from forceid.flight.priors.load import along_world
+from forceid.kalman.engines import engine
+from forceid.principal.wrench import transport, transport_matrix
+from forceid.records import Array, Estimate
+
+HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
+SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
+SHARP = 1e-6  # of the arms, that the noise of frames is to exceed
+TURNED = 3.0  # times its noise, by which what a joint keeps may change and the joint be believed
+ASIDE = 9.0  # times its variance, by which a part smoothed with the others may move and be believed
+
+
+@dataclass(frozen=True)
+class Together:
+    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all parts, and
+    what was found of the joints on the way.
+    """
+
+    wrench: Array
+    cov: Array
+    findings: list[Finding]
+
+
+def together(
+    linkage: Linkage,
+    parts: tuple[Part, ...],
+    joints: tuple[Joint, ...],
+    estimates: list[Estimate],
+    solutions: list[Solution | None],
+    settings: Settings,
+) -> Together | None:
+    """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
+    passes = engine(settings.engine)
+    if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
+        return None
+    found: list[tuple[float, list[LinkedPart], Priors, Ties, list[Finding]]] = []
+    for order in orders_of(solutions):
+        linked = linked_parts(solutions, order, passes)
+        if not linked:
+            return None
+        ties, findings = ties_of(joints, parts, linked, estimates, solutions)
+        tied = beside([balance[0], *ties])
+        priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
+        found.append((likely, linked, priors, tied, findings))
+        if likely < max(value for value, *_ in found):
+            break
+    for candidate in sorted(found, key=lambda one: -one[0]):
+        _, linked, priors, tied, findings = candidate
+        w, C = smooth_linked(linked, priors, tied, passes)
+        if np.isfinite(C[np.isfinite(w).all((1, 2))]).all():  # else a prior so smooth is lost to rounding
+            break
+    else:
+        return None
+    carry = np.zeros_like(C)
+    for k, part in enumerate(linked):
+        own = slice(6 * k, 6 * k + 6)
+        C[:, own, own] += part.smoothing.allowance
+        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
+    # one factor for all, lest balances that are all but exact were upset
+    growth = [np.diag(s.growth).mean() for s in solutions if s is not None and s.growth is not None]
+    C *= np.mean(growth or [1.0]) ** 2
+    moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
+    claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
+    if np.nanmean(moved**2 / claimed) > ASIDE:
+        return None  # parts that contradict each other are for the test of consistency
+    return Together(transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings)
+
+
+def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
+    """Whether frames show the poses to rounding: parts by themselves do, and ties would lose digits."""
+    frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
+    noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
+    return max(noise, default=0.0) < SHARP * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
+
+
+def orders_of(solutions: list[Solution | None]) -> list[int]:
+    """Highest orders of priors to try, the smoothest first: that of the parts, and those below it."""
+    smoothed = [s.smoothing for s in solutions if s is not None and s.smoothing is not None]
+    top = max((p.tuned.order for s in smoothed for p in s.priors.values()), default=0)
+    return sorted({min(order, top) for order in SMOOTHEST}, reverse=True)
+
+
+def ties_of(
+    joints: tuple[Joint, ...],
+    parts: tuple[Part, ...],
+    linked: list[LinkedPart],
+    estimates: list[Estimate],
+    solutions: list[Solution | None],
+) -> tuple[list[Ties], list[Finding]]:
+    """What the joints keep of poses and accelerations of rigid parts, and which of them do not."""
+    rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
+    centers = np.stack([e.center for e in estimates], 1)
+    spread = [pose_cov(solution, len(centers)) for solution in solutions]
+    motions = [motion_of(part) for part in linked]
+    ties, findings = [], []
+    for joint in joints:
+        if not all(rigid(linked[k]) for k in (joint.before, joint.behind)):
+            continue
+        kept = held(joint, parts, rotation, frame)
+        if (off := changed(kept, centers, spread)) > TURNED:
+            findings.append(
+                Finding(
+                    f"the parts move against each other at joint {joint.name} by {off:.2g} times what noise "
+                    f"explains, as a {joint.kind} does not let; correct kind, axis or at"
+                )
+            )
+            continue
+        ties += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
+    return ties, findings
+
+
+def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Ties, int] | None:
+    """Combinations of the wrenches that no link upsets, as ties, and how many the links do upset.
+
+    None where no frame shows every part.
+    """
+    A, _, length = balances(linkage)
+    T, size = len(A), A.shape[1]
+    known = np.asarray(np.isfinite(A).all((1, 2)))
+    if not known.any():
+        return None
+    U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
+    rank = int((s > RANK * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
+    count = linkage.arms.shape[1]
+    carry = np.zeros((T, size, size))
+    for k in range(count):
+        own = slice(6 * k, 6 * k + 6)
+        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
+    null = U[:, :, rank:].swapaxes(1, 2) * np.tile(np.repeat([1.0, 1 / length], 3), count)
+    rows = np.where(known[:, None, None], null @ carry, np.nan)
+    # how far off a balance may be: a little of what is claimed, and what arms known this well make of it
+    slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
+    for k, e in enumerate(estimates):
+        on = rows[:, :, 6 * k : 6 * k + 6]
+        slack += HELD**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
+        slack += (on[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
+    return balanced(rows, slack), rank
+
+
+def rigid(part: LinkedPart) -> bool:
+    """Whether a part does not deform: where it does, a joint is not where its mean motion says."""
+    flight = part.smoothing.flight
+    return flight.modes is None and not flight.h.any()
+
+
+def changed(ties: Ties, center: Array, pose_cov: list[Array]) -> float:
+    """How much what a joint keeps of the poses changes, in standard deviations of the poses as known.
+
+    center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. The larger of place and
+    directions.
+    """
+    T, n = ties.gap.shape
+    rows = ties.on_motion.reshape(T, n, -1, 9)
+    off = ties.gap - np.einsum("trpa,tpa->tr", rows[..., :3], center)
+    noise = sum(
+        np.einsum("tra,tab,trb->tr", rows[:, :, k, :6], cov, rows[:, :, k, :6])
+        for k, cov in enumerate(pose_cov)
+    )
+    known = np.isfinite(off).all(1) & np.isfinite(noise).all(1)
+    design = ties.offset[known].reshape(-1, ties.offset.shape[2])
+    constant = np.linalg.lstsq(design, off[known].ravel(), rcond=None)[0]
+    left = (off[known].ravel() - design @ constant).reshape(-1, n)
+    ratio = [
+        float(np.sqrt(np.mean(left[:, part] ** 2) / np.mean(noise[known][:, part])))
+        for part in (slice(0, 3), slice(3, n))
+        if part.start < n
+    ]
+    return max(ratio)
+
+
+def motion_of(part: LinkedPart) -> Motion:
+    """A part along its reference."""
+    reference, flight = part.reference, part.smoothing.flight
+    H, T, _ = along_world(reference.chain, reference.axes, reference.lines)
+    return Motion(reference.rotation, H, T, flight.mass, flight.inertia, flight.gravity)
+
+
+def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> Array:
+    """Variances (time, 2) of accelerations, of place and angle, to which a joint keeps its parts."""
+    found = []
+    for k in (joint.before, joint.behind):
+        cov = np.diagonal(estimates[k].wrench_cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(2)
+        flight = linked[k].smoothing.flight
+        light = np.linalg.eigvalsh(flight.inertia)[:, 0]
+        found.append(cov / np.stack([np.full(len(cov), flight.mass**2), light**2], 1))
+    return np.asarray(HELD**2 * sum(found))

@@ -1,0 +1,1 @@
+"""Priors of force and moment: their channels, noise, lines, axes, order, and what could hide."""

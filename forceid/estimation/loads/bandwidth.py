@@ -1,0 +1,60 @@
+"""Up to which frequency force and moment can be followed, from a rough look at the poses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.flight.channels import lags, second_difference
+from forceid.motion.first_moment import angular_channel
+from forceid.records import Array
+
+RESOLVED = 0.1  # of a load: error at which it counts as followed
+
+
+def bandwidths(kin: Kinematics, gravity: Array, force: bool = True) -> tuple[float | None, float | None]:
+    """Frequencies Hz up to which force and moment are followed to a tenth; None where nothing of it is seen.
+
+    force: whether one can be identified at all, the moment where the rotation is seen.
+    """
+    return (
+        bandwidth(*force_channel(kin, gravity)) if force else None,
+        bandwidth(*moment_channel(kin)) if kin.attitude else None,
+    )
+
+
+def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
+    """Times, mass center with the fall removed (time, 3), and its noise variance."""
+    seen = np.isfinite(kin.pose.center).all(1)
+    time = kin.time[seen]
+    var = np.trace(kin.pose.cov[seen, :3, :3], axis1=1, axis2=2).mean() / 3
+    return time, kin.pose.center[seen] - 0.5 * (time - time[0])[:, None] ** 2 * gravity, float(var)
+
+
+def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
+    """Frequency Hz up to which a tenth of the second derivative of z (time, 3) stands above the noise.
+
+    White noise of density r = sigma^2 dt gives z'' an error of sqrt(2 r (2 pi)^4 f^5 / 5) in the band up
+    to f; the size of z'' is what second differences show at the lag where it stands out most.
+    """
+    step = float(np.median(np.diff(time)))
+    sizes = [0.0]
+    for lag in lags(z):
+        d = second_difference(time, z, lag)
+        noise = 6 * noise_var / (lag * step) ** 4
+        power = float((d**2).mean()) if len(d) else 0.0
+        if power > noise * (1 + 4 / np.sqrt(max(len(d), 1))):
+            sizes.append(power - noise)
+    size = float(np.sqrt(max(sizes)))
+    if size == 0.0:
+        return None
+    f = (5 * (RESOLVED * size) ** 2 / (2 * noise_var * step * (2 * np.pi) ** 4)) ** 0.2
+    return float(min(f, 0.5 / step))
+
+
+def moment_channel(kin: Kinematics) -> tuple[Array, Array, float]:
+    """Times, integrated angular momentum and its noise variance, for the mean shape."""
+    T = len(kin.time)
+    J = np.tile(kin.inertia.tensor, (T, 1, 1))
+    ch = angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], J, np.zeros((T, 3)))
+    return ch.time, ch.Y, float(np.trace(ch.noise_cov, axis1=1, axis2=2).mean() / 3)

@@ -1,0 +1,73 @@
+"""What a recording shows of a load: the channels that force and moment drive, and priors tuned on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.errors import EstimationError
+from forceid.estimation.body.deformation import Deformation, products_of
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.flight.channels import Channel, load_axes, start_of
+from forceid.flight.model import Flight
+from forceid.flight.modes import FlyingModes
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.tuning import ORDERS, tune_loads
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import Line
+from forceid.motion.first_moment import angular_channel
+from forceid.records import Array
+
+
+def force_channel(kin: Kinematics, gravity: Array) -> Channel:
+    """The mass center with the fall removed: a channel that the force drives."""
+    center, time = kin.pose.center, kin.time - kin.time[0]
+    seen = np.isfinite(center).all(1)
+    if seen.sum() < 5:
+        raise EstimationError(
+            f"shows the mass center in {seen.sum()} frames, fewer than the 5 that a force needs",
+            "the recording",
+            "restore the markers, or give the center of a longer record",
+        )
+    z = center - 0.5 * time[:, None] ** 2 * gravity
+    cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
+    return Channel(time, z, 1 / kin.inertia.mass, cov, np.zeros((3, 3)))
+
+
+def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
+    """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
+    pose = kin.pose
+    ch = angular_channel(kin.time, pose.rotation, pose.cov[:, 3:, 3:], deformation.inertia, deformation.h)
+    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, ch.drift)
+
+
+def tune_channel(
+    channel: Channel,
+    limits: tuple[float, float],
+    lines: tuple[Line, ...],
+    orders: tuple[int, ...] = ORDERS,
+    engine: Engine | None = None,
+) -> LoadPrior:
+    """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds."""
+    time, z, gain = channel.time, channel.z, channel.gain
+    seen = np.isfinite(z).all(1)
+    axes = load_axes(time[seen], z[seen])
+    drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
+    along = tuple(line.along(axes) for line in lines)
+    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine)
+    return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
+
+
+def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measured: bool = False) -> Flight:
+    """The poses and the inertia that the flight smoother works on.
+
+    measured: whether sensors or strain gauges read the modes as well. Without them, modes of a body whose
+    mass center is known by itself are as well smoothed by themselves.
+    """
+    cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
+    inertia, h, modes = deformation.inertia, deformation.h, None
+    joint = measured or not kin.apart
+    if joint and kin.frames is not None and deformation.prior is not None and deformation.path is not None:
+        modes = FlyingModes(kin.frames, deformation.prior, products_of(kin), deformation.path)
+    return Flight(
+        kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity, modes=modes
+    )

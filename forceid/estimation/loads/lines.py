@@ -1,0 +1,93 @@
+"""Oscillating loads that a solved flight shows beside its smooth ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.flight.model import Flight, Reference, seen_part
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import Candidate, Line, candidates, find_line, let_drift, near
+
+MOST_LINES = 24  # of both loads together
+AT_ONCE, ROUNDS = 4, 4  # candidates of one look at the innovations, and looks under one smooth prior
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of the force and of the moment."""
+
+    force: tuple[Line, ...] = ()
+    moment: tuple[Line, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.force) + len(self.moment)
+
+
+NO_LINES = Lines()
+
+
+def more_lines(
+    flight: Flight,
+    state: FlightState,
+    priors: dict[str, LoadPrior],
+    engine: Engine,
+    named: tuple[float, ...] = (),
+) -> Lines:
+    """The lines of the priors, and those that the innovations of a solved flight show beside them.
+
+    named: the only frequencies (Hz) to look at, or none for wherever a line stands out.
+    """
+    time, spin = flight.time, 0.0
+    if state.reference is not None:
+        spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
+    found = []
+    for first, prior in zip((0, 3), priors.values(), strict=False):
+        about = state.reference if first else None
+        shown, tried = state.innovation[:, first : first + 3], [Candidate(f, named=True) for f in named]
+        more = prior
+        looked: list[float] = []
+        for _ in range(ROUNDS):
+            taken = [*(line.frequency for line in more.lines), *looked]
+            if not named:
+                tried = candidates(time, shown, spin, taken)[:AT_ONCE]
+            before = more
+            for candidate in tried:
+                if not near(candidate.frequency, taken, time):
+                    more = with_line(flight, more, about, engine, candidate)
+            looked += [candidate.frequency for candidate in tried]
+            if named or len(more.lines) == len(before.lines):
+                break
+            model, z = seen_part(flight, more, about)
+            shown = engine.filter(model, z).innovation
+        found.append(more.lines)
+    return Lines(*found)
+
+
+def with_line(
+    flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine, candidate: Candidate
+) -> LoadPrior:
+    """The prior with the lines at or near a candidate that the record has beside it."""
+    model, z = seen_part(flight, prior, about)
+    for line in find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate):
+
+        def likelihood(line: Line, prior: LoadPrior = prior) -> float:
+            model, z = seen_part(flight, beside(prior, line), about)
+            return float(engine.log_likelihood(model, z))
+
+        prior = beside(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
+    return prior
+
+
+def mass_hidden(kin: Kinematics) -> bool:
+    """Whether a deforming body carries mass where it carries no marker."""
+    return bool(len(kin.shapes) and kin.unfollowed.any())
+
+
+def beside(prior: LoadPrior, line: Line) -> LoadPrior:
+    """The prior with one line more."""
+    return replace(prior, lines=(*prior.lines, line))

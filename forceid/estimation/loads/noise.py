@@ -1,0 +1,121 @@
+"""Tracks whose errors follow each other: where the likelihood of white noise misleads, and what is done then.
+
+Then the noise is what the spectrum of the mass center shows where the motion ends, whatever was stated; and
+errors of that size may be slow and common to all markers: the claims are widened by them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.channels import flight_of, tune_channel
+from forceid.estimation.verdict.innovations import colored
+from forceid.flight.channels import Channel
+from forceid.flight.model import Flight, seen_part
+from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.smoother import FlightState, smooth_translation
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import PATIENCE
+from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
+from forceid.motion.noise_axes import noisy
+from forceid.motion.plain_cut import plain_cuts, spectrum_of
+from forceid.records import Array
+
+SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
+SHARED = (
+    "the tracks are smoother than independent errors of the stated size allow: {1:.1e} is taken, as the "
+    "spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow errors "
+    "of that size; markers that slide together, or a wrong body, cost more"
+)
+SMOOTHED = (
+    "the tracks are smoother than independent errors of the stated size allow: slow errors pass for force, "
+    "and the claimed errors are too small where markers slide or were smoothed"
+)
+HIDDEN = (
+    "the noise of {0} was not stated, and the record does not show it: it was smoothed before, or its errors "
+    "are not white; {1:.1e} is taken, as the spectrum of the mass center shows where the motion ends, and "
+    "the claimed errors allow for slow errors of that size; state noise_std.{0}"
+)
+
+
+LEVER = (
+    "the moment is about the mass center of the model: where that is {0:.0f} mm off, as in bodies of parts "
+    "that are known by tables, the force makes {1:.2g} N m of it, and the claim of {2:.2g} N m leaves that "
+    "out; check masses and their places"
+)
+OFF = 0.01  # m: the unit in which a wrong lever is told
+
+
+def lever(state: FlightState) -> str:
+    """A sentence on what a wrong mass center does to the moment, in numbers of this record."""
+    force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
+    claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
+    return LEVER.format(1e3 * OFF, OFF * force, claim)
+
+
+def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:
+    """Whether the mass center moves far more smoothly than independent errors of its markers would let it.
+
+    Tracks that were smoothed at the source, or a skin or segment model, have errors that are common to the
+    markers and slow: innovations small and correlated. Averaging over the markers then helps nobody.
+    """
+    still = np.zeros((len(kin.time), 3))
+    flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
+    path = smooth_translation(flight, force, engine)
+    return slow_and_small(path.innovation, path.nis)
+
+
+def slow_and_small(innovation: Array, nis: Array) -> bool:
+    """Whether innovations (time, channel) are far smaller than predicted and follow each other."""
+    return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
+
+
+def noise_beyond_motion(channel: Channel) -> float:
+    """Factor on a noise that follows itself: to what the spectrum of a channel shows where the motion ends.
+
+    Errors of tracks are alike along all axes: the mean of what the axes show, but for those that show none,
+    as in a planar video. Source: the plain cut.
+    """
+    seen = np.isfinite(channel.z).all(1)
+    z = np.stack([np.interp(channel.time, channel.time[seen], axis[seen]) for axis in channel.z.T], 1)
+    shown = np.array([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
+    some = noisy(shown)
+    taken = np.median(
+        np.diagonal(channel.noise_cov[seen], axis1=1, axis2=2)[:, some].mean(1)
+    )  # bridges claim more
+    return float(np.sqrt(max(shown[some].mean(), np.finfo(float).tiny) / taken))
+
+
+def widened(
+    state: FlightState, flight: Flight, force: LoadPrior, channel: Channel, noise: float, engine: Engine
+) -> FlightState:
+    """The same state, with a force claimed no better than slow errors and the roughest likely prior allow.
+
+    Errors of the stated size may be slow and common to all markers. Under so much noise orders of the prior
+    that are e^PATIENCE as likely as the best claim different errors: the roughest one's is taken, and what
+    its force differs by.
+    """
+    rival = force
+    for order in range(1, force.tuned.order):
+        other = tune_channel(channel, (1.0, 1.0), force.lines, (order,), engine)
+        if other.tuned.log_likelihood > force.tuned.log_likelihood - PATIENCE:
+            rival = other
+            break
+    first = max(0, (len(flight.time) - LONGEST) // 2)
+    run = slice(first, first + LONGEST)
+    center = np.where(np.isfinite(flight.center[run]), flight.center[run], 0.0)
+    part = replace(flight, time=flight.time[run], center=center, pose_cov=flight.pose_cov[run])
+    model, _ = seen_part(part, rival)
+    rows = load_rows(len(model.x0), rival.axes, rival.lines)
+    cov = state.wrench_cov.copy()
+    if rival is not force:
+        path = smooth_translation(flight, rival, engine)
+        off = path.force - state.force
+        cov[:, :3, :3] = path.wrench_cov[:, :3, :3] + off[:, :, None] * off[:, None, :]
+        cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
+    cov[:, :3, :3] += slow_noise_cov(model, rows, part.time, noise, engine.smooth)
+    return replace(state, wrench_cov=cov)

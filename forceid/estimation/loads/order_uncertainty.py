@@ -1,0 +1,71 @@
+"""Claims that allow for the priors of a load that a record does not tell apart: order, rate, size, and none.
+
+The smoother works under one prior, the likeliest smooth one. Others that explain the record about as well
+would have it follow more or less of the load. The claim is what its error would be under each of them,
+weighed by its likelihood. Source: the error of a suboptimal smoother, Gelb (1974) 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.estimation.loads.hidden import SLOWEST, band_of, densities
+from forceid.estimation.loads.whitened import Whitened
+from forceid.flight.smoother import FlightState
+from forceid.flight.tuning import LEAK
+from forceid.records import Array
+
+LEAKED = 2 * LEAK  # of the load on the strongest axis: one so small was not found
+BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
+
+
+def growth_along_world(state: FlightState, channels: Mapping[str, Whitened]) -> Array:
+    """Matrix (6, 6) that takes errors of a wrench as its priors claim them to errors under all candidates.
+
+    channels: that force and moment drive, by name, under priors along world axes. The load stays what it is.
+    """
+    found, edge = np.eye(6), len(state.wrench_cov) // 8
+    inner = state.wrench_cov[edge : len(state.wrench_cov) - edge]
+    for name, channel in channels.items():
+        first, axes = (0 if name == "force" else 3), channel.prior.axes
+        own = slice(first, first + 3)
+        claimed = np.nanmean(np.einsum("ai,tab,bi->ti", axes, inner[:, own, own], axes), axis=0)
+        found[own, own] = axes * growth_of(channel, claimed) @ axes.T
+    return found
+
+
+def grown(state: FlightState, growth: Array) -> FlightState:
+    """The same state with the errors that its wrench claims turned by a matrix (6, 6)."""
+    known = np.isfinite(state.wrench_cov)
+    cov = growth @ np.where(known, state.wrench_cov, 0.0) @ growth.T
+    return replace(state, wrench_cov=np.where(known, cov, np.nan))
+
+
+def growth_of(found: Whitened, claimed: Array) -> Array:
+    """Factors (axis,), one at least, on the claimed variance (axis,) of a load along the axes of its prior.
+
+    On its deviation: the mean of the deviations under all candidates over the one claimed.
+    """
+    part, prior = found.channel, found.prior
+    span, fastest = float(np.ptp(part.time)), found.frequency[-1]
+    wide = np.geomspace(0.5 / span, BEYOND * fastest, 96)
+    noise, smooth, _ = densities(part, prior, wide)
+    lost = np.where(wide[:, None] < fastest, noise / (noise + smooth), 1.0)
+    band = band_of(part, prior, np.geomspace(1 / span, fastest, 128)).max()
+    width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
+    growth = np.ones(3)
+    for axis, candidates in enumerate(found.candidates):
+        counted = width
+        if not prior.tuned.std[axis] > LEAKED * prior.tuned.std.max():
+            # what is faster than the band of the load is no part of the claim, but of what may hide
+            counted = np.where(wide < max(band, SLOWEST / span), width, 0.0)
+        counted = counted * lost[:, axis] ** 2
+        likelihood, error = candidates.log_likelihood(powers[:, axis]), candidates.density(wide, counted)
+        weight = np.exp(likelihood - likelihood.max())
+        own = float(counted @ smooth[:, axis])
+        std = np.sqrt(np.maximum(claimed[axis] + error - own, 0.0) / claimed[axis])
+        growth[axis] = max(float(weight @ std / weight.sum()), 1.0)
+    return growth

@@ -1,0 +1,171 @@
+"""A channel as the prior in use whitens it, and how likely other priors of its load make the record.
+
+In the frequency domain, where a candidate costs a sum over the spectrum of the whitened innovations: under
+another smooth load S' that spectrum is (S' + N) / (S + N). Source: the likelihood of Whittle (1953).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from forceid.estimation.loads.hidden import beside_parabola, densities
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import OUTLIER
+from forceid.kalman.process import matern
+from forceid.records import Array, Indices
+
+LONGEST = 2048  # samples that are looked at: the middle of a longer record
+ORDERS = (2, 3, 4, 6)
+RATES = 12  # from one over the record to half a turn a sample
+STEP = 10**0.25  # from one size to the next, in power
+LEAST, MOST = 1e-2, 1e2  # load over noise where it shows most: from next to none, to more than would not show
+FREE = 7.0  # odds of no load: where none of six components has one, by the rule of succession (Laplace)
+SINGLE = 16  # ordinates from the slowest on that stand for themselves; faster ones in groups
+GROUPS = 8  # an octave
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Priors of the load along one axis, uniform in the logarithm of rate and size; the first is none.
+
+    Of each (candidate,): its order, rate 1/s, and size, a factor on the density of a load of unit deviation.
+    Its log-likelihood given a spectrum is -cost - inverse @ (power * count), inverse (candidate, group).
+    """
+
+    order: Indices
+    rate: Array
+    size: Array
+    cost: Array
+    inverse: Array
+
+    def log_likelihood(self, powers: Array) -> Array:
+        """Of each candidate, with the odds that it has beforehand, given power times count (group,)."""
+        return np.asarray(-self.cost - self.inverse @ powers)
+
+    def density(self, frequency: Array, weight: Array) -> Array:
+        """Sum (candidate,) over frequencies (frequency,) Hz of the density of the load, weighed."""
+        found = np.zeros(len(self.order))
+        for order in ORDERS:
+            own = self.order == order
+            rate, which = np.unique(self.rate[own], return_inverse=True)
+            found[own] = self.size[own] * (unit_density(order, rate, frequency) @ weight)[which]
+        return found
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The innovations (time, 3) of a channel along the axes of its prior, outliers held back, zero at gaps.
+
+    signals (time, 3, column): what else may be in them, in unknown amounts, as its innovations would be;
+    loads (time, 3, column): what the prior takes it for; seen: samples that are not gaps.
+    """
+
+    channel: Channel
+    prior: LoadPrior
+    innovation: Array
+    signals: Array
+    loads: Array
+    seen: int
+
+    @cached_property
+    def groups(self) -> tuple[Array, Indices, Array]:
+        """Frequency (group,) Hz of the groups of ordinates, the first ordinate of each, and their count."""
+        frequency = np.fft.rfftfreq(len(self.innovation), float(np.median(np.diff(self.channel.time))))[1:-1]
+        index = np.arange(1, len(frequency) + 1)
+        group = np.where(index <= SINGLE, index, SINGLE + np.ceil(GROUPS * np.log2(index / SINGLE)))
+        starts = np.flatnonzero(np.diff(group, prepend=0))
+        count = np.diff(starts, append=len(group))
+        return np.add.reduceat(frequency, starts) / count, starts, count
+
+    @property
+    def frequency(self) -> Array:
+        """Frequency (group,) Hz."""
+        return self.groups[0]
+
+    def powers(self, innovation: Array) -> Array:
+        """Power (group, 3) of innovations (time, 3), one an ordinate where the prior is right, summed."""
+        power = np.abs(np.fft.rfft(innovation, axis=0)[1:-1]) ** 2 / self.seen
+        return np.asarray(np.add.reduceat(power, self.groups[1], axis=0))
+
+    @cached_property
+    def candidates(self) -> tuple[Candidates, ...]:
+        """The candidates along each axis of the prior."""
+        frequency, _, count = self.groups
+        noise, own, _ = densities(self.channel, self.prior, frequency)
+        noise = noise / beside_parabola(frequency * float(np.ptp(self.channel.time)))[:, None]
+        return tuple(candidates(frequency, count, noise[:, i], own[:, i]) for i in range(3))
+
+    def amounts(self, columns: int, std: float) -> tuple[Array, Array]:
+        """How much of each of the first so many signals (column,) there is, and its covariance.
+
+        std: of the amounts, before the record is seen.
+        """
+        A = self.signals[:, :, :columns].reshape(-1, columns)
+        cov = np.asarray(np.linalg.inv(A.T @ A + np.eye(columns) / std**2), float)
+        return cov @ (A.T @ self.innovation.ravel()), cov
+
+    def evidence(self, amounts: ArrayLike = ()) -> float:
+        """Log-likelihood of the record over all candidates, beside amounts (column,) of the first signals."""
+        amounts = np.asarray(amounts, float)
+        v = self.innovation - self.signals[:, :, : len(amounts)] @ amounts
+        told = zip(self.candidates, self.powers(v).T, strict=True)
+        return float(sum(np.logaddexp.reduce(c.log_likelihood(power)) for c, power in told))
+
+
+def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array | None = None) -> Whitened:
+    """The middle of a channel under its prior; beside (time, 3, column): what it may show beside a load."""
+    first = max(0, (len(channel.time) - LONGEST) // 2)
+    run = slice(first, first + LONGEST)
+    cov = channel.noise_cov
+    part = replace(
+        channel, time=channel.time[run], z=channel.z[run], noise_cov=cov[run] if cov.ndim == 3 else cov
+    )
+    axes, model = prior.axes, channel_model(part, prior)
+    turned = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
+    z = part.moved[:, None] @ axes
+    if beside is None:
+        v, loads = engine.filter(turned, z).innovation, np.zeros((len(part.time), 3, 0))
+    else:
+        gaps = np.where(np.isfinite(part.z), 0.0, np.nan)[:, None]
+        also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
+        filtered, states = engine.filter_and_smooth_states(turned, np.concatenate([z, also], 1))
+        rows = axes.T @ load_rows(len(model.x0), axes, prior.lines)
+        v, loads = filtered.innovation, np.moveaxis(states[:, 1:] @ rows.T, 1, 2)
+    seen = np.asarray(np.isfinite(v[:, 0]).all(1))
+    v = np.where(seen[:, None, None], v, 0.0)
+    own = np.clip(v[:, 0], -OUTLIER, OUTLIER)
+    return Whitened(part, prior, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
+
+
+def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
+    """The candidates where noise and the prior in use have densities noise and own (group,), as loads."""
+    rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES)
+    most = MOST * max(1.0, float((own / noise).max()))
+    size = np.exp(np.arange(np.log(LEAST), np.log(most), np.log(STEP)))
+    total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
+    for order in ORDERS:
+        shape = unit_density(order, rate, frequency)
+        scaled = size[:, None] / (shape / noise).max(1)
+        sizes.append(scaled.ravel())
+        ratios.append(((scaled[:, :, None] * shape + noise) / total).reshape(-1, len(frequency)))
+    each = RATES * len(size)
+    ratio = np.concatenate(ratios)
+    cost = np.log(ratio) @ count
+    cost[0] -= np.log(FREE * len(ORDERS) * each)
+    return Candidates(
+        np.repeat((ORDERS[0], *ORDERS), (1, *[each] * len(ORDERS))),
+        np.concatenate([rate[:1], np.tile(rate, len(size) * len(ORDERS))]),
+        np.concatenate(sizes), cost, 1 / ratio,
+    )  # fmt: skip
+
+
+def unit_density(order: int, rate: Array, frequency: Array) -> Array:
+    """Density (rate, frequency) of a Matern load of unit deviation."""
+    driven = matern(order, 1.0, rate).Qc[:, -1, -1, None]
+    return np.asarray(driven / (rate[:, None] ** 2 + (2 * np.pi * frequency) ** 2) ** order)

@@ -1,0 +1,1 @@
+"""Recordings too large to hold, and too long for one pass."""

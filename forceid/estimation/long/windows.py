@@ -1,0 +1,223 @@
+"""Recordings of very many frames, estimated a stretch at a time: memory stays that of one stretch.
+
+Each stretch is smoothed with a margin of its neighbors on either side, which is longer than what a smoother
+remembers, and then cut off; its priors are tuned on it alone, so that a load which changes its character on
+the way is followed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import fields, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from forceid import __version__
+from forceid.config import Settings, to_toml
+from forceid.errors import DataError
+from forceid.estimation.run import estimate_recording
+from forceid.estimation.verdict.innovations import BY_CHANCE, chance_limit, wildest
+from forceid.files.result import read_result, read_version, write_result
+from forceid.files.schema import WITNESSED
+from forceid.records import Estimate, HiddenLoad, Loads, Recording, Verdict, Witness
+
+CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
+NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
+Progress: TypeAlias = "Callable[[int, str], AbstractContextManager[Callable[[], None]]]"
+
+
+@contextmanager
+def unwatched(total: int, unit: str) -> Iterator[Callable[[], None]]:
+    """Nobody looks on: what to call after every one of `total` units does nothing."""
+    yield lambda: None
+
+
+def estimate_stretches(
+    recording: Recording, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
+) -> Estimate:
+    """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording.
+
+    kept: a folder for the results of stretches that are done, from which an estimate that was stopped goes
+    on; they are of use for the same input, settings and version.
+    """
+    frames = len(recording.motion.time)
+    if frames <= CORE + 2 * MARGIN:
+        return estimate_recording(recording, settings)
+    edges = np.linspace(0, frames, -(-frames // CORE) + 1).astype(int).tolist()
+    pieces = []
+    with progress(len(edges) - 1, "stretches") as advance:
+        for a, b in pairwise(edges):
+            first, last = max(0, a - MARGIN), min(frames, b + MARGIN)
+            path = None if kept is None else kept / f"{a}-{b}.h5"
+            piece = None if path is None else restored(path, recording, settings)
+            if piece is None:
+                part = replace(recording, motion=cut(recording.motion, first, last, frames), truth={})
+                piece = cut(estimate_recording(part, settings), a - first, b - first, last - first)
+                if path is not None:
+                    write_result(path, piece)
+            pieces.append(piece)
+            advance()
+    return joined(pieces)
+
+
+def restored(path: Path, recording: Recording, settings: Settings) -> Estimate | None:
+    """What an earlier run found in a stretch of the same recording, with the same settings and version."""
+    try:
+        piece, by = read_result(path), read_version(path)
+    except DataError:
+        return None
+    same = (piece.settings, piece.input_sha256, by) == (to_toml(settings), recording.sha256, __version__)
+    return piece if same else None
+
+
+def cut(record: Any, first: int, last: int, frames: int) -> Any:
+    """A record with those of `frames` samples, in every array that has one a frame."""
+    kept = {}
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if isinstance(value, np.ndarray) and value.ndim and len(value) == frames:
+            kept[f.name] = value[first:last].copy()
+        elif f.name in RECORDS and value is not None:
+            kept[f.name] = cut(value, first, last, frames)
+    return replace(record, **kept)
+
+
+RECORDS = ("loads", "witness")  # records in an estimate that have samples of their own
+
+
+def joined(pieces: Sequence[Estimate]) -> Estimate:
+    """Stretches as one estimate: worst verdict, every reason once, sums and medians of the numbers."""
+    numbers: dict[str, Any] = {name: medians([getattr(p, name) for p in pieces]) for name in NUMBERS}
+    known = [p for p in pieces if p.engine != "none"] or list(pieces)
+    if loads := next((p.loads for p in pieces if p.loads is not None), None):
+        pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
+    whole: Estimate = chained(pieces)
+    if not is_wild(whole):
+        pieces = [without_chance(piece) for piece in pieces]
+    return replace(
+        whole,
+        engine=known[0].engine,
+        mass=known[0].mass,
+        model_choice=known[0].model_choice,
+        log_likelihood=float(sum(p.log_likelihood for p in pieces)),
+        runtime_s=sum(p.runtime_s for p in pieces),
+        verdict=worst_of(pieces),
+        hidden=widest([p.hidden for p in pieces]),
+        witness=farthest(pieces),
+        **numbers,
+    )
+
+
+def widest(hidden: Sequence[HiddenLoad | None]) -> HiddenLoad | None:
+    """What may hide in any of several stretches: the narrowest band, the largest load."""
+    known = [h for h in hidden if h is not None]
+    if not known:
+        return None
+    at = known[0].frequency
+    most = [[np.interp(at, h.frequency, a) for a in h.amplitude.T] for h in known]
+    band = np.stack([h.band for h in known])
+    return HiddenLoad(at, np.fmax.reduce(np.array(most)).T, np.fmin.reduce(band))
+
+
+def farthest(pieces: Sequence[Estimate]) -> Witness | None:
+    """The witness of several stretches: its loads in a row, its numbers, by axis, where they differ most."""
+    known = next((p.witness for p in pieces if p.witness is not None), None)
+    if known is None:
+        return None
+    each = [p.witness or cut_off(known, len(p.time)) for p in pieces]
+    numbers = {}
+    for load in ("force", "moment"):
+        off = [getattr(w, f"difference_{load}") / getattr(w, f"limit_{load}") for w in each]
+        at = np.argmax(np.nan_to_num(off, nan=-1.0), axis=0)
+        for name in (f"{number}_{load}" for number in WITNESSED):
+            numbers[name] = np.array([getattr(w, name) for w in each])[at, np.arange(3)]
+    whole: Witness = chained(each)
+    return replace(whole, **numbers)
+
+
+def cut_off(witness: Witness, frames: int) -> Witness:
+    """A witness of as many frames that saw nothing."""
+    gone = {f.name: np.full(3, np.nan) for f in fields(witness)}
+    series = {name: np.full((frames, 3), np.nan) for name in ("force", "moment", "force_std", "moment_std")}
+    return replace(witness, **(gone | series))
+
+
+def is_wild(whole: Estimate) -> bool:
+    """Whether the largest innovation is more than chance in so long a record."""
+    if not np.isfinite(whole.innovation).any():
+        return False
+    size, _ = wildest(whole.time, whole.innovation)
+    return bool(size > chance_limit(whole.innovation) * max(np.sqrt(np.nanmean(whole.nis)), 1.0))
+
+
+def without_chance(piece: Estimate) -> Estimate:
+    """A stretch without what chance does in one of a hundred, of which a long record has many."""
+    reasons = tuple(reason for reason in piece.verdict.reasons if BY_CHANCE not in reason)
+    level = piece.verdict.level if reasons or piece.verdict.level == "refused" else "ok"
+    return replace(piece, verdict=Verdict(level, reasons))
+
+
+def chained(records: Sequence[Any]) -> Any:
+    """Records with their samples one after the other; None where one of them has none."""
+    lengths = [len(samples_of(r)) for r in records]
+    joint: dict[str, Any] = {}
+    for f in fields(records[0]):
+        values = [getattr(r, f.name) for r in records]
+        if any(v is None for v in values):
+            joint[f.name] = None
+        elif f.name in RECORDS:
+            joint[f.name] = chained(values)
+        elif isinstance(values[0], np.ndarray) and all(
+            v.ndim and len(v) == n for v, n in zip(values, lengths, strict=True)
+        ):
+            wide = max(v.shape[1:] for v in values)
+            joint[f.name] = np.concatenate([v if v.shape[1:] == wide else unknown(v, wide) for v in values])
+    return replace(records[0], **joint)
+
+
+def emptied(loads: Loads, frames: int) -> Loads:
+    """The same loads, of which a stretch that is refused knows nothing."""
+    names = len(loads.name)
+    shapes: dict[str, tuple[int, ...]] = {"load": (names,), "load_cov": (names, names), "chi_square": ()}
+    empty: dict[str, Any] = {key: np.full((frames, *shape), np.nan) for key, shape in shapes.items()}
+    return replace(loads, **empty)
+
+
+def samples_of(record: Any) -> Any:
+    """An array of a record that has one entry a frame."""
+    if isinstance(record, Estimate):
+        return record.time
+    return record.load if isinstance(record, Loads) else record.force
+
+
+def unknown(values: Any, shape: tuple[int, ...]) -> Any:
+    """NaN for the samples of a stretch that has nothing of that kind."""
+    return np.full((len(values), *shape), np.nan)
+
+
+def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:
+    """The median of every number over the stretches that have it."""
+    names = dict.fromkeys(name for numbers in found for name in numbers)
+    return {name: float(np.median([n[name] for n in found if name in n])) for name in names}
+
+
+def worst_of(pieces: Sequence[Estimate]) -> Verdict:
+    """The worst verdict; a reason that several stretches give is told once, since when and how often."""
+    told: dict[str, list[tuple[float, str]]] = {}
+    for piece in pieces:
+        for reason in piece.verdict.reasons:
+            told.setdefault(re.sub(r"[-+]?\d[\d.e+-]*", "#", reason), []).append((piece.time[0], reason))
+    reasons = tuple(
+        f"from {times[0][0]:.6g} s on, {times[0][1]}"
+        + (f" (so do {len(times) - 1} more of {len(pieces)} stretches)" if len(times) > 1 else "")
+        for times in told.values()
+    )
+    return Verdict(max((p.verdict.level for p in pieces), key=LEVELS.index), reasons)
+
+
+LEVELS = ("ok", "degraded", "refused")

@@ -1,0 +1,1 @@
+"""Ways from a motion to a wrench: smoother, classic differentiation, sensors alone."""

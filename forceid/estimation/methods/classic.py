@@ -1,0 +1,118 @@
+"""Difference, Savitzky-Golay and spline: rigid fit first, then two derivatives, window from the data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.body.deformation import Deformation, inertia_along
+from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.loads.noise import SMOOTHED, slow_and_small
+from forceid.estimation.methods.smoother import Solution
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.kalman.model import mean_square
+from forceid.motion.derivative import Derivatives, derivatives
+from forceid.motion.first_moment import AngularChannel, angular_channel
+from forceid.motion.pose import fit_rotation
+from forceid.motion.window import Choice, Window, choose_window, windows
+from forceid.principal.operator import axial
+from forceid.records import Array, Body, Motion
+
+
+def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
+    """Wrench and motion by differentiating twice; the method is settings.method, and it needs no engine.
+
+    Force and moment are second derivatives of m c and of the integrated angular momentum (principal
+    equations 2.4), each under the window that it calls for. What the window leaves of the mass center, over
+    what noise alone would leave, stands for innovations.
+    """
+    kin = kinematics(body, motion, settings)
+    time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
+    force = choose_force(kin, motion.gravity, candidates)
+    path = derivatives(time, kin.pose.center, force.window)
+    tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
+    var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
+    innovation = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], 1e-9))
+    nis = mean_square(innovation)
+    shared = kin.stated[next(iter(kin.noise))] and slow_and_small(innovation, nis)
+    none = np.full((len(time), 3), np.nan)
+    moment, H, omega, rotation = none, none, none, kin.pose.rotation
+    cov = np.full((len(time), 6, 6), np.nan)
+    cov[:, :3, :3] = force_cov(kin, path) * (1 + force.bias_ratio)
+    amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
+    if kin.attitude:
+        channel = moment_channel(kin)
+        chosen = choose_moment(channel, candidates)
+        tuned["moment_window_s"] = chosen.window.seconds
+        at = np.searchsorted(time, channel.time)
+        turn = derivatives(channel.time, channel.Y, chosen.window)
+        moment, H = none.copy(), none.copy()
+        moment[at], H[at] = turn.second, turn.first
+        cov[at, 3:, 3:] = moment_cov(channel, turn) * (1 + chosen.bias_ratio)
+        cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
+        omega, rotation = spin(kin, chosen.window)
+        if amplitude.size:
+            smooth = derivatives(time, kin.amplitude, chosen.window)
+            amplitude, rate = np.nan_to_num(smooth.value), np.nan_to_num(smooth.first)
+    state = FlightState(
+        path.value, path.first, rotation, H, omega, force.target, moment, cov, kin.pose.cov,
+        innovation, nis, np.nan,
+    )  # fmt: skip
+    deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
+    reasons = (SMOOTHED,) if shared else ()
+    return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), reasons)
+
+
+def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> Choice:
+    """Force on the mass center under the window that the force calls for."""
+
+    def estimate(window: Window) -> tuple[Array, Array]:
+        d = derivatives(kin.time, kin.pose.center, window)
+        var = np.diagonal(force_cov(kin, d), axis1=1, axis2=2)
+        return kin.inertia.mass * (d.second - gravity), var
+
+    return choose_window(candidates, estimate)
+
+
+def moment_channel(kin: Kinematics) -> AngularChannel:
+    """Integrated angular momentum of the body with the deformation as it was measured."""
+    amplitude = np.nan_to_num(kin.amplitude)
+    inertia, h = inertia_along(kin, amplitude, np.gradient(amplitude, kin.time, axis=0))
+    return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h)
+
+
+def choose_moment(channel: AngularChannel, candidates: list[Window]) -> Choice:
+    """Moment about the mass center under the window that the moment calls for."""
+
+    def estimate(window: Window) -> tuple[Array, Array]:
+        d = derivatives(channel.time, channel.Y, window)
+        return d.second, np.diagonal(moment_cov(channel, d), axis1=1, axis2=2)
+
+    return choose_window(candidates, estimate)
+
+
+def force_cov(kin: Kinematics, d: Derivatives) -> Array:
+    """Covariance (time, 3, 3) that the noise of the poses gives the force."""
+    cov = kin.pose.cov[:, :3, :3]
+    cov = np.where(np.isfinite(cov), cov, np.nanmean(cov, axis=0))  # of a frame that is bridged
+    return np.asarray(kin.inertia.mass**2 * cov * d.gain[:, :1, 2:, 2:].reshape(-1, 1, 1))
+
+
+def moment_cov(channel: AngularChannel, d: Derivatives) -> Array:
+    """Covariance (sample, 3, 3) that the noise of the poses gives the moment."""
+    rate_cov = channel.drift / np.median(np.diff(channel.time))  # what adds up in Y is white in its rate
+    gain = d.gain[:, 0, :, :, None, None]
+    return channel.noise_cov * gain[:, 2, 2] + rate_cov * gain[:, 1, 1]
+
+
+def spin(kin: Kinematics, window: Window) -> tuple[Array, Array]:
+    """Angular velocity (time, 3) and smoothed rotation (time, 3, 3), from the axes of the body."""
+    T = len(kin.time)
+    frame = derivatives(kin.time, kin.pose.rotation.reshape(T, -1), window)
+    R, dR = frame.value.reshape(T, 3, 3), frame.first.reshape(T, 3, 3)
+    omega = -0.5 * axial(dR @ R.swapaxes(1, 2))  # dR R^T = [omega]x
+    seen = np.isfinite(R).all((1, 2))
+    rotation = np.full_like(R, np.nan)
+    rotation[seen] = fit_rotation(R[seen].swapaxes(1, 2), np.eye(3), np.ones(3))[1]
+    return omega, rotation

@@ -1,0 +1,211 @@
+"""Recordings of sensors alone: force and moment in the axes of the body at the first sample.
+
+Gyros say how the body turns from then on, accelerometers what pulls at it. Where it was, how fast, and how
+it stood, nothing says: specific force is blind to all three. So is it to a force that a bias may imitate: one
+that stands still in body axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.inertia import inertia_of
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.spin import with_own_tensor
+from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
+from forceid.estimation.instruments.fine_clock import (
+    TURN,
+    at_samples,
+    largest_step,
+    refined,
+    refined_reference,
+)
+from forceid.estimation.instruments.on_flight import named_sensors, sensor_reasons, sensors_of
+from forceid.estimation.loads.fused_tuning import FAMILIES
+from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.methods.left_over import LEFT, mixed
+from forceid.estimation.methods.smoother import Solution, named
+from forceid.estimation.methods.turning_loads import Search, alternatives, slow
+from forceid.estimation.verdict.finding import Finding
+from forceid.flight.instruments.dead_reckoning import gyro_rate
+from forceid.flight.model import Flight
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.motion.pose import Pose
+from forceid.records import Array, Body, Motion
+
+HELD = 1e-4  # m, rad: of the pose that the first sample is given
+# rad/s, m/s2: the most that data sheets of the cheapest parts allow a gyro and an accelerometer at rest, 20
+# degrees a second and 80 thousandths of gravity: without markers nothing else bounds a bias
+OFFSET = 0.35, 0.8
+LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
+
+
+def is_unmarked(motion: Motion) -> bool:
+    """Whether sensors are all there is."""
+    return motion.position is None and motion.center is None
+
+
+def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Finding]:
+    """What sensors alone do not allow."""
+    inertia = inertia_of(body)
+    sensors = sensors_of(body, motion, settings, inertia.center)
+    if gyro_rate(motion.time, sensors) is None:
+        text = (
+            "no marker, no mean motion and no gyro of three axes: how the body turns is not observable, and "
+            "so neither is the direction of what the other sensors read; add a gyro, or markers"
+        )
+        return [Finding(text, refuses=True)]
+    if not np.isfinite(inertia.tensor).all():
+        text = "the inertia tensor is not given, and sensors alone need it; add /body/inertia"
+        return [Finding(text, refuses=True)]
+    text = (
+        "no marker and no mean motion was measured: place, speed and the attitude at the start are not "
+        "observable; force and moment stand in the axes of the body at the first sample, and place and speed "
+        "are left out; add markers, or a measured pose"
+    )
+    found = [Finding(text)]
+    if sensors is not None and 1 in sensors.family and f"{FAMILIES[1]}_bias" not in known(motion, settings):
+        text = (
+            "biases of the accelerometers are not stated, and one that all of them share reads as a force "
+            "does that turns with the body: such a force is not told apart from one; state "
+            "noise_std.specific_force_bias from a record at rest"
+        )
+        found.append(Finding(text))
+    return found
+
+
+def known(motion: Motion, settings: Settings) -> dict[str, float]:
+    """What is stated of the sensors, by name."""
+    return motion.noise_std | settings.noise_std
+
+
+def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
+    """Wrench of a recording of gyros and accelerometers, in the axes of the body at the first sample."""
+    kin = unmarked_kinematics(body, motion, settings)
+    stated = set(known(motion, settings))
+    flight = unmarked_flight(body, motion, settings, kin)
+    fine, at = refined(flight)
+    rough = slow(motion.time, *rough_priors(flight))
+    first = refined_reference(flight, fine, at, *rough)
+    every = alternatives(first, Search(fine, rough, settings, engine, frozenset(stated)))
+    share = np.array([alternative.state.log_likelihood for alternative in every])
+    share = np.exp(share - share.max())
+    share /= share.sum()
+    best = every[int(share.argmax())]
+    state = at_samples(mixed([alternative.state for alternative in every], share), at)
+    with_body = [float(share @ [a.turning[i] for a in every]) for i in (0, 1)]
+    reasons = list(sensor_reasons(best.flight, state, stated))
+    var = np.diagonal(state.pose_cov[-1], axis1=0, axis2=1)[3:]
+    off = float(np.degrees(np.sqrt(var.max())))
+    reasons.append(
+        f"attitude is reckoned from the gyros: by the end it has drifted by {off:.2g} degrees of standard "
+        "error, and turns force and moment in the axes of the start by as much; in body axes they are right"
+    )
+    turn = largest_step(flight, fine.time)
+    if turn > (1 + 1e-9) * TURN:
+        reasons.append(
+            f"the body turns by {turn:.2g} rad in a step of the model: what a load that turns with it does "
+            "in between is not resolved, and claimed errors may be many times too small; raise the sample "
+            "rate"
+        )
+    if best.left > LEFT:
+        reasons.append(
+            "the path of the rotation does not come to rest: what it still moves by is "
+            f"{best.left:.2g} times the error claimed of it otherwise, and a part of the claim; raise the "
+            "sample rate, or state noise_std.angular_velocity_bias from a record at rest"
+        )
+    if motion.specific_force is None or not np.isfinite(motion.specific_force).any():
+        gone = np.full_like(state.force, np.nan)
+        cov = state.wrench_cov.copy()
+        cov[:, :3], cov[:, :, :3] = np.nan, np.nan
+        state = replace(state, force=gone, wrench_cov=cov)
+        reasons.append("no accelerometer reads: no force; add one, or markers")
+    else:
+        claimed = float(np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3].mean()))
+        size = float(np.sqrt(np.mean(state.force**2)))
+        if claimed > LOOSE * size:
+            reasons.append(
+                f"biases of the accelerometers pass for force: its claimed error is {claimed:.2g} N beside "
+                f"{size:.2g} N; state noise_std.specific_force_bias from a record at rest"
+            )
+        elif "specific_force_bias" not in stated and with_body[0] < 0.5:
+            turning = float(np.linalg.norm(common_bias(best.flight, state)) * flight.mass)
+            reasons.append(
+                f"a force of up to {turning:.2g} N that turns with the body may be among the biases of the "
+                "accelerometers, and is not in the claimed error"
+            )
+    if kin.inertia.point:
+        state = with_known_moment(state, kin.inertia, None)
+    elif kin.inertia.line is not None:
+        state = with_own_tensor(state, kin.inertia, kin.noise["angular_velocity"])
+    lost = np.full_like(state.center, np.nan)
+    pose_cov = state.pose_cov.copy()
+    pose_cov[:, :3], pose_cov[:, :, :3] = np.nan, np.nan
+    state = replace(state, center=lost, velocity=lost, pose_cov=pose_cov)
+    T = len(kin.time)
+    none = np.zeros((T, 0))
+    deformation = Deformation(none, none, flight.inertia, flight.h)
+    priors = {"force": best.force, "moment": best.moment}
+    tuned = named(kin, priors) | named_sensors(best.flight, state)
+    tuned |= {f"{name}_turns_with_body": p for name, p in zip(("force", "moment"), with_body, strict=True)}
+    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(reasons))
+
+
+def common_bias(flight: Flight, state: FlightState) -> Array:
+    """What the biases of the accelerometers have in common (3,) m/s2, body axes, over those of three axes."""
+    assert flight.sensors is not None
+    every = np.full(len(flight.sensors.used), np.nan)
+    every[flight.sensors.used] = state.bias
+    biases = every.reshape(2, -1, 3)[1]
+    whole = np.isfinite(biases).all(1)
+    turned = np.einsum("sab,sb->sa", flight.sensors.rotation[whole], biases[whole])
+    return np.asarray(turned.mean(0)) if whole.any() else np.zeros(3)
+
+
+def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinematics:
+    """Kinematics of a recording that shows no pose: mass, shape and the noise of its sensors."""
+    inertia, T, nodes = inertia_of(body), len(motion.time), len(body.node)
+    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    inertia = as_sphere(inertia, X)
+    lost, unseen = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
+    cov, empty = np.tile(np.eye(6), (T, 1, 1)), np.zeros((T, 0))
+    pose = Pose(lost, unseen, cov, np.full((T, nodes, 3), np.nan), np.full(T, np.nan), np.zeros(T))
+    sensors = sensors_of(body, motion, settings, inertia.center)
+    noise = {}
+    if sensors is not None:
+        read = [name for name in FAMILIES if getattr(motion, name) is not None]
+        noise = {name: sensors.noise_std[FAMILIES.index(name)].mean() * np.eye(3) for name in read}
+    stated = {name: name in known(motion, settings) for name in noise}
+    none = np.zeros((0, nodes, 3))
+    return Kinematics(
+        motion.time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", noise, stated, True
+    )
+
+
+def unmarked_flight(body: Body, motion: Motion, settings: Settings, kin: Kinematics) -> Flight:
+    """The flight that starts at a pose taken for granted, without weight, and is seen by its sensors only."""
+    T = len(motion.time)
+    center, rotation = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
+    center[0], rotation[0] = 0.0, np.eye(3)
+    cov = np.tile(HELD**2 * np.eye(6), (T, 1, 1))
+    inertia = np.tile(kin.inertia.tensor, (T, 1, 1))
+    sensors = sensors_of(body, motion, settings, kin.inertia.center)
+    if sensors is not None:  # the clock is that of the gyros, and of accelerometers in one case with them
+        both = np.isfinite(sensors.angular_velocity) & np.isfinite(sensors.specific_force)
+        apart = not both.all(2).any(0).all()
+        stated = known(motion, settings).get(f"{FAMILIES[1]}_clock")
+        doubt = stated if stated is not None else apart * sensors.clock_std[1]
+        bias = sensors.bias_std.copy()
+        for i, name in enumerate(FAMILIES):
+            if f"{name}_bias" not in known(motion, settings):
+                bias[i] = np.minimum(bias[i], OFFSET[i])
+        sensors = replace(sensors, clock_std=np.array([0.0, doubt]), bias_std=bias)
+    nothing = np.zeros((T, 3))
+    return Flight(
+        motion.time, center, rotation, cov, kin.inertia.mass, inertia, nothing, np.zeros(3), sensors
+    )  # fmt: skip

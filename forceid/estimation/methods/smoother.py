@@ -1,0 +1,245 @@
+"""The filter and the smoother: priors tuned on the record, then force and moment along the whole flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.body.cleaning import (
+    NONE_DROPPED,
+    Dropped,
+    kinematics_without,
+    prepared,
+    wild_frames,
+    wildest,
+)
+from forceid.estimation.body.deformation import Deformation, as_smoothed, undeformed
+from forceid.estimation.body.deformation_residual import noise_beyond
+from forceid.estimation.body.kinematics import Kinematics, scaled
+from forceid.estimation.body.spin import turning
+from forceid.estimation.instruments.on_flight import fused, named_sensors, sensor_reasons
+from forceid.estimation.instruments.strain_gauges import gauge_reasons, with_gauges
+from forceid.estimation.loads.body_axes import on_body
+from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
+from forceid.estimation.loads.free_oscillation import allow_for_ringing
+from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
+from forceid.estimation.loads.inner_wheel import allowing, inner_wheel, signals, with_momentum
+from forceid.estimation.loads.lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
+from forceid.estimation.loads.noise import (
+    HIDDEN,
+    SHARED,
+    errors_shared,
+    lever,
+    noise_beyond_motion,
+    widened,
+)
+from forceid.estimation.loads.order_uncertainty import growth_along_world
+from forceid.estimation.loads.whitened import whitened
+from forceid.estimation.verdict.finding import GROWTH
+from forceid.flight.model import Flight
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
+from forceid.kalman.engines import Engine
+from forceid.kalman.robust import WILD
+from forceid.motion.window import noise_growth
+from forceid.records import Array, Body, Flags, HiddenLoad, Motion
+
+STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
+UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
+ENOUGH = 1.02  # a noise factor this near to one changes nothing
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """What a smoothed wrench rests on: the flight, the priors of its loads, and allowance (time, 6, 6), what
+    its covariance claims beyond what follows from these.
+    """
+
+    flight: Flight
+    priors: dict[str, LoadPrior]
+    allowance: Array
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
+
+    tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
+    less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench;
+    hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for what the record
+    does not tell of its priors, None for none. Levels are compared without it: it is alike at all of them.
+    """
+
+    kinematics: Kinematics
+    deformation: Deformation
+    state: FlightState
+    engine: str
+    tuned: dict[str, float]
+    noise_at_limit: dict[str, bool]
+    reasons: tuple[str, ...] = ()
+    smoothing: Smoothing | None = None
+    hidden: HiddenLoad | None = None
+    growth: Array | None = None
+
+
+def estimate_flight(
+    body: Body,
+    motion: Motion,
+    settings: Settings,
+    engine: Engine,
+    reasons: tuple[str, ...] = (),
+    lines: Lines = NO_LINES,
+    dropped: Dropped = NONE_DROPPED,
+    slow: dict[str, Array] | None = None,
+) -> Solution:
+    """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
+
+    reasons: sentences from a first pass that rejected frames, dropped: those frames; lines: of the loads,
+    that a pass without them found; slow: noise of tracks whose errors follow each other, that it found.
+    """
+    motion, told = prepared(body, motion)
+    reasons = (*reasons, *told)
+    look = partial(kinematics_without, dropped, body, motion, settings)
+    kin = look(slow)
+    source = "position" if motion.position is not None else "center"
+    gravity = motion.gravity
+    limits = (1.0, 1.0) if slow else STATED if kin.stated[source] else UNSTATED
+    # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
+    followed = kin.apart or not kin.deforms
+    if not followed and not slow and not kin.stated[source]:
+        kin, limits = look(scaled(kin, {source: min(noise_beyond(kin, motion), 1.0) * np.eye(3)})), (1.0, 1.0)
+    causal = settings.method == "filter"
+
+    def at_rest(kin: Kinematics) -> tuple[Kinematics, Deformation]:
+        kin, deformation = undeformed(kin, engine, causal)
+        return kin, with_momentum(deformation, body.internal_momentum)
+
+    kin, deformation = at_rest(kin)
+    force = tune_channel(force_channel(kin, gravity), limits, lines.force, engine=engine)
+    at_limit = {source: force.tuned.noise_at_limit}
+    if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
+        kin = look(scaled(kin, {source: force.noise}))
+        kin, deformation = at_rest(kin)
+    notes: tuple[str, ...] = ()
+    stated = kin.stated[source]
+    if (
+        not slow
+        and followed
+        and (
+            errors_shared(kin, force, gravity, engine)
+            if stated
+            else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+        )
+    ):
+        slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity)) * np.eye(3)})
+        kin = look(slow)
+        kin, deformation = at_rest(kin)
+        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
+    if slow:
+        notes = ((SHARED if stated else HIDDEN).format(source, kin.noise[source]),)
+        at_limit = {}  # said in the note
+    priors = {"force": force}
+    if kin.attitude:
+        limits = (1.0, 1.0)
+        if "orientation" in kin.noise:
+            limits = STATED if kin.stated["orientation"] else UNSTATED
+        moment = tune_channel(moment_channel(kin, deformation), limits, lines.moment, engine=engine)
+        priors["moment"] = moment
+        if "orientation" in kin.noise:
+            at_limit["orientation"] = moment.tuned.noise_at_limit
+            kin = look(scaled(kin, {"orientation": moment.noise}))
+
+    def solve(flight: Flight) -> FlightState:
+        if not kin.attitude:
+            return smooth_translation(flight, force, engine, causal)
+        if not kin.apart or flight.sensors is not None:
+            return turning(smooth_flight(flight, force, moment, engine, causal), kin.spin, kin.inertia.line)
+        free = smooth_translation(flight, force, engine, causal)
+        turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
+        center = np.where(np.isfinite(flight.center), flight.center, free.center)
+        beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
+        state = smooth_flight(beside, force, moment, engine, causal)
+        return turning(with_translation(state, free), kin.spin, kin.inertia.line)
+
+    measured = any(m is not None for m in (motion.specific_force, motion.angular_velocity, motion.strain))
+    flight = with_gauges(flight_of(kin, deformation, gravity, measured), kin, body, motion, settings)
+    flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
+    force, moment = priors["force"], priors.get("moment", force)
+    state = solve(flight)
+    more_dropped, sentence = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
+    if more_dropped.any:
+        both = dropped.beside(more_dropped)
+        return estimate_flight(body, motion, settings, engine, (*reasons, sentence), lines, both, slow)
+    # a moment of deformation that no marker shows turns with the body, and would pass for lines
+    searched = {"force": force} if mass_hidden(kin) else priors
+    more = lines
+    if settings.lines != "none":
+        asked = () if isinstance(settings.lines, str) else settings.lines
+        more = more_lines(flight, state, searched, engine, asked)
+    if len(lines) < len(more) <= MOST_LINES:
+        found = estimate_flight(body, motion, settings, engine, reasons, more, dropped, slow)
+        if not sentence or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
+            return found
+    told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))
+    told = (*told, *gauge_reasons(flight, state, body, motion))
+    reasons = (*reasons, *notes, *told, *([sentence] if sentence else []))
+    plain = state.wrench_cov
+    state, rings = allow_for_ringing(state, flight, priors, engine)
+    reasons = (*reasons, *([rings] if rings else []))
+    if slow:
+        state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
+    told_by = {"force": force_channel(kin, gravity)}
+    if kin.attitude:
+        told_by["moment"] = moment_channel(kin, deformation)
+    tuned = named(kin, priors) | named_sensors(flight, state)
+    if settings.load_axes == "body" and kin.attitude:
+        priors, gained = on_body(priors, told_by, flight, state, engine)
+        state = smooth_flight(flight, priors["force"], priors["moment"], engine, causal)
+        plain = state.wrench_cov
+        tuned = named(kin, priors) | named_sensors(flight, state) | gained
+    elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
+        reasons = (*reasons, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
+    if slow and kin.attitude:
+        reasons = (*reasons, lever(state))
+    smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
+    if kin.inertia.line is not None:  # mass on a line or a point shows not every moment
+        told_by.pop("moment", None)
+    growth = None
+    if settings.load_axes != "body":
+        seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
+        inside = "moment" in told_by and body.internal_momentum is None and not len(kin.shapes)
+        beside = {"moment": signals(told_by["moment"].time, state.rotation[seen])} if inside else {}
+        looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in told_by}
+        growth = growth_along_world(state, looks)
+        if inside:
+            growth = allowing(looks["moment"], state, growth)
+        wheel = inner_wheel(told_by["moment"], looks["moment"], state, seen, engine) if inside else ""
+        reasons = (*reasons, *([wheel] if wheel else []))
+    deformation = as_smoothed(kin, deformation, state)
+    hides = None
+    if flight.sensors is None and not causal:  # these would show what poses do not
+        turned = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
+        hides = hidden_load(told_by, priors, turned)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing, hides, growth)
+
+
+def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:
+    """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found.
+
+    Of a line, the frequency in Hz, the std along world axes, and the bandwidth in 1/s.
+    """
+    found = {f"noise_std_{name}": level for name, level in kin.noise.items()}
+    for load, prior in priors.items():
+        found[f"{load}_order"] = prior.tuned.order
+        for i in range(3):
+            found[f"{load}_std_{i + 1}"] = float(prior.tuned.std[i])
+            found[f"{load}_rate_{i + 1}"] = float(prior.tuned.rate[i])
+        for k, line in enumerate(prior.lines, 1):
+            found[f"{load}_line_{k}_frequency"] = line.frequency
+            found[f"{load}_line_{k}_bandwidth"] = line.bandwidth
+            for axis, share in zip("xyz", line.std * np.abs(line.direction), strict=True):
+                found[f"{load}_line_{k}_std_{axis}"] = float(share)
+    return found

@@ -1,0 +1,221 @@
+"""Loads that turn with the body or stay in fixed axes: every alternative, tuned on a record of sensors alone.
+
+What a load is slow in, sensors do not say beforehand: each of force and moment is taken to be slow in the
+axes of the body, and in fixed ones, and what the record says of the four is weighed by their likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.errors import EstimationError
+from forceid.estimation.loads.fused_tuning import (
+    FAMILIES,
+    climb,
+    evidence,
+    louder,
+    stretched,
+    stretched_reference,
+    tune_together,
+)
+from forceid.estimation.loads.fused_tuning import moved as shifted
+from forceid.estimation.methods.left_over import with_left_over
+from forceid.flight.model import Flight, Reference
+from forceid.flight.priors.load import LoadPrior
+from forceid.flight.smoother import FlightState, settled, smooth_flight
+from forceid.kalman.engines import Engine
+from forceid.records import Array
+
+GAIN = 0.5  # of a log-likelihood: less is no gain
+SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
+# of a logarithm: what differences show as noise is a ceiling, to which motion adds
+QUIETER = (-0.5, -2.5, -4.5)
+LONGEST = 120  # samples that a start is chosen by
+Kind = tuple[bool, bool]
+Pair = tuple[LoadPrior, LoadPrior]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A flight smoothed with force and moment slow in body axes where `turning` says so, else in fixed.
+
+    left: what its path still moves by, over its claimed error.
+    """
+
+    turning: tuple[bool, bool]
+    flight: Flight
+    force: LoadPrior
+    moment: LoadPrior
+    state: FlightState
+    left: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """What tuning an alternative takes: a flight with noise as differences show it, priors of force and
+    moment of about the right size, the passes, and what is stated.
+    """
+
+    flight: Flight
+    rough: Pair
+    settings: Settings
+    engine: Engine
+    stated: frozenset[str]
+
+    @property
+    def loud(self) -> list[int]:
+        """Families of sensors whose noise is not stated."""
+        return [i for i, name in enumerate(FAMILIES) if name not in self.stated]
+
+
+def alternatives(first: Reference, search: Search) -> list[Alternative]:
+    """Every alternative that the record bears: each load slow in body axes, or in fixed ones where those are
+    not ruled out by load_axes. EstimationError: it bears none.
+
+    The first begins with a reference; the others from what was found.
+    """
+    found: dict[Kind, Alternative] = {}
+    failed: Exception | None = None
+    for kind in ((True, True), (True, False), (False, True), (False, False)):
+        if search.settings.load_axes == "body" and not all(kind):
+            continue
+        near = max(found.values(), key=likelihood, default=None)
+        try:
+            if near is None:
+                tried = from_scratch(kind, first, search)
+            else:
+                tried = from_near(kind, near, near, near, search)
+        except (EstimationError, np.linalg.LinAlgError) as error:
+            failed = error
+            continue
+        if np.isfinite(tried.state.log_likelihood):
+            found[kind] = tried
+    if not found:
+        what = f"bears no estimate ({failed})"
+        raise EstimationError(what, "the record of the sensors", "raise the sample rate, or record longer")
+    return list(crossed(found, search).values())
+
+
+def likelihood(alternative: Alternative) -> float:
+    """Of an alternative, to compare it by."""
+    return alternative.state.log_likelihood
+
+
+def crossed(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Alternative]:
+    """Alternatives, each tuned again from the best of the others that share its force or its moment, where
+    that is likelier.
+    """
+    better = dict(found)
+    for kind, own in found.items():
+        force, moment = (
+            max((a for a in found.values() if a.turning[i] == kind[i]), key=likelihood) for i in (0, 1)
+        )
+        if force is own and moment is own:
+            continue
+        try:
+            if promising(kind, own, force, moment, search):
+                tried = from_near(kind, own, force, moment, search)
+                better[kind] = max(own, tried, key=likelihood)
+        except (EstimationError, np.linalg.LinAlgError):
+            continue
+    return better
+
+
+def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternative, search: Search) -> bool:
+    """Whether an alternative is likelier, about its own path, with the priors and the noise of others."""
+    about = own.state.reference
+    assert about is not None
+    pair = turning_as(kind, force.force, moment.moment)
+    flight = with_noise_of(with_noise_of(own.flight, moment.flight, 0), force.flight, 1)
+    value = evidence(flight, *pair, about, search.engine, [], np.zeros(4))
+    return value > likelihood(own) + GAIN
+
+
+def slow(time: Array, force: LoadPrior, moment: LoadPrior) -> Pair:
+    """Priors of loads that change about once in a record."""
+    rate = np.full(3, SLOW / np.ptp(time))
+    force, moment = (replace(p, tuned=replace(p.tuned, rate=rate)) for p in (force, moment))
+    return force, moment
+
+
+def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> Pair:
+    """Priors alike along all axes, of loads that turn with the body or do not."""
+    was = zip((force, moment), kind, strict=True)
+    a, b = (replace(prior, carried=np.eye(3) if turns else None, axes=np.eye(3)) for prior, turns in was)
+    return a, b
+
+
+def from_scratch(kind: Kind, first: Reference, search: Search) -> Alternative:
+    """An alternative from priors of about the right size."""
+    rough, flight = turning_as(kind, *search.rough), search.flight
+    _, _, _, about = settled(flight, *rough, search.engine, first)
+    for i in (0, 1):
+        flight, rough = begun(flight, rough, i, about, search)
+    return tuned_and_smoothed(flight, kind, *rough, about, search)
+
+
+def from_near(
+    kind: Kind, near: Alternative, force: Alternative, moment: Alternative, search: Search
+) -> Alternative:
+    """An alternative from the flight and the path of one that is near, and priors of others; a load that none
+    of them has so begins anew.
+    """
+    pair, about = turning_as(kind, force.force, moment.moment), near.state.reference
+    assert about is not None
+    flight = near.flight
+    for i, other in enumerate((force, moment)):
+        if other.turning[i] != kind[i]:
+            flight, pair = begun(flight, pair, i, about, search)
+    return tuned_and_smoothed(flight, kind, *pair, about, search)
+
+
+def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) -> tuple[Flight, Pair]:
+    """A flight and priors to begin a search with, of a load (0 force, 1 moment) of which nothing is known.
+
+    A fast load explains a record without any noise, and one that does not fit leaves it all to noise: a
+    search stays where it begins. So it begins slow, and with several noises where none is stated.
+    """
+    middle = max((len(flight.time) - LONGEST) // 2, 0)
+    part = slice(middle, middle + LONGEST)
+    path, family = stretched_reference(about, part), 1 - i  # gyros tell of moments, accelerometers of forces
+    free = [family] if family in search.loud else []
+    rough = turning_as((pair[0].carried is not None, pair[1].carried is not None), *search.rough)[i]
+    flight = with_noise_of(flight, search.flight, family)
+
+    def by(p: Array) -> tuple[Flight, Pair]:
+        prior = shifted(rough, p[:2])
+        return louder(flight, free, p[2:]), (prior, pair[1]) if i == 0 else (pair[0], prior)
+
+    def value(p: Array) -> float:
+        noisy, priors = by(p)
+        return evidence(stretched(noisy, part), *priors, path, search.engine, [], np.zeros(4))
+
+    starts = QUIETER if free else (0.0,)
+    tops = [climb(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]
+    return by(max(tops, key=value))
+
+
+def with_noise_of(flight: Flight, other: Flight, family: int) -> Flight:
+    """A flight with the noise of one family of sensors of another."""
+    assert flight.sensors is not None
+    assert other.sensors is not None
+    noise = flight.sensors.noise_std.copy()
+    noise[family] = other.sensors.noise_std[family]
+    return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
+
+
+def tuned_and_smoothed(
+    flight: Flight, kind: Kind, force: LoadPrior, moment: LoadPrior, first: Reference, search: Search
+) -> Alternative:
+    """One alternative, tuned from near. No bias is taken to wander unasked: it would pass for a load that
+    does.
+    """
+    stated = search.stated | {f"{family}_walk" for family in FAMILIES}
+    flight, force, moment = tune_together(flight, force, moment, search.engine, stated, first, even=True)
+    causal = search.settings.method == "filter"
+    state = smooth_flight(flight, force, moment, search.engine, causal, first)
+    state, left = with_left_over(flight, force, moment, search.engine, state)
+    return Alternative(kind, flight, force, moment, state, left)

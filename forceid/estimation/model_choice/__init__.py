@@ -1,0 +1,1 @@
+"""Which level of deformation a recording needs: rigid, affine, or modes."""

@@ -1,0 +1,175 @@
+"""The model ladder: the smallest of its levels that is enough.
+
+What markers show beyond the rigid motion is one data set for every level: its part inside the shapes of a
+level moves under a dynamic prior, its part outside is noise. So levels compare by likelihood, without any
+flight solved. From the level that explains the motion best the choice descends to the smallest one whose
+force and moment are hardly worse: whose expected error, what it claims and how far it is off, is at most a
+tenth above. A level that speaks for mass which no marker shows has to be the better guess of it.
+Source: principal equations 4g.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from forceid.config import Settings
+from forceid.estimation.body.affine_lever import speaks_for_mass
+from forceid.estimation.body.deformation_residual import CHANCE, Beyond, beyond_rigid, principal_axes
+from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.model_choice.levels import FOUND, Level, Step, brings_modes, explaining, levels, weigh
+from forceid.estimation.model_choice.load_seen import (
+    NEAR,
+    WORSE,
+    Channels,
+    changes,
+    channels_of,
+    claims_more,
+    from_view,
+    looked,
+    moves,
+    view,
+    worse,
+)
+from forceid.estimation.model_choice.words import Choice, sentence_of, without_choice
+from forceid.kalman.engines import Engine
+from forceid.records import Body, Motion
+
+CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
+FEW = 20  # frames below which nothing is told apart
+
+Solve = Callable[[Settings], Solution]
+
+
+def climb(
+    body: Body, motion: Motion, settings: Settings, engine: Engine, solve: Solve
+) -> tuple[Choice, Solution]:
+    """The level that a recording asks for, and the solution at that level.
+
+    solve: the estimate under settings that name the level. It runs for the level taken; and for the
+    explaining one where the flight of a smaller one is not what a look without the flight said. The wrench
+    covariance of a smaller one allows for its distance.
+    """
+    rigid = settings.model_copy(update={"model": "rigid"})
+    if motion.position is None:
+        return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid)
+    if settings.modes == 0:
+        return without_choice("rigid", "no modes are asked for"), solve(rigid)
+    most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
+    if most.inertia.on_line or most.inertia.point:
+        return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)
+    beyond = None
+    if most.attitude and motion.measured is not None:
+        beyond = beyond_rigid(motion.time, motion.measured, most)
+    if beyond is None or not beyond.y.shape[1]:
+        return without_choice("rigid", "so few markers show no deformation"), solve(rigid)
+    if beyond.frames < FEW:
+        solution = solve(settings)
+        said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
+        return without_choice(solution.kinematics.model, said), solution
+    told = brings_modes(body, most)
+    rungs = [
+        level
+        for level in levels(body, motion, settings, most)
+        if level.settings.model != "affine" or speaks_for_mass(level.seen(body, motion), beyond)
+    ]
+    if len(rungs) < 2 or (not told and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
+        return without_choice("rigid", "no deformation stands out of the noise"), solve(rigid)
+    steps = weigh(beyond, rungs, free_shapes(body, most), all(most.stated.values()), engine)
+    # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
+    best = len(rungs) - 1 if told else explaining(steps)
+    return descend(body, motion, rungs, steps, best, engine, solve)
+
+
+def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
+    """Whether the amplitudes of a level are no larger than noise."""
+    q = beyond.y @ principal_axes(beyond.y, beyond.of(level.shapes))
+    dof = q.shape[1] * beyond.frames
+    limit = float(chdtri(dof, CHANCE) / dof)
+    return float(np.nansum(q**2) / beyond.var / dof) < (
+        limit if all(kin.stated.values()) else max(limit, FOUND)
+    )
+
+
+def free_shapes(body: Body, kin: Kinematics) -> bool:
+    """Whether the shapes of a modal level are found in the record, and do not come with the body."""
+    return body.mode_shape is None and not brings_modes(body, kin)
+
+
+def descend(
+    body: Body,
+    motion: Motion,
+    rungs: list[Level],
+    steps: list[Step],
+    best: int,
+    engine: Engine,
+    solve: Solve,
+) -> tuple[Choice, Solution]:
+    """From the level that explains the motion, the best one, down to the smallest that is enough."""
+    steps = list(steps)
+    solutions: dict[int, Solution] = {}
+
+    def solved(i: int) -> Solution:
+        if i not in solutions:
+            solutions[i] = solve(rungs[i].settings)
+        return solutions[i]
+
+    def seen(i: int) -> Channels:
+        return channels_of(rungs[i].seen(body, motion), motion.gravity, engine)
+
+    def chosen(i: int) -> tuple[Choice, Solution]:
+        solution = solved(i)
+        said = sentence_of(steps, i, best)
+        if i != best:
+            solution = allowing(solution, steps[i])
+        return Choice(steps[i].model, said, steps[i], tuple(steps)), solution
+
+    if not best:
+        return chosen(best)
+    # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
+    if rungs[best].seen(body, motion).unfollowed.any():
+        if claims_more(solved(0), solved(best)) >= claims_more(solved(best), solved(0)):
+            return chosen(best)
+        force, moment = moves(solved(0), solved(best))
+        steps[0] = replace(steps[0], force_change=force, moment_change=moment)
+        return chosen(0)
+    nested = [i for i in range(best) if steps[i].model != "affine"]
+    below = seen(nested[-1])
+    top = view(seen(best), below, engine)
+
+    def near(i: int) -> bool:
+        if np.isnan(steps[i].change):
+            force, moment = looked(below if i == nested[-1] else seen(i), top, engine)
+            steps[i] = replace(steps[i], force_change=force, moment_change=moment)
+        return steps[i].change <= NEAR
+
+    def enough(i: int) -> bool:
+        if from_view(solved(i), top, motion.time) <= WORSE:
+            return True
+        if steps[i].change > CLEAR:
+            return False
+        # the flight found what the look did not, such as a line: whether the explaining level has it tells
+        force, moment = changes(solved(i), solved(best))
+        steps[i] = replace(steps[i], force_change=force, moment_change=moment)
+        return worse(solved(i), solved(best)) <= WORSE
+
+    if not near(nested[-1]):
+        return chosen(best)
+    # the fewer the shapes, the farther force and moment move: the first that is near is found by halving
+    first = bisect_left(nested[:-1], True, key=near)
+    # above that, only those that are clearly near are worth another flight
+    several = [i for k, i in enumerate(nested[first:]) if near(i) and (not k or steps[i].change <= CLEAR)]
+    taken = next((i for i in several if enough(i)), best)
+    return chosen(taken)
+
+
+def allowing(solution: Solution, step: Step) -> Solution:
+    """The solution with an error that allows for what the level leaves out: its step to the best one."""
+    room = np.sqrt(1 + np.repeat([step.force_change, step.moment_change], 3) ** 2)
+    cov = solution.state.wrench_cov * np.outer(room, room)
+    return replace(solution, state=replace(solution.state, wrench_cov=cov))

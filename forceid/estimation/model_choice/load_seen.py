@@ -1,0 +1,196 @@
+"""How far force and moment move from one level of a model to another, in standard errors.
+
+A look without the flight: a smoother is linear in the poses, so that the prior of one level shows both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation.body.deformation import undeformed
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
+from forceid.estimation.methods.smoother import Solution
+from forceid.flight.channels import Channel
+from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.kalman.engines import Engine
+from forceid.kalman.lines import PATIENCE
+from forceid.records import Array
+
+WORSE = 1.1  # times the error of the best level: an rms of a hundred samples is known to 7 % itself
+NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
+ALIKE = 1e-3  # of the noise: channels this near show the same load
+
+Channels = tuple[Channel, Channel]  # that force and moment drive
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A load as one of its channels shows it: the prior tuned on it, load and its std (time, axis)."""
+
+    channel: Channel
+    prior: LoadPrior
+    load: Array
+    std: Array
+    log_likelihood: float
+
+
+def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> Channels:
+    """The channels that force and moment drive, as a level sees them."""
+    kin, deformation = undeformed(kin, engine)
+    return force_channel(kin, gravity), moment_channel(kin, deformation)
+
+
+def load_seen(channel: Channel, engine: Engine) -> Seen:
+    """The load that a channel shows under the prior that a flight would tune on it, without lines."""
+    prior = tune_channel(channel, (1.0, 1.0), (), engine=engine)
+    model = channel_model(channel, prior)
+    path = engine.smooth(model, channel.moved)
+    rows = load_rows(len(model.x0), prior.axes, ())
+    var = np.einsum("ai,tij,aj->ta", rows, path.P, rows)
+    likelihood = path.filtered.log_likelihood
+    return Seen(channel, prior, path.x @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
+
+
+@dataclass(frozen=True)
+class View:
+    """Force and moment that a level shows; no force where the levels compared share their mass centers."""
+
+    force: Seen | None
+    moment: Seen
+
+    @property
+    def each(self) -> tuple[Seen | None, Seen]:
+        """Force, then moment."""
+        return self.force, self.moment
+
+
+def view(own: Channels, below: Channels, engine: Engine) -> View:
+    """What the channels of a level show, to be compared with those of the level below and of smaller ones."""
+    force = None if alike(below[0], own[0]) else load_seen(own[0], engine)
+    return View(force, load_seen(own[1], engine))
+
+
+def alike(one: Channel, other: Channel) -> bool:
+    """Whether two channels show the same load."""
+    if len(one.time) != len(other.time) or (np.isfinite(one.z) != np.isfinite(other.z)).any():
+        return False
+    noise = np.sqrt(np.trace(other.noise_cov, axis1=1, axis2=2))
+    return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < ALIKE)
+
+
+def looked(channels: Channels, top: View, engine: Engine) -> tuple[float, float]:
+    """How far force and moment that channels of a level show are from what the explaining one shows.
+
+    In standard errors of either. First under the priors of the explaining level. Where one of them does not
+    fit as well, the load gets a prior of its own, which follows what deformation leaks into the poses, and
+    may claim less error.
+    """
+    found, fits = [0.0, 0.0], [True, True]
+    for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+        if load is not None:
+            found[k], fits[k] = under(load, channel, engine)
+    if max(found) <= NEAR:
+        for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+            if load is not None and not fits[k]:
+                own = load_seen(channel, engine)
+                std = np.fmin(at_times(channel, load.channel, own.std), load.std)
+                far = distance(at_times(channel, load.channel, own.load), load.load, std)
+                found[k] = max(found[k], far)
+    return found[0], found[1]
+
+
+def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
+    """How far the load of another channel is under the prior of the one seen; whether that fits as well."""
+    model = channel_model(channel, top.prior)
+    states = engine.smooth_states(model, channel.moved)
+    load = states @ load_rows(len(model.x0), top.prior.axes, ()).T
+    change = distance(at_times(channel, top.channel, load), top.load, top.std)
+    return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
+
+
+def from_view(solution: Solution, top: View, time: Array) -> float:
+    """Expected error of a solved flight over that of what the explaining level shows: the larger of two."""
+    clocks = (time - time[0], time)
+    var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
+    loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
+    found = [0.0]
+    for (load, own), shown, clock in zip(loads, top.each, clocks, strict=True):
+        if shown is not None:
+            kept = np.isin(clock, shown.channel.time)
+            found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))
+    return max(found)
+
+
+def at_times(channel: Channel, other: Channel, load: Array) -> Array:
+    """A load (time, axis) at the times of another channel; NaN where it is not known."""
+    _, own, theirs = np.intersect1d(channel.time, other.time, return_indices=True)
+    found = np.full((len(other.time), load.shape[1]), np.nan)
+    found[theirs] = load[own]
+    return found
+
+
+def changes(one: Solution, other: Solution) -> tuple[float, float]:
+    """How far force and moment of two solutions are apart, in standard errors of either."""
+    a, b = one.state, other.state
+    std = np.sqrt(np.fmin(*(np.diagonal(s.wrench_cov, axis1=1, axis2=2) for s in (a, b))))
+    return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
+
+
+def moves(one: Solution, other: Solution) -> tuple[float, float]:
+    """How far force and moment of a solution are from those of another, in standard errors of that one."""
+    a, b = one.state, other.state
+    std = np.sqrt(np.diagonal(b.wrench_cov, axis1=1, axis2=2))
+    return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
+
+
+def claims_more(one: Solution, other: Solution) -> float:
+    """How many times the error one solution claims of force or of moment than another: the larger ratio."""
+    own, std = (np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other))
+    zero = np.zeros_like(own[:, :3])
+    return max(distance(own[:, part], zero, std[:, part]) for part in (slice(3), slice(3, 6)))
+
+
+def worse(one: Solution, other: Solution) -> float:
+    """Expected error of one solution over that of another: the larger of force and moment."""
+    a, b = one.state, other.state
+    own, std = (np.sqrt(np.diagonal(s.wrench_cov, axis1=1, axis2=2)) for s in (a, b))
+    return max(
+        expected_error(a.force, own[:, :3], b.force, std[:, :3]),
+        expected_error(a.moment, own[:, 3:], b.moment, std[:, 3:]),
+    )
+
+
+def expected_error(load: Array, claimed: Array, best: Array, std: Array) -> float:
+    """Rms error of a load over that of the best one, from what both claim and how far they are apart.
+
+    All (time, axis). Two estimates of which one is the better are apart by the difference of their variances;
+    what is beyond that is bias (Hausman, Econometrica 46 (1978) 1251), and error is claim and bias together
+    (Claeskens and Hjort, J. Am. Stat. Assoc. 98 (2003) 900). Infinite where the load leaves open what the
+    best one knows.
+
+    >>> none = np.zeros((8, 3))
+    >>> round(expected_error(none + 1.0, none + 1.0, none, none + 1.0) ** 2, 12)
+    2.0
+    >>> round(expected_error(none + 0.6, none + 0.8, none, none + 1.0), 12)
+    0.8
+    """
+    if (~np.isfinite(load + claimed).any(0) & np.isfinite(best + std).any(0)).any():
+        return float("inf")
+    var = distance(claimed, np.zeros_like(std), std) ** 2
+    bias = max(distance(load, best, std) ** 2 - abs(1 - var), 0.0)
+    return float(np.sqrt(var + bias))
+
+
+def distance(a: Array, b: Array, std: Array) -> float:
+    """Rms of (a - b) / std over the central three quarters; a, b, std (time, axis). Zero where none is known.
+
+    >>> distance(np.ones((8, 3)), np.zeros((8, 3)), np.full((8, 3), 0.5))
+    2.0
+    """
+    edge = len(a) // 8
+    inner = slice(edge, len(a) - edge)
+    square = ((a - b)[inner] / std[inner]) ** 2
+    return float(np.sqrt(np.nanmean(square))) if np.isfinite(square).any() else 0.0

@@ -1,0 +1,1 @@
+"""What speaks for or against a result: findings from recording, shape, loads and innovations."""

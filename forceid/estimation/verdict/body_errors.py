@@ -1,0 +1,219 @@
+"""What a wrong body does to force and moment, to first order along the estimated motion.
+
+The claimed body differs from the true one, the motion is the same. To first order the claimed mass center
+sits at d in body axes, and the claimed inertia is wrong by dJ:
+force     m R (omega' x d + omega x (omega x d))
+moment    R (dJ omega' + omega x dJ omega), about the mass center
+A wrong mass scales; a wrong marker is a wrong d and a turn of the axes, hence of the inertia, by the fit that
+lays them; a wrong shape of deformation moves the nodes by what the fit makes of it. All from the estimated
+motion. Source: principal equations 2.4, 2.6, 4d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.verdict.leakage import gauge, marker_cov
+from forceid.flight.smoother import FlightState
+from forceid.motion.pose import pose_gain
+from forceid.principal.operator import cross_matrix, summation_operator
+from forceid.records import Array
+
+SYMMETRIC = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]  # entries of dJ, in order
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Estimate minus truth of force (time, 3) N and moment (time, 3) N m, world axes, to first order."""
+
+    force: Array
+    moment: Array
+
+
+@dataclass(frozen=True)
+class Turning:
+    """What biases are computed from: omega and its rate (time, 3) in body axes, loads in world axes."""
+
+    kin: Kinematics
+    rotation: Array
+    omega: Array
+    rate: Array
+    force: Array
+    moment: Array
+    arm: Array | None
+
+
+def turning(
+    kin: Kinematics, deformation: Deformation, state: FlightState, arm: Array | None = None
+) -> Turning:
+    """The motion of an estimate; its angular acceleration from the moment, not from a noisy spin.
+
+    arm (time, 3): from the point that moments are wanted about to the mass center, None: about the center.
+    """
+    J, h, R = deformation.inertia, deformation.h, state.rotation
+    still = not len(kin.shapes)
+    dJ = np.zeros_like(J) if still else np.gradient(J, kin.time, axis=0)
+    dh = np.zeros_like(h) if still else np.gradient(h, kin.time, axis=0)
+    omega = np.einsum("tba,tb->ta", R, state.omega)
+    H = np.einsum("tab,tb->ta", J, omega) + h
+    moment = np.einsum("tba,tb->ta", R, state.moment)
+    left = moment - np.einsum("tab,tb->ta", dJ, omega) - dh - np.cross(omega, H)
+    seen = np.isfinite(left).all(1) & np.isfinite(J).all((1, 2))
+    rate = np.full_like(omega, np.nan)
+    rate[seen] = np.linalg.solve(J[seen], left[seen][..., None])[..., 0]
+    return Turning(kin, R, omega, rate, state.force, state.moment, arm)
+
+
+def wrong_mass(motion: Turning, part: float) -> Bias:
+    """Bias of a mass that is claimed too large by a part of itself, its distribution being right.
+
+    Where nodes carry the mass the inertia goes with it; where the inertia is given by itself, it does not.
+    """
+    force = part * motion.force
+    whole = motion.kin.inertia.nodal is None
+    return Bias(force, about(motion, np.zeros(3), 0 * force if whole else part * motion.moment, force))
+
+
+def wrong_center(motion: Turning, d: Array) -> Bias:
+    """Bias of a mass center that is claimed too far by d (3,) m, body axes.
+
+    Where nodes carry the mass, by masses wrong in proportion to the distance along d: the least that do it.
+    """
+    return wrong_body(motion, d, center_inertia(motion.kin) @ d)
+
+
+def wrong_inertia(motion: Turning, dJ: Array) -> Bias:
+    """Bias of an inertia tensor that is claimed too large by dJ (3, 3) kg m2, body axes."""
+    return wrong_body(motion, np.zeros(3), np.array([dJ[i, j] for i, j in SYMMETRIC]))
+
+
+def wrong_marker(motion: Turning, node: int, e: Array) -> Bias:
+    """Bias of a marker whose place on the body is claimed wrong by e (3,) m, body axes.
+
+    Placed far enough off that the mean shape shows it: then the shape is that of the record, and only the
+    axes and the center that the reference shape lends it are wrong.
+    """
+    d, dJ = marker_map(motion.kin, node)
+    return wrong_body(motion, d @ e, dJ @ e)
+
+
+def wrong_body(motion: Turning, d: Array, dJ: Array) -> Bias:
+    """Bias of a center wrong by d (3,) and an inertia wrong by dJ (6,), entries in the order of SYMMETRIC."""
+    force, moment = columns(motion)
+    return Bias(force @ d, moment @ np.concatenate([d, dJ]))
+
+
+def columns(motion: Turning) -> tuple[Array, Array]:
+    """Force (time, 3, 3) per d, and moment (time, 3, 9) per d and dJ."""
+    w, a, R = cross_matrix(motion.omega), cross_matrix(motion.rate), motion.rotation
+    force = motion.kin.inertia.mass * R @ (a + w @ w)
+    moment = np.zeros((len(R), 3, 9))
+    for k, (i, j) in enumerate(SYMMETRIC):
+        dJ = np.zeros((3, 3))
+        dJ[i, j] = dJ[j, i] = 1.0
+        # R (dJ omega' + omega x dJ omega)
+        moment[:, :, 3 + k] = np.einsum(
+            "tab,tb->ta", R, motion.rate @ dJ + np.cross(motion.omega, motion.omega @ dJ)
+        )
+    if motion.arm is not None:
+        moment[:, :, :3] = cross_matrix(motion.arm) @ force - cross_matrix(motion.force) @ R
+    return force, moment
+
+
+def about(motion: Turning, d: Array, moment: Array, force: Array) -> Array:
+    """A bias of the moment about the mass center, taken to the point that moments are wanted about."""
+    if motion.arm is None:
+        return moment
+    return np.asarray(moment + np.cross(motion.arm, force) + np.cross(motion.rotation @ d, motion.force))
+
+
+def center_inertia(kin: Kinematics) -> Array:
+    """Inertia (6, 3) that comes with a center wrong by d: of the nodal masses that move it there, if any."""
+    if kin.inertia.nodal is None or not kin.inertia.weight.any():
+        return np.zeros((6, 3))
+    m, X = kin.inertia.weight, kin.shape
+    dm = m[:, None] * X @ np.linalg.pinv(X.T @ (m[:, None] * X), rcond=1e-9) * m.sum()
+    each = (X**2).sum(1)[:, None, None] * np.eye(3) - X[:, :, None] * X[:, None, :]
+    return np.stack([np.einsum("nd,n->d", dm, each[:, i, j]) for i, j in SYMMETRIC])
+
+
+def marker_map(kin: Kinematics, node: int) -> tuple[Array, Array]:
+    """Center (3, 3) and inertia (6, 3) per claimed place of one marker.
+
+    The mean shape is laid into the reference shape by the weighted fit, so a wrong reference turns and
+    shifts the axes of the whole record. Nodes that no marker shows stay where the reference has them.
+    """
+    w = np.repeat(gauge(kin), 3)
+    S = summation_operator(kin.shape)
+    gain = np.linalg.solve(S.T @ (w[:, None] * S), S.T * w)
+    m, X, J = kin.inertia.weight, kin.shape, kin.inertia.tensor
+    moves = np.zeros((len(X), 3, 3))  # of the claimed shape about its mass center, by node
+    moves[node] = np.eye(3)
+    if kin.inertia.nodal is not None:
+        moves -= m[node] / m.sum() * np.eye(3)
+    laid = -gain @ (moves * kin.seen[:, None, None]).reshape(-1, 3)
+    d, turn = laid[:3], laid[3:]
+    if kin.inertia.nodal is None:
+        by_turn = np.stack([skew @ J - J @ skew for skew in cross_matrix(turn.T)], -1)
+        return d, np.stack([by_turn[i, j] for i, j in SYMMETRIC])
+    # relative to the markers, which are where they are, the nodes without marker move along
+    hidden = moves + np.cross(turn.T[None], X[:, None]).swapaxes(1, 2)
+    u = np.where(kin.seen[:, None, None], -d, hidden)
+    grown = np.einsum("n,na,nbe->abe", m, X, u)
+    change = 2 * np.einsum("aae,bc->bce", grown, np.eye(3)) - grown - grown.swapaxes(0, 1)
+    return d, np.stack([change[i, j] for i, j in SYMMETRIC])
+
+
+def wrong_shape(motion: Turning, amplitude: Array, change: Array) -> Bias:
+    """Bias of shapes (shape, node, 3) that are claimed wrong by `change`, of amplitude (time, shape) m.
+
+    The nodes are claimed where they are not: u in body axes, after the fit of pose and amplitude to the
+    markers has made the best of it. Force is m d2/dt2 of the center that the fit finds, moment d/dt of the
+    change of sum m rho x v; as far as the smoother, by the prior in `tuned`, follows loads that fast.
+    """
+    force, moment = np.zeros((2, len(amplitude), 3))
+    center, spread = after_fit(motion.kin, change.reshape(len(change), -1).T)
+    for k, q in enumerate(amplitude.T):
+        by_center, by_spread = shape_columns(motion, q)
+        force, moment = force + by_center @ center[:, k], moment + by_spread @ spread[:, k]
+    return Bias(force, about(motion, np.zeros(3), moment, force))
+
+
+def shape_columns(motion: Turning, q: Array) -> tuple[Array, Array]:
+    """Force (time, 3, 3) per center, moment (time, 3, 9) per spread of `after_fit`, at amplitude q (time,).
+
+    With G = sum m X u^T the momentum is R ((2 tr G - G - G^T) omega q + x q'), x the axial part of G.
+    """
+    kin, R, time = motion.kin, motion.rotation, motion.kin.time
+    force = np.gradient(np.gradient(R * q[:, None, None], time, axis=0), time, axis=0)
+    moment = np.zeros((len(q), 3, 9))
+    rate = np.gradient(q, time)
+    for k, (a, b) in enumerate(np.ndindex(3, 3)):
+        G = np.zeros((3, 3))
+        G[a, b] = 1.0
+        dJ, x = 2 * np.trace(G) * np.eye(3) - G - G.T, np.cross(np.eye(3)[a], np.eye(3)[b])
+        H = np.einsum("tab,tb->ta", R, motion.omega @ dJ * q[:, None] + x * rate[:, None])
+        moment[:, :, k] = np.gradient(H, time, axis=0)
+    return kin.inertia.mass * force, moment
+
+
+def after_fit(kin: Kinematics, change: Array) -> tuple[Array, Array]:
+    """What the fit makes of shapes claimed wrong by change (dof, shape), per amplitude.
+
+    Shift (3, shape) of the center, and (9, shape) the entries of G = sum m X u^T of the error u of the nodes.
+    """
+    S, flat = summation_operator(kin.shape), kin.shapes.reshape(len(kin.shapes), -1).T
+    rows = np.repeat(kin.seen, 3)
+    gain = pose_gain(S, kin.seen, marker_cov(kin))
+    if gain is None:
+        return np.full((3, change.shape[1]), np.nan), np.full((9, change.shape[1]), np.nan)
+    pose = -gain[0] @ change[rows]
+    taken = np.linalg.pinv(np.concatenate([S, flat], 1)[rows])[6:] @ change[rows]
+    left = (change + S @ pose - flat @ taken).reshape(len(kin.shape), 3, -1)
+    weight = kin.inertia.weight if kin.inertia.weight.any() else gauge(kin)
+    m = weight / weight.sum() * kin.inertia.mass
+    return pose[:3], np.einsum("n,na,nbk->abk", m, kin.shape, left).reshape(9, -1)

@@ -1,0 +1,103 @@
+"""What innovations say of a model: their size, their color, and lines that it leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri
+
+from forceid.estimation.verdict.finding import Finding
+from forceid.records import Array
+
+NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
+RARE = 0.01  # records in which the largest innovation is called wild by chance
+BY_CHANCE = "as by chance in one record of a hundred"
+COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
+LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
+MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
+
+
+def judge_innovations(
+    time: Array, innovation: Array, nis: Array, reach: Array, wild_said: bool = False
+) -> list[Finding]:
+    """Whether the innovations (time, channel) are white and as large as they were predicted to be.
+
+    reach (channel,): load, over its claimed standard deviation, that moves a channel by one standard
+    deviation of its measurement at 1 rad/s; wild_said: whether wild ones have been named already.
+    """
+    if innovation.shape[1] == 0 or not np.isfinite(nis).any():
+        return []
+    found = []
+    level = float(np.nanmean(nis))
+    if not NIS_BAND[0] < level < NIS_BAND[1]:
+        meaning = "claimed errors are too small by about that; check noise_std and the model"
+        if level < 1:
+            meaning = "the tracks are smoother than the noise they are said to have; check noise_std"
+        found.append(f"the innovations are {np.sqrt(level):.2f} times as large as predicted: {meaning}")
+    size, when = wildest(time, innovation)
+    if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
+        found.append(
+            f"an innovation reaches {size:.1f} sigma, at {when:.4g} s, {BY_CHANCE}: there the load "
+            "changes faster than the prior, or a marker is off, and claimed errors are too small"
+        )
+    color, channel = colored(innovation)
+    if color:
+        found.append(
+            f"the innovations of {channel} are correlated ({color:+.2f} from one frame to the next): "
+            "the errors of the markers are not white, or the load changes faster than the prior; "
+            "claimed errors are too small"
+        )
+    line, channel = strongest_line(time, innovation, reach)
+    if line:
+        found.append(
+            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or "
+            "twice the spin, is followed only in part; take its amplitude as a lower bound"
+        )
+    return [Finding(text) for text in found]
+
+
+CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
+
+
+def wildest(time: Array, innovation: Array) -> tuple[float, float]:
+    """Largest whitened innovation, in standard deviations, and its time."""
+    size = np.abs(np.nan_to_num(innovation)).max(1)
+    k = int(size.argmax())
+    return float(size[k]), float(time[k])
+
+
+def chance_limit(innovation: Array) -> float:
+    """What the largest of so many whitened innovations exceeds in one record of a hundred."""
+    return float(ndtri(1 - 0.5 * RARE / max(np.isfinite(innovation).sum(), 1)))
+
+
+def colored(innovation: Array) -> tuple[float, str]:
+    """Largest lag-one autocorrelation of whitened innovations and its channel, if it is not chance."""
+    worst, where = 0.0, ""
+    for j, v in enumerate(innovation.T):
+        pair = np.isfinite(v[1:]) & np.isfinite(v[:-1])
+        size = np.abs(np.nan_to_num(v)).max(initial=0.0)
+        if pair.sum() < 20 or size == 0:  # a channel that is met exactly has no color
+            continue
+        w = v / size
+        r = float(np.mean(w[1:][pair] * w[:-1][pair]) / np.mean(w[np.isfinite(w)] ** 2))
+        # as slow errors, so small ones cost less than the white ones that are claimed
+        if float(np.nanmean(v**2)) * (1 + abs(r)) < 1 - abs(r):
+            continue
+        if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
+            worst, where = r, CHANNELS[j]
+    return worst, where
+
+
+def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float, str]:
+    """Frequency Hz and channel of the line in the innovations that hides most load, zero where none does."""
+    most, at, where = MISSED, 0.0, ""
+    frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
+    for j, v in enumerate(np.nan_to_num(innovation).T):
+        power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
+        if len(power) < 8 or power.max() <= LINE * max(power.mean(), 1e-300):
+            continue
+        k = int(power.argmax())
+        hidden = 2 * np.sqrt(power[k]) / len(v) * (2 * np.pi * frequency[k]) ** 2 * reach[j]
+        if hidden > most:
+            most, at, where = hidden, float(frequency[k]), CHANNELS[j]
+    return at, where

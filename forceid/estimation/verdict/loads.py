@@ -1,0 +1,117 @@
+"""What loads say of themselves: vibration that passes for one, loads alike, turns taken for others."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtri
+
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.verdict.finding import Finding
+from forceid.estimation.verdict.leakage import marker_cov
+from forceid.estimation.verdict.sensitivity import follows
+from forceid.motion.free_turn import largest_turn
+from forceid.motion.pose import pose_gain
+from forceid.principal.loads import undetermined
+from forceid.principal.operator import summation_operator
+from forceid.records import Array, Loads
+
+COARSE = 0.5  # rad a frame, of a body that spins fast
+KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
+HASTE = 3000.0  # m/s2 that half of a record exceeds: meters where millimeters are meant fall at 9810
+CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
+
+
+def judge_overlap(
+    kin: Kinematics, amplitude: Array, tuned: dict[str, float], force_std: Array
+) -> list[Finding]:
+    """Shapes that vibrate inside the band of the force, and leak into it by more than is claimed.
+
+    amplitude (time, shape) m, smoothed; force_std (time, 3) N. What a shape moves the fitted center by, times
+    the mass and the square of its frequency, is a force that does not act.
+    """
+    band = follows(kin, tuned, "force")
+    if not len(kin.shapes) or not kin.attitude or not band > 0:
+        return []
+    gain = pose_gain(summation_operator(kin.shape), kin.seen, marker_cov(kin))
+    if gain is None:
+        return []
+    flat = kin.shapes.reshape(len(kin.shapes), -1)[:, np.repeat(kin.seen, 3)]
+    leak = np.linalg.norm(gain[0][:3] @ flat.T, axis=0)
+    q = amplitude - amplitude.mean(0)
+    power = np.abs(np.fft.rfft(q, axis=0)[1:]) ** 2
+    w = 2 * np.pi * np.fft.rfftfreq(len(q), float(np.median(np.diff(kin.time))))[1:]
+    at = w[(power * w[:, None] ** 2).argmax(0)]  # where it moves fastest
+    false = kin.inertia.mass * at**2 * leak * q.std(0)
+    claimed = float(np.sqrt(np.nanmean(force_std**2)))
+    return [
+        Finding(
+            f"shape {k + 1} of the deformation vibrates at {at[k] / (2 * np.pi):.3g} Hz, inside the band of "
+            f"the force, followed up to {band:.2g} Hz, and leaks into the mean motion: up to "
+            f"{false[k]:.2g} N may be vibration and not load; mark the nodes that carry the mass, or give "
+            "mode shapes"
+        )
+        for k in range(len(kin.shapes))
+        if at[k] < 2 * np.pi * band and false[k] > claimed
+    ]
+
+
+def judge_haste(kin: Kinematics, force: Array) -> list[Finding]:
+    """Accelerations that a body bears for moments at most: positions or times in other units."""
+    size = np.linalg.norm(force, axis=1) / kin.inertia.mass
+    typical = float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else 0.0
+    if not typical > HASTE:
+        return []
+    return [
+        Finding(
+            f"half of the record shows a force of over {typical / 9.81:.0f} times the weight: positions, "
+            "times or mass are in other units than they say, unless it is a blow; check the attribute units"
+        )
+    ]
+
+
+def judge_roughness(tuned: dict[str, float]) -> list[Finding]:
+    """Loads that kink: under blows, or where what the model does not follow passes for load."""
+    return [
+        Finding(
+            f"the {load} found kinks from frame to frame, as under blows, or where markers share slow "
+            "errors, noise_std is too small, or the body deforms in ways that the model does not follow; its "
+            "claim is several times wider for it; look at the tracks, and state noise_std as it is"
+        )
+        for load in ("force", "moment")
+        if tuned.get(f"{load}_order") == 1
+    ]
+
+
+def judge_loads(loads: Loads | None) -> list[Finding]:
+    """Loads that the motion cannot tell apart, and a wrench that the pattern of loads does not explain."""
+    if loads is None or not np.isfinite(loads.load).any():
+        return []
+    found = []
+    if hidden := undetermined(loads):
+        found.append(
+            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one "
+            "of least norm; read null_space and estimable, or ask for fewer loads"
+        )
+    misfit = float(np.nanmean(loads.chi_square))
+    if loads.dof and misfit > chdtri(loads.dof, CHANCE):
+        found.append(
+            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per "
+            "degree of freedom: other loads act; add them"
+        )
+    return [Finding(text) for text in found]
+
+
+def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
+    """Turns that a moment as large as no other would have to make: what an aliased spin reads as."""
+    turn, step = largest_turn(kin.time, kin.pose.rotation), float(np.median(np.diff(kin.time)))
+    size, kick = (np.linalg.norm(v, axis=1) for v in (H, moment * step))
+    known = np.isfinite(size) & np.isfinite(kick)
+    if turn < COARSE or not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
+        return []
+    return [
+        Finding(
+            f"the body turns up to {np.degrees(turn):.0f} degrees a frame, and the moment found changes its "
+            f"angular momentum by {np.median(kick[known]) / np.median(size[known]):.0%} in each: as turns "
+            "past half a revolution do that are taken for shorter ones; record faster or add a gyro"
+        )
+    ]

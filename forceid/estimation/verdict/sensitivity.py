@@ -1,0 +1,226 @@
+"""What a wrong body costs: force and moment per percent of mass and inertia, per millimeter of a marker.
+
+Averages over a record of the biases of `wrong_body`. A bias too small to stand out of the noise is followed
+by the smoother in part only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+
+from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.verdict.body_errors import (
+    SYMMETRIC,
+    Turning,
+    after_fit,
+    center_inertia,
+    columns,
+    marker_map,
+    shape_columns,
+    turning,
+    wrong_mass,
+)
+from forceid.flight.smoother import FlightState
+from forceid.records import Array
+
+PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05
+ROUNDING = 1e-12  # N or N m: what is smaller is none
+SAMPLES = 4000  # at most, that a budget is averaged over
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Force N and moment N m, rms length over time, that an error of the stated size costs at worst."""
+
+    force: float
+    moment: float
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What errors of the body cost, each at the direction, marker or axis that is worst.
+
+    mass: per percent; center: per mm; inertia: per percent of one principal moment; marker: per mm of the
+    marker named; shape: per 5 % of error, independent from marker to marker, of the shapes of deformation,
+    if the smoother follows loads as fast as they vibrate, or None where none is used; clock: per percent by
+    which the clock is slow, of a force that excludes weight.
+    """
+
+    mass: Cost
+    center: Cost
+    inertia: Cost
+    marker: Cost
+    marker_name: str
+    shape: Cost | None = None
+    clock: Cost | None = None
+
+    def numbers(self) -> dict[str, float]:
+        """Numbers by name, force N and moment N m: what a result carries."""
+        found: dict[str, float] = {}
+        for name, (unit, _) in UNITS.items():
+            cost = getattr(self, name)
+            if cost is not None:
+                found |= {f"{name}_force_{unit}": cost.force, f"{name}_moment_{unit}": cost.moment}
+        return {k: v for k, v in found.items() if np.isfinite(v)}
+
+    @property
+    def summary(self) -> list[str]:
+        """The same for people, a line each."""
+
+        def digits(v: float) -> str:
+            return f"{v:.2g}" if v > ROUNDING else "0"
+
+        lines = []
+        for name, (_, words) in UNITS.items():
+            cost = getattr(self, name)
+            if cost is not None and np.isfinite(cost.force):
+                moment = f", {digits(cost.moment)} N m" if np.isfinite(cost.moment) else ""
+                lines.append(f"{digits(cost.force)} N{moment} {words.format(self.marker_name)}")
+        return lines
+
+
+UNITS = {
+    "mass": ("per_percent", "per percent of mass"),
+    "center": ("per_mm", "per mm of mass center"),
+    "inertia": ("per_percent", "per percent of a principal moment of inertia"),
+    "marker": ("per_mm", "per mm of the place of marker {}"),
+    "clock": ("per_percent", "per percent of the clock"),
+    "shape": ("per_5_percent", "per 5 % of the shapes of deformation, at most"),
+}
+
+
+def noise(kin: Kinematics, name: str) -> float:
+    """Variance of one sample of the channel that the load drives: m c, or the integral of H."""
+    var = np.diagonal(kin.pose.cov, axis1=1, axis2=2)
+    if name == "force":
+        return float(kin.inertia.mass**2 * np.nanmean(var[:, :3]))
+    return float((np.trace(kin.inertia.tensor) / 3) ** 2 * np.nanmean(var[:, 3:]))
+
+
+def spectrum(tuned: dict[str, float], name: str, w: Array) -> Array:
+    """Spectral density of the tuned Matern prior of a load at w rad/s, mean over its axes."""
+    n = int(tuned[f"{name}_order"])
+    S = np.zeros_like(w)
+    for i in (1, 2, 3):
+        std, k = tuned[f"{name}_std_{i}"], tuned[f"{name}_rate_{i}"]
+        S += std**2 * (2 * k) ** (2 * n - 1) / (w**2 + k**2) ** n / 3
+    return np.asarray(S * factorial(n - 1) ** 2 / factorial(2 * n - 2))
+
+
+def follows(kin: Kinematics, tuned: dict[str, float], name: str) -> float:
+    """Frequency Hz up to which a smoother with a tuned prior follows half of a load; zero without one."""
+    if f"{name}_order" not in tuned:
+        return 0.0
+    step = float(np.median(np.diff(kin.time)))
+    f = np.linspace(0.0, 0.5 / step, 4096)
+    w = 2 * np.pi * f
+    return float(f[spectrum(tuned, name, w) >= noise(kin, name) * step * w**4].max(initial=0.0))
+
+
+def sensitivity(
+    kin: Kinematics,
+    deformation: Deformation,
+    state: FlightState,
+    node: tuple[str, ...],
+    gravity: Array,
+    arm: Array | None = None,
+) -> Budget:
+    """The budget of an estimate: what each kind of error of the body costs at worst.
+
+    node: names of the nodes; gravity (3,) m/s2; arm (time, 3) m: from the point that the
+    moment is about to the mass center, None where it is the mass center. NaN where no rotation is known.
+    """
+    motion = turning(kin, deformation, state, arm)
+    every = slice(None, None, max(1, len(kin.time) // SAMPLES))
+    few = Turning(
+        kin, motion.rotation[every], motion.omega[every], motion.rate[every], motion.force[every],
+        motion.moment[every], None if arm is None else arm[every],
+    )  # fmt: skip
+    force, moment = (gram(c) for c in columns(few))
+    mass = wrong_mass(few, PERCENT)
+
+    def cost(d: Array, dJ: Array) -> Cost:
+        both = np.concatenate([d, dJ])
+        return Cost(*(stretch(G, m) for G, m in ((force, d), (moment, both))))
+
+    none, shapes = np.zeros((3, 1)), len(kin.shapes) > 0 and kin.attitude
+    values, axes = principal(kin.inertia.tensor)
+    scale = [PERCENT * v * np.outer(a, a) for v, a in zip(values, axes.T, strict=True)]
+    by_axis = [cost(none, np.array([[dJ[i, j]] for i, j in SYMMETRIC])) for dJ in scale]
+    by_marker = {
+        k: cost(*(MILLIMETER * part for part in marker_map(kin, k)))
+        for k in (np.flatnonzero(kin.seen).tolist() if kin.attitude and kin.inertia.line is None else ())
+    }
+    worst = max(by_marker, key=lambda k: relative(by_marker[k], motion), default=None)
+    return Budget(
+        Cost(length(mass.force), length(mass.moment)),
+        cost(MILLIMETER * np.eye(3), MILLIMETER * center_inertia(kin)),
+        max(by_axis, key=lambda c: c.moment),
+        Cost(np.nan, np.nan) if worst is None else by_marker[worst],
+        "" if worst is None else node[worst],
+        shape_cost(motion, deformation.amplitude) if shapes else None,
+        clock_cost(motion, state.force + kin.inertia.mass * gravity),
+    )
+
+
+def clock_cost(motion: Turning, accelerated: Array) -> Cost:
+    """Cost of a clock that is slow: accelerations and rates of momentum go with the square of its rate.
+
+    accelerated (time, 3) N: mass times acceleration, weight included.
+    """
+    return Cost(2 * PERCENT * length(accelerated), 2 * PERCENT * length(motion.moment))
+
+
+def principal(tensor: Array) -> tuple[Array, Array]:
+    """Principal moments (3,) and axes (3, 3), NaN where the tensor is not known."""
+    if not np.isfinite(tensor).all():
+        return np.full(3, np.nan), np.full((3, 3), np.nan)
+    values, axes = np.linalg.eigh(tensor)
+    return np.asarray(values), np.asarray(axes)
+
+
+def shape_cost(motion: Turning, amplitude: Array) -> Cost:
+    """Cost of shapes that are wrong by a twentieth of their rms, independently at every marker."""
+    kin = motion.kin
+    rows = np.repeat(kin.seen, 3)
+    center, spread = after_fit(kin, np.eye(len(rows))[:, rows])
+    force = moment = 0.0
+    for shape, q in zip(kin.shapes, amplitude.T, strict=True):
+        size = SHAPE**2 * float((shape[kin.seen] ** 2).mean())
+        by_center, by_spread = shape_columns(motion, q)
+        force += size * float(np.sum(gram(by_center) * (center @ center.T)))
+        moment += size * float(np.sum(gram(by_spread) * (spread @ spread.T)))
+    return Cost(float(np.sqrt(force)), float(np.sqrt(moment)))
+
+
+def gram(c: Array) -> Array:
+    """Mean over time of c^T c (parameter, parameter), where it is known."""
+    known = np.isfinite(c).all((1, 2))
+    return (
+        np.asarray(np.einsum("tap,taq->pq", c[known], c[known]) / known.sum())
+        if known.any()
+        else np.full((c.shape[2], c.shape[2]), np.nan)
+    )
+
+
+def stretch(G: Array, m: Array) -> float:
+    """Largest rms length over unit directions e of the columns with Gram matrix G times m e."""
+    square = m.T @ G @ m
+    return float(np.sqrt(max(np.linalg.eigvalsh(square)[-1], 0.0))) if np.isfinite(square).all() else np.nan
+
+
+def length(v: Array) -> float:
+    """Rms length of vectors (time, 3), NaN where none is known."""
+    square = (v**2).sum(1)
+    known = np.isfinite(square)
+    return float(np.sqrt(square[known].mean())) if known.any() else np.nan
+
+
+def relative(cost: Cost, motion: Turning) -> float:
+    """A cost over the loads themselves, so that markers can be compared."""
+    of = ((cost.force, length(motion.force)), (cost.moment, length(motion.moment)))
+    return float(np.nansum([c / max(size, 1e-300) for c, size in of]))

@@ -1,0 +1,1 @@
+"""The plainest defensible estimate, beside which every other one is held."""

@@ -1,0 +1,242 @@
+"""Force and moment as second derivatives of what is plainly seen: the mass center and the turn of a body.
+
+Where all mass is seen, by markers or as a measured mean motion, nothing is modeled: the mass center is the
+mass-weighted mean, and the angular momentum is that of the nodes, however the body deforms. Elsewhere the
+mass center is the combination of markers that no affine motion takes off it, or that of a rigid fit, and the
+angular momentum that of the fit. Gaps of a marker are bridged by straight lines beside the other ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid.estimation.body.inertia import Inertia, inertia_of
+from forceid.estimation.body.thin_mass import SLENDER, thinned
+from forceid.motion.first_moment import angular_channel
+from forceid.motion.plain_cut import moves, spectrum_of
+from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
+from forceid.principal.operator import cross, summation_operator
+from forceid.records import Array, Body, Flags, Indices, Motion
+
+LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
+FEWEST = 24  # samples of a channel below which it has no spectrum to speak of
+BRIDGED = 0.1  # of the frames: with more, errors of a bridge add up in the momentum of a body that deforms
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a load drives: z (sample, 3) at times (sample,), of which the load is the second derivative.
+
+    frame (sample,): which frame of the recording each sample is; whole (sample,): nothing was bridged there.
+    residual (sample, column) m: what an affine motion leaves of the markers where z takes it for granted, no
+    columns where it does not, of which the part `free` is not fitted; lever: change of z by one marker that
+    is off. corner (3,) Hz: below it the noise of z adds up, as that of a turn does in a spin.
+    """
+
+    time: Array
+    z: Array
+    frame: Indices
+    whole: Flags
+    residual: Array
+    free: float = 1.0
+    lever: float = 0.0
+    corner: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Route:
+    """Channels of force N s2 and of moment N m s2, None where the recording does not show them plainly."""
+
+    force: Channel | None = None
+    moment: Channel | None = None
+
+
+def plain_route(body: Body, motion: Motion) -> Route:
+    """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
+    inertia = inertia_of(body)
+    thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
+    if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
+        inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
+    inside = np.zeros(3) if body.internal_momentum is None else body.internal_momentum
+    if motion.position is not None and body.position is not None:
+        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
+    if motion.center is not None:
+        return of_mean_motion(inertia, motion, motion.center, inside)
+    return Route()
+
+
+def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array) -> Route:
+    """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
+
+    inside (3,): angular momentum of what turns in the body, reference axes. A rigid fit is a part of them
+    only where it leaves nothing of the markers that moves.
+    """
+    ever = np.asarray(np.isfinite(x).all(2)).any(0)
+    x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
+    whole = np.asarray(np.isfinite(x).all((1, 2)))
+    rigid, rotation = rigid_fits(x, X)
+    x = bridged(motion.time, x, X, rotation)
+    if not whole.all():
+        rigid = rigid_fits(x, X)[0]
+    bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
+    summed = inertia.weight.sum() > 0 and mass.sum() > (1 - 1e-9) * inertia.weight.sum()
+    force = None
+    if summed:
+        center = np.einsum("n,tna->ta", mass / mass.sum(), x)
+        force = channel(motion, inertia.mass, center, whole)
+    elif (shares := affine_shares(X)) is not None:
+        left, free = beside_affine(x, X)
+        force = channel(motion, inertia.mass, np.einsum("n,tna->ta", shares, x), whole)
+        if force is not None:
+            lever = inertia.mass * float(np.linalg.norm(shares))
+            force = replace(force, residual=left[force.frame], free=free, lever=lever)
+    elif not bends:
+        force = channel(motion, inertia.mass, rigid, whole)
+    if not np.isfinite(inertia.tensor).all():
+        return Route(force)
+    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.tile(inside, (len(x), 1))
+    if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
+        J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
+        if bends:
+            own = turning(motion, rotation, whole, J, momentum + inside)
+            return Route(force, own if whole.mean() > 1 - BRIDGED else None)
+        known = np.asarray(np.isfinite(J).all((1, 2)))
+        J = np.broadcast_to(J[known].mean(0) if known.any() else inertia.tensor, rotation.shape)
+    return Route(force, None if bends else turning(motion, rotation, whole, J, h))
+
+
+def bending_shows(time: Array, b: Array) -> bool:
+    """Whether positions b (time, column) in the axes of a rigid fit move, and not by noise alone."""
+    seen = np.asarray(np.isfinite(b).all(1))
+    return bool(seen.sum() >= FEWEST and moves(spectrum_of(time[seen], b[seen])))
+
+
+def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> Route:
+    """Channels of a measured mass center (time, 3), and of the orientation where it was measured."""
+    whole, T = np.asarray(np.isfinite(center).all(1)), len(center)
+    force = channel(motion, inertia.mass, center, whole)
+    if motion.orientation is None:
+        return Route(force)
+    R, read = np.full((T, 3, 3), np.nan), np.asarray(np.isfinite(motion.orientation).all(1))
+    if read.any():
+        R[read] = Rotation.from_quat(motion.orientation[read]).as_matrix()
+    J = np.broadcast_to(inertia.tensor, R.shape)
+    return Route(force, turning(motion, R, read, J, np.tile(inside, (T, 1))))
+
+
+def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> Channel | None:
+    """The channel of the force: mass times the mass center (time, 3) with the fall taken out."""
+    t = motion.time - motion.time[0]
+    return seen_of(motion.time, mass * (center - 0.5 * t[:, None] ** 2 * motion.gravity), whole)
+
+
+def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Array) -> Channel | None:
+    """The channel of the moment: the integral of J omega + h, of inertia (time, 3, 3) and h (time, 3).
+
+    None where few rotations (time, 3, 3) are seen, or where J is not known or near singular.
+    """
+    seen = np.asarray(np.isfinite(rotation).all((1, 2)) & np.isfinite(inertia).all((1, 2)))
+    if seen.sum() < FEWEST:
+        return None
+    principal = np.linalg.eigvalsh(inertia[seen].mean(0))
+    if principal[0] < SLENDER**2 * principal[-1]:
+        return None
+    rotation = np.where(seen[:, None, None], rotation, np.nan)
+    alike = np.broadcast_to(np.eye(3), rotation.shape)  # errors of the turn about all axes
+    turned = angular_channel(motion.time, rotation, alike, inertia, h)
+    z = np.full((len(rotation), 3), np.nan)
+    z[seen] = turned.Y
+    found = seen_of(motion.time, z, whole)
+    white = np.diagonal(turned.noise_cov, axis1=1, axis2=2).mean(0) * np.median(np.diff(turned.time))
+    corner = np.sqrt(np.diagonal(turned.drift).clip(0) / white) / (2 * np.pi)
+    return None if found is None else replace(found, corner=corner)
+
+
+def seen_of(time: Array, z: Array, whole: Flags) -> Channel | None:
+    """A channel of those frames that show z (time, 3); None where they are few."""
+    frame = np.flatnonzero(np.isfinite(z).all(1))
+    if len(frame) < FEWEST:
+        return None
+    return Channel(time[frame], z[frame], frame, whole[frame], np.zeros((len(frame), 0)))
+
+
+def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
+    """Inertia (time, 3, 3) of nodes b (time, node, 3) about their mass center, and h = sum m b x b'.
+
+    NaN in frames where a node is not known.
+    """
+    J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
+    known = np.asarray(np.isfinite(b).all((1, 2)))
+    if known.sum() > 1:
+        J[known] = np.einsum("n,tnij->tij", mass, squares(b[known]))
+        h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
+    return J, h
+
+
+def rigid_fits(x: Array, X: Array) -> tuple[Array, Array]:
+    """Place of the mass center (time, 3) and rotation (time, 3, 3) of a rigid fit of X (node, 3), all alike.
+
+    To the markers x (time, node, 3) that are seen, NaN where they do not fix it.
+    """
+    center, R = fit_rotation(x, X, np.ones(len(X)))
+    patterns, which = seen_together(x)
+    S = summation_operator(X).reshape(len(X), 3, 6)
+    fixed = np.array([p.sum() > 2 and pose_rank(S[p].reshape(-1, 6)) == 6 for p in patterns])
+    told = fixed[which]
+    return np.where(told[:, None], center, np.nan), np.where(told[:, None, None], R, np.nan)
+
+
+def bridged(time: Array, x: Array, X: Array, rotation: Array) -> Array:
+    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them.
+
+    As far as these fix the turn; frames in which they do not stay as they are.
+    """
+    if np.isfinite(x).all():
+        return x
+    beside = np.asarray(np.isfinite(x).all(2))
+    w = beside / np.maximum(beside.sum(1, keepdims=True), 1)
+    place = np.where(beside[..., None], x, 0.0)
+    turned = np.einsum("tab,nb->tna", rotation, X)
+    carried = turned + np.einsum("tn,tna->ta", w, place - np.where(beside[..., None], turned, 0.0))[:, None]
+    off = np.einsum("tba,tnb->tna", rotation, x - carried)
+    out, fixed = x.copy(), np.asarray(np.isfinite(rotation).all((1, 2)))
+    for k in np.flatnonzero(~beside.all(0)):
+        known, gone = beside[:, k] & fixed, ~beside[:, k] & fixed
+        if known.any():
+            line = np.stack([np.interp(time[gone], time[known], off[known, k, a]) for a in range(3)], 1)
+            out[gone, k] = carried[gone, k] + np.einsum("tab,tb->ta", rotation[gone], line)
+    return out
+
+
+def affine_shares(X: Array) -> Array | None:
+    """Shares (node,) whose sum of markers is the mass center under any affine motion; None where it is noisy.
+
+    X (node, 3) m about the mass center. None as well where the markers do not span it.
+
+    >>> affine_shares(np.array([[1.0, 0, 0], [-1, 1, 0], [-1, -1, 0]])).round(9).tolist()
+    [0.5, 0.25, 0.25]
+    """
+    span = np.vstack([X.T, np.ones(len(X))])
+    target = np.array([0.0, 0.0, 0.0, 1.0])
+    shares = np.linalg.pinv(span) @ target
+    if not np.allclose(span @ shares, target, atol=1e-9):
+        return None
+    S = summation_operator(X)
+    rigid = np.trace(np.linalg.pinv(S.T @ S)[:3, :3]) / 3
+    return np.asarray(shares) if shares @ shares < LOUDER * rigid else None
+
+
+def beside_affine(x: Array, X: Array) -> tuple[Array, float]:
+    """What the affine fit of every frame leaves of the markers (time, 3 node), and the part that is free."""
+    U, s, _ = np.linalg.svd(np.column_stack([np.ones(len(X)), X]), full_matrices=False)
+    U = U[:, s > 1e-9 * s[0]]
+    left = x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)
+    return left.reshape(len(x), -1), 1 - U.shape[1] / len(X)
+
+
+def squares(b: Array) -> Array:
+    """|b|^2 I - b b^T (..., 3, 3) of arms b (..., 3)."""
+    return np.asarray((b**2).sum(-1)[..., None, None] * np.eye(3) - b[..., :, None] * b[..., None, :])

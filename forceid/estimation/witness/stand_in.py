@@ -1,0 +1,48 @@
+"""The plain route in place of a smoother that failed: a force is given, whatever the rotation does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.errors import EstimationError
+from forceid.estimation.body.deformation import Deformation, inertia_along
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.witness.plain_route import plain_route
+from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts
+from forceid.flight.smoother import FlightState
+from forceid.records import Array, Body, Motion
+
+
+def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError) -> Solution | None:
+    """The solution that the plain route makes of a motion; None where it shows no force either.
+
+    error: why the method asked for has none, for the verdict. Momenta are not given.
+    """
+    route, T = plain_route(body, motion), len(motion.time)
+    if route.force is None:
+        return None
+    loads, var = np.full((T, 6), np.nan), np.full((T, 6), np.nan)
+    for first, channel in ((0, route.force), (3, route.moment)):
+        if channel is not None:
+            _, cuts = spectrum_and_cuts(channel)
+            loads[:, first : first + 3], std = low_passed(motion.time, channel, cuts)
+            var[:, first : first + 3] = std**2
+    still, none = np.zeros_like(kin.amplitude), np.full((T, 3), np.nan)
+    state = FlightState(
+        kin.pose.center, rate(motion.time, kin.pose.center), kin.pose.rotation, none, none, loads[:, :3],
+        loads[:, 3:], var[:, :, None] * np.eye(6), kin.pose.cov, np.zeros((T, 0)), np.full(T, np.nan), np.nan,
+    )  # fmt: skip
+    reason = (
+        f"{error.where} {error.what}: force and moment are those of the plain route, low-passed second "
+        f"derivatives, and are followed up to its cut-off alone (/witness); {error.next_step}"
+    )
+    deformation = Deformation(still, still, *inertia_along(kin, still, still))
+    return Solution(kin, deformation, state, "scipy", {}, {}, (reason,))
+
+
+def rate(time: Array, center: Array) -> Array:
+    """Rate of change (time, 3) of a path, NaN where it is not seen."""
+    out, seen = np.full_like(center, np.nan), np.isfinite(center).all(1)
+    out[seen] = np.gradient(center[seen], time[seen], axis=0)
+    return out
