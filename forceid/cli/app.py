@@ -22,6 +22,7 @@ MODULES = {
     "estimate": "estimate",
     "batch": "batch",
     "report": "report",
+    "settings": "settings",
     "chart": "chart",
     "stress": "stress",
     "demo": "demo",

@@ -25,7 +25,7 @@ from forceid.records import Array, Indices
 
 WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
 LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in flight.hpp
-STATES, SMOOTHED, FILTERED = 0, 1, 2
+STATES, SMOOTHED, FILTERED = 0, 1, 2  # what a run returns
 numpy_passes: Any = passes  # few samples
 
 

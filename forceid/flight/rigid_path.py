@@ -25,7 +25,7 @@ from forceid.records import Array, Indices
 if TYPE_CHECKING:
     from forceid.flight.model import Flight
 
-ROUNDS = 12
+ROUNDS = 12  # of linearizing about the path so far, at most; a turn that settles takes 3 to 6
 ERROR = 1e-3  # standard deviations that a flight may be from the most probable one
 LEAST = 256  # samples below which it does not pay
 TURN = 0.5  # rad from frame to frame, beyond which differences of frames do for no first reference

@@ -34,7 +34,7 @@ from forceid.motion.pose import exp
 from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
 
-ITERATIONS = 40
+ITERATIONS = 40  # Gauss-Newton steps at most; a path that settles takes 3 to 6
 LEFT = 0.1  # standard deviations: where sensors alone tell the rotation, a path that moves by less is at rest
 PATIENCE = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets

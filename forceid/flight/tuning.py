@@ -22,7 +22,7 @@ from forceid.kalman.search import maximize
 from forceid.records import Array, Flags
 
 Peak = tuple[Array, Array, Array]  # search points (axis, 2), logarithms of the noise, values (axis,)
-ORDERS = (1, 2, 3, 4, 6)
+ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
 ASKED = 1.0  # log-likelihood by which a record asks for an order above that
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly

@@ -11,7 +11,7 @@ from forceid.kalman.model import Filtered
 from forceid.records import Array
 
 CHANCE = 0.01  # that a true model falls out of a band
-LAGS = 20
+LAGS = 20  # samples up to which innovations are looked at for correlation
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from forceid.kalman.covariance import combine as combine
 from forceid.kalman.scan import scan
 from forceid.records import Array, Flags, Indices
 
-LOG_2PI = float(np.log(2 * np.pi))
+LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
 LAG = 8  # samples between two looks at whether a covariance has come to rest
 REMAINING = 1e-12  # of a covariance, still to go by the rate at which it comes to rest
 ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes

@@ -16,7 +16,7 @@ from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
 SETTLED = 1e-6  # rad: far below what any frame shows
-ITERATIONS = 12
+ITERATIONS = 12  # Newton steps at most, each of which doubles the digits
 REACH = 0.5  # of a momentum: the most that one Newton step may change it by
 MOST = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known any more
 SHOWN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show

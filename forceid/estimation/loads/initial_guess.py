@@ -13,7 +13,7 @@ from forceid.flight.smoother import steps_of
 from forceid.flight.tuning import Tuned
 from forceid.records import Array
 
-ORDER = 3
+ORDER = 3  # of the prior that a search begins with: the middle of those it may end at
 RATE = 20.0  # 1/s: where the search for the rate begins
 
 

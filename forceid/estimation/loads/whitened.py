@@ -21,7 +21,7 @@ from forceid.kalman.process import matern
 from forceid.records import Array, Indices
 
 LONGEST = 2048  # samples that are looked at: the middle of a longer record
-ORDERS = (2, 3, 4, 6)
+ORDERS = (2, 3, 4, 6)  # of the priors that are candidates
 RATES = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 LEAST, MOST = 1e-2, 1e2  # load over noise where it shows most: from next to none, to more than would not show

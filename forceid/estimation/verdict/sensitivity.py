@@ -27,7 +27,7 @@ from forceid.estimation.verdict.body_errors import (
 from forceid.flight.smoother import FlightState
 from forceid.records import Array
 
-PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05
+PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
 ROUNDING = 1e-12  # N or N m: what is smaller is none
 SAMPLES = 4000  # at most, that a budget is averaged over
 

@@ -1,0 +1,39 @@
+"""forceid settings: every key with its default, and every number that was chosen, with its reason."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from forceid.cli.estimate import Json
+from forceid.cli.output import to_json
+
+
+def run(
+    thresholds: Annotated[
+        bool,
+        typer.Option("--thresholds", help="The numbers that the method was given, with unit and reason."),
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Show the settings with their defaults, as a configuration file that `-c` takes.
+
+    Example: forceid settings > forceid.toml
+    """
+    from forceid.cli.thresholds import chosen_numbers
+    from forceid.config import Settings, to_toml
+
+    if not thresholds:
+        print(to_json(Settings().model_dump()) if json else to_toml(Settings()).rstrip())
+        return
+    found = chosen_numbers()
+    if json:
+        print(to_json([number.__dict__ for number in found]))
+        return
+    room = None
+    for number in found:
+        if number.module != room:
+            room = number.module
+            print(f"\n{room}")
+        print(f"  {number.name} = {number.value}  {number.reason}".rstrip())
