@@ -21,7 +21,7 @@ from sphinx.environment import BuildEnvironment
 
 SAID = re.compile(r"^ *>>>|\bSource:|\bRaises\b", re.M)
 BRACED = re.compile(r"\{([^}]*)\}(?:\.\.\.)?")
-IMPORTED = re.compile(r"^ *from (forceid\.\w+\.\w+) import (\([^)]*\)|[^\n(]+)", re.M)
+IMPORTED = re.compile(r"^ *from (forceid(?:\.\w+){2,}) import (\([^)]*\)|[^\n(]+)", re.M)
 REQUEST = re.compile(r"^@(commands|schema|api)(?: (\S+))?$", re.M)
 
 
@@ -128,9 +128,10 @@ def offered(module: str, name: str, function: Any) -> bool:
 def imported_elsewhere() -> Mapping[str, set[str]]:
     """By module, the names that packages other than its own import from it."""
     names: defaultdict[str, set[str]] = defaultdict(set)
-    for path in Path(import_module("forceid").__path__[0]).rglob("*.py"):
+    root = Path(import_module("forceid").__path__[0])
+    for path in root.rglob("*.py"):
         for module, listed in IMPORTED.findall(path.read_text(encoding="utf-8")):
-            if module.split(".")[1] != path.parent.name:
+            if module.split(".")[1] != path.relative_to(root).parts[0]:
                 names[module] |= set(re.findall(r"\w+", listed))
     return names
 
