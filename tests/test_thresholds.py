@@ -18,7 +18,7 @@ def test_they_are_printed_by_room_or_as_one_object(capsys):
     text = capsys.readouterr().out
     assert all(f"{n.name} = {n.value}" in text for n in chosen_numbers())
     assert main(["settings", "--thresholds", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)) == len(chosen_numbers())
+    assert len(json.loads(capsys.readouterr().out)["numbers"]) == len(chosen_numbers())
 
 
 def test_the_settings_that_are_printed_are_the_default_ones(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -29,7 +30,7 @@ def run(
         return
     found = chosen_numbers()
     if json:
-        print(to_json([number.__dict__ for number in found]))
+        print(to_json({"numbers": [asdict(number) for number in found]}))
         return
     room = None
     for number in found:
