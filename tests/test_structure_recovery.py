@@ -56,6 +56,7 @@ def test_five_markers_and_a_stiffness_give_force_and_moment_of_fifteen_masses():
     assert moment <= 0.0105  # 0.07 where the other ten masses are taken for rigid
 
 
+@pytest.mark.long
 def test_stiffness_takes_nothing_from_a_body_marked_on_every_mass():
     recording = record(1e-4, "all")
     plain = errors(without_stiffness(recording))

@@ -77,6 +77,7 @@ def test_no_level_mode_or_stiffness_moves_the_force(lost):
         assert np.abs(other.force_std / one.force_std - 1).max() < 1e-9
 
 
+@pytest.mark.long
 def test_the_force_of_a_swinging_body_with_lost_markers_is_within_its_claim():
     off, claimed = [], []
     for seed in range(4):

@@ -100,6 +100,7 @@ def test_a_peer_that_is_faster_and_as_accurate_is_named_and_one_without_answer_t
     assert "no answer: lost" in said
 
 
+@pytest.mark.long
 def test_a_case_is_charted_and_found_again(tmp_path, monkeypatch):
     asked, once = [], chart_affine.answered
 
