@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALL := -m pip install --quiet --disable-pip-version-check
-BUILT_FROM := pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
+BUILT_FROM := pyproject.toml evidence/pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
 .PHONY: charts demo test test-long lint kernels bench study docs wheel clean
 demo: .venv/ready
@@ -37,11 +37,11 @@ kernels: .venv/test-ready
 
 # paired ratios against the peers, which live in a venv of their own; BENCH=--quick for under 90 s
 bench: .venv-bench/ready
-	.venv-bench/bin/python -m benchmarks -o bench $(BENCH)
+	.venv-bench/bin/python -m evidence.races -o bench $(BENCH)
 
 # what the estimators reach, into docs/
 study: .venv/test-ready
-	$(BIN)/python -m benchmarks.estimation
+	$(BIN)/python -m evidence.theory.estimation
 
 # the site, into docs/_build/html; notebooks run when they have changed
 docs: .venv/test-ready
@@ -52,7 +52,7 @@ charts: .venv-bench/ready
 	.venv-bench/bin/forceid chart -o docs/chart $(CHART)
 	.venv-bench/bin/forceid stress -o docs/stress $(CHART)
 
-# source archive and wheel into dist/; that wheel, and one made without compiler, run the demo where nothing else is
+# source archive and wheels into dist/; that wheel, and one made without compiler, run the demo where nothing else is
 wheel:
 	rm -rf dist .venv-wheel
 	$(PYTHON) -m venv .venv-wheel/build
@@ -60,11 +60,12 @@ wheel:
 	.venv-wheel/build/bin/python -m build --outdir dist/compiled .
 	CC=false CXX=false .venv-wheel/build/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps \
 	  --no-cache-dir --wheel-dir dist/numpy dist/compiled/forceid-*.tar.gz
+	.venv-wheel/build/bin/python -m build --wheel --outdir dist/evidence evidence
 	for engine in compiled numpy; do \
 	  $(PYTHON) -m venv .venv-wheel/$$engine && \
-	  .venv-wheel/$$engine/bin/python -m pip install --quiet --disable-pip-version-check dist/$$engine/*.whl && \
+	  .venv-wheel/$$engine/bin/python -m pip install --quiet --disable-pip-version-check dist/$$engine/*.whl dist/evidence/*.whl && \
 	  (cd .venv-wheel && $$engine/bin/forceid --version | grep "engine $$engine" && \
-	   $$engine/bin/forceid demo -o demo-$$engine && $$engine/bin/python -c "import forceid; \
+	   $$engine/bin/forceid demo -o demo-$$engine && $$engine/bin/forceid stress --help >/dev/null && $$engine/bin/python -c "import forceid; \
 	   print(forceid.summarize(forceid.estimate(forceid.open_motion('demo-$$engine/boomerang.h5'), method='savgol')).force_error)") \
 	  || exit 1; \
 	done
@@ -72,14 +73,14 @@ wheel:
 .venv-bench/ready: requirements.txt requirements-test.txt requirements-bench.txt $(BUILT_FROM)
 	test -x .venv-bench/bin/python || $(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python $(INSTALL) -r requirements-bench.txt
-	.venv-bench/bin/python $(INSTALL) --no-deps --no-build-isolation --editable .
+	.venv-bench/bin/python $(INSTALL) --no-deps --no-build-isolation --editable . --editable evidence
 	touch $@
 
 # the engine is compiled while the rest is installed
 .venv/ready: requirements.txt $(BUILT_FROM)
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python $(INSTALL) $$(grep -E '^(pybind11|setuptools)==' requirements.txt)
-	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable . & \
+	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable . --editable evidence & \
 	  $(BIN)/python $(INSTALL) -r requirements.txt && wait $$!
 	touch $@
 
@@ -88,4 +89,4 @@ wheel:
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench .venv-wheel build dist bench *.egg-info demo docs/_build forceid/*/*.so
+	rm -rf .venv .venv-bench .venv-wheel build dist bench *.egg-info demo docs/_build forceid/*/*.so evidence/*.egg-info evidence/build

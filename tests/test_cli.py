@@ -16,7 +16,7 @@ import h5py
 import pytest
 
 from forceid.cli import pool
-from forceid.cli.app import MODULES, main
+from forceid.cli.app import COMMANDS, main
 from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
 
@@ -51,7 +51,7 @@ def one_error_line(capsys) -> str:
     return streams.err
 
 
-@pytest.mark.parametrize("command", MODULES)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_an_example(command, capsys):
     assert main([command, "--help"]) == 0
     assert f"Example: forceid {command}" in capsys.readouterr().out
@@ -74,7 +74,17 @@ def test_help_loads_no_numerics():
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stderr.split()
-    assert not {"numpy", "scipy", "h5py", "xarray", "matplotlib", "pydantic", "jinja2"} & set(loaded)
+    heavy = {"numpy", "scipy", "h5py", "xarray", "matplotlib", "pydantic", "jinja2", "evidence"}
+    assert not heavy & set(loaded)
+
+
+@pytest.mark.parametrize("command", ["chart", "stress"])
+def test_a_command_of_evidence_that_is_not_installed_says_what_to_install(command, monkeypatch, capsys):
+    monkeypatch.setattr("forceid.cli.app.installed", lambda name: None)
+    assert main([command, "-o", "x"]) == 2
+    assert "pip install 'forceid[evidence]'" in one_error_line(capsys)
+    assert main(["--help"]) == 0
+    assert command in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

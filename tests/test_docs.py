@@ -17,7 +17,7 @@ import click
 import pytest
 import typer
 
-from forceid.cli.app import MODULES, app
+from forceid.cli.app import COMMANDS, app
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -124,7 +124,7 @@ def test_equations_are_drawn_and_can_be_read_aloud(pages, site):
 def test_command_reference_names_every_command_and_every_option(pages, site):
     text = pages[site / "commands.html"].text
     group = typer.main.get_command(app)
-    for name in MODULES:
+    for name in COMMANDS:
         assert f"forceid {name} " in text
         command = group.get_command(click.Context(group), name)
         for taken in command.get_params(click.Context(command)):

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from forceid.cli.app import MODULES, main
+from forceid.cli.app import COMMANDS as KNOWN
+from forceid.cli.app import main
 
 CODE = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8").split("```")[1::2]
 PYTHON = [block.removeprefix("python\n") for block in CODE if block.startswith("python\n")]
@@ -29,7 +30,7 @@ def test_python_of_the_readme_runs_and_finds_no_force_on_a_free_throw(tmp_path, 
 
 def test_commands_of_the_readme_exist():
     named = {line.split()[1] for line in COMMANDS}
-    assert {"import", "inspect", "estimate", "report", "batch"} <= named <= set(MODULES)
+    assert {"import", "inspect", "estimate", "report", "batch"} <= named <= set(KNOWN)
 
 
 def test_throw_of_the_readme_goes_through_its_commands(tmp_path, monkeypatch):

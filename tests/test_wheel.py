@@ -75,6 +75,18 @@ def test_the_wheel_asks_for_an_extra_only_where_a_reader_of_files_needs_one(arch
     assert not {"ezc3d", "pyuff", "nptdms", "npTDMS", "distributed", "sphinx"} & always
 
 
+def test_the_wheel_of_evidence_holds_every_module_and_brings_two_commands(tmp_path):
+    source = tmp_path / "evidence"
+    shutil.copytree(ROOT / "evidence", source, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    with zipfile.ZipFile(built("wheel", source, tmp_path)) as wheel:
+        names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+        (entries,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
+        commands = wheel.read(entries).decode().splitlines()
+    assert names == {str(path.relative_to(ROOT)) for path in (ROOT / "evidence").rglob("*.py")}
+    assert commands[0] == "[forceid.commands]"
+    assert [line.split(" = ")[0] for line in commands[1:] if line] == ["chart", "stress"]
+
+
 @pytest.mark.long
 def test_a_wheel_without_compiler_estimates_with_numpy(archives, tmp_path):
     with zipfile.ZipFile(archives[1]) as wheel:

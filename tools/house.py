@@ -18,7 +18,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "forceid"
-STUDIES = [path for path in (PACKAGE / "study", ROOT / "benchmarks", ROOT / "evidence") if path.exists()]
+EVIDENCE = ROOT / "evidence"
 ESTIMATORS = ("estimation", "kalman", "flight")
 
 
@@ -30,11 +30,6 @@ def sources(*folders: Path) -> list[Path]:
 def lines(paths: list[Path]) -> int:
     """Lines of files."""
     return sum(len(path.read_text("utf-8").splitlines()) for path in paths)
-
-
-def product() -> list[Path]:
-    """The sources of the package without its studies."""
-    return [path for path in sources(PACKAGE) if PACKAGE / "study" not in path.parents]
 
 
 def module_of(path: Path) -> str:
@@ -143,14 +138,14 @@ def walked() -> dict[str, tuple[int, int, int]]:
 
 def main(walk: bool) -> None:
     """The counts, a line each."""
-    own = product()
+    own, shown = sources(PACKAGE), sources(EVIDENCE)
     estimators = sources(*(PACKAGE / name for name in ESTIMATORS if (PACKAGE / name).exists()))
-    flat = Counter(path.parent for path in [*own, *sources(*STUDIES)])
+    flat = Counter(path.parent for path in [*own, *shown])
     folder, most = flat.most_common(1)[0]
-    shared, names = shared_names([*own, *sources(*STUDIES)])
+    shared, names = shared_names([*own, *shown])
     longest = max(own, key=lambda path: lines([path]))
-    print(f"lines of Python in the package, without the studies: {lines(own)}")
-    print(f"lines of Python in studies and benchmarks: {lines(sources(*STUDIES))}")
+    print(f"lines of Python in forceid: {lines(own)}")
+    print(f"lines of Python in evidence: {lines(shown)}")
     print(f"most files flat in one folder: {most} in {folder.relative_to(ROOT)}")
     print(f"longest module: {lines([longest])} lines, {longest.relative_to(ROOT)}")
     share = f"{shared} of {names}, {100 * shared / names:.0f} %"

@@ -30,11 +30,11 @@ def commands() -> str:
     import click
     import typer
 
-    from forceid.cli.app import MODULES, app
+    from forceid.cli.app import COMMANDS, app
 
     group = typer.main.get_command(app)
     page = [command_page("forceid", group, click.Context(group, info_name="forceid"))]
-    for name in MODULES:
+    for name in COMMANDS:
         command = group.get_command(click.Context(group), name)
         parent = click.Context(group, info_name="forceid")
         page.append(command_page(f"forceid {name}", command, click.Context(command, parent, info_name=name)))

@@ -23,10 +23,14 @@ MODULES = {
     "batch": "batch",
     "report": "report",
     "settings": "settings",
-    "chart": "chart",
-    "stress": "stress",
     "demo": "demo",
 }
+EVIDENCE = {  # in a distribution of their own, with what their line of the help says
+    "chart": "Measure error, claim, time and memory of every method and every peer, on every SCENE.",
+    "stress": "Sweep failures from healthy to hopeless: where each method is right, says so, or is wrong.",
+}
+COMMANDS = (*MODULES, *EVIDENCE)
+LISTING = "forceid.listing"
 INTERRUPTED = 130
 
 
@@ -35,18 +39,40 @@ class LazyGroup(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names of the commands, in the order of the help."""
-        return list(MODULES)
+        return list(COMMANDS)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help, which looks into no other distribution."""
+        ctx.meta[LISTING] = True
+        super().format_help(ctx, formatter)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; a ConfigError names the nearest one."""
-        if cmd_name not in MODULES:
-            if ctx.resilient_parsing:  # a shell completes: it wants no words
-                return None
-            near = get_close_matches(cmd_name, MODULES, n=1, cutoff=0.0)[0]
-            raise ConfigError(f"unknown command '{cmd_name}'", next_step=f"did you mean '{near}'?")
         single = typer.Typer(add_completion=False)
-        single.command(cmd_name)(import_module(f"forceid.cli.{MODULES[cmd_name]}").run)
+        if cmd_name in MODULES:
+            single.command(cmd_name)(import_module(f"forceid.cli.{MODULES[cmd_name]}").run)
+        elif cmd_name in EVIDENCE and ctx.meta.get(LISTING):
+            single.command(cmd_name, help=EVIDENCE[cmd_name])(options)
+        elif run := installed(cmd_name):
+            single.command(cmd_name)(run)
+        elif ctx.resilient_parsing:  # a shell completes: it wants no words
+            return None
+        elif cmd_name in EVIDENCE:
+            raise ConfigError(
+                f"the command '{cmd_name}' comes with the package forceid-evidence, which is not installed",
+                next_step="run python -m pip install 'forceid[evidence]'",
+            )
+        else:
+            near = get_close_matches(cmd_name, COMMANDS, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"unknown command '{cmd_name}'", next_step=f"did you mean '{near}'?")
         return typer.main.get_command(single)
+
+
+def installed(command: str) -> Any:
+    """The function of a command that another distribution brings, None where there is none."""
+    from importlib.metadata import entry_points
+
+    return next((found.load() for found in entry_points(group="forceid.commands", name=command)), None)
 
 
 app = typer.Typer(cls=LazyGroup)

@@ -42,29 +42,6 @@ def engines(incomplete: str) -> list[str]:
     return fitting(["auto", *MODULES], incomplete)
 
 
-def scenes(incomplete: str) -> list[str]:
-    """Shipped scenes and bodies in parts by name.
-
-    >>> scenes("solid")
-    ['solid_8']
-    """
-    from forceid.study.cases import shipped
-    from forceid.study.parts_cases import GRIDS
-
-    return fitting([*shipped(), *GRIDS], incomplete)
-
-
-def failures(incomplete: str) -> list[str]:
-    """Failures of the stress map, and groups of them, by name.
-
-    >>> failures("outl")
-    ['outliers', 'outlier_size']
-    """
-    from forceid.study.failure_table import FAILURES, GROUPS
-
-    return fitting([*GROUPS, *(failure.name for failure in FAILURES)], incomplete)
-
-
 def fitting(names: Iterable[str], incomplete: str) -> list[str]:
     """The names that begin as asked, each once."""
     return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.plate_face import SIGMA, flown
+from evidence.drawn.plate_face import SIGMA, flown
 from forceid.config import load_settings
 from forceid.estimation.body.affine_lever import lever
 from forceid.estimation.model_choice.load_seen import expected_error

@@ -30,7 +30,7 @@ from forceid.kalman.engines import engine
 from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
 
-FILE = Path(__file__).parents[2] / "benchmarks" / "ladder.py"
+FILE = Path(__file__).parents[2] / "evidence" / "drawn" / "ladder.py"
 DATA = FILE.parents[1] / "data" / "synthetic"
 SPEC = importlib.util.spec_from_file_location("scenes_of_known_level", FILE)
 scenes = importlib.util.module_from_spec(SPEC)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.thrown_box import draw, judge, settings_of, write
+from evidence.drawn.thrown_box import draw, judge, settings_of, write
 from forceid.config import load_settings
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics

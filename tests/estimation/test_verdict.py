@@ -8,6 +8,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.failures.body import near_directions, rigid_looking, vibration
+from evidence.subjects.flights.failures.noise import shared_slow
+from evidence.subjects.flights.failures.sensing import clipped, fast_spin
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.body.kinematics import kinematics
@@ -33,9 +36,6 @@ from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_ove
 from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
-from forceid.study.failures_body import near_directions, rigid_looking, vibration
-from forceid.study.failures_noise import shared_slow
-from forceid.study.failures_sensing import clipped, fast_spin
 
 TIME = cf.clock(400)
 

@@ -8,11 +8,11 @@ import lecture_cases as lc
 import numpy as np
 import pytest
 
+from evidence.subjects.parts import failures as fp
+from evidence.subjects.parts.trial import SOLVERS, relative, solved
 from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
 from forceid.partition.conjugate_gradient import projected_cg
-from forceid.study import failures_partition as fp
-from forceid.study.partition_trial import SOLVERS, relative, solved
 
 SEEDS = (1, 2, 3)
 NEAR = 50.0  # times the error, that is claimed of it at most: rounding can be lucky, and is drawn at random

@@ -1,0 +1,1 @@
+"""Batches that are killed, files that are damaged, and where time and memory go."""

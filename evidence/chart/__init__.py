@@ -1,0 +1,1 @@
+"""`forceid chart`: accuracy against speed, every method and every peer, measured."""

@@ -1,0 +1,109 @@
+"""forceid chart: accuracy against speed, every method and every peer, measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from evidence.completion import scenes as complete_scenes
+from forceid.cli.estimate import Json
+from forceid.cli.output import finite, to_json
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+def run(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the charts.")],
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE...]",
+            help="Shipped scenes, bodies in parts and affine ones by name, recipes, motion files; or all.",
+            autocompletion=complete_scenes,
+        ),
+    ] = None,
+    short: Annotated[
+        bool, typer.Option("--short", help="One seed, one round, no slow contestants, no memory.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Measure error, claim, time and memory of every method and of every peer installed, on every SCENE.
+
+    Writes DIR/chart.md, chart.json and a picture a scene. What is finished is kept in DIR/chart.jsonl: after
+    an interruption, or with more scenes, the command goes on from there.
+
+    Bodies in parts are scenes too, and solvers methods: plate_16, plate_64, strips, checkerboard, solid_8.
+    So are affine bodies: polar_1e2, polar_1e6, polar_1e12, ball, balls_1000, stiff_ball, held_block.
+
+    Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
+    """
+    from evidence.chart.run import FULL, SHORT
+    from evidence.chart.run import run as chart
+    from evidence.subjects.affine.cases import CASES
+    from evidence.subjects.flights.cases import sources
+    from evidence.subjects.parts.cases import GRIDS
+
+    words = scenes or []
+    found = sources(words, [*GRIDS, *CASES])
+    bodies, affine = ([name for name in words or names if name in names] for names in (GRIDS, CASES))
+    command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
+    output.mkdir(parents=True, exist_ok=True)
+    with progress() as bar:
+        task = bar.add_task("", total=1.0)
+        result = chart(
+            found, output, SHORT if short else FULL, command,
+            lambda what, part: bar.update(task, description=what, completed=part), bodies, affine,
+        )  # fmt: skip
+    written, pictures = write(output, result)
+    if json:
+        print(to_json(result))
+        return
+    from evidence.chart import page as chart_page
+    from evidence.subjects.affine import page as chart_affine_page
+    from evidence.subjects.parts import page as chart_partition_page
+
+    if result["cases"]:
+        print(chart_page.overview(result["cases"]), end="\n\n")
+    if result["bodies_in_parts"]:
+        print(chart_partition_page.overview(result["bodies_in_parts"]), end="\n\n")
+    if result["affine_bodies"]:
+        print(chart_affine_page.overview(result["affine_bodies"]), end="\n\n")
+    print(f"{written} and {len(pictures)} pictures beside it")
+
+
+def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
+    """The page, the numbers and the pictures; returns the page, and the names of the pictures."""
+    import json
+
+    from evidence.chart.figures import draw_case, draw_costs
+    from evidence.chart.page import page
+    from evidence.subjects.parts.figures import draw_body
+    from forceid.files.atomic import atomic
+
+    pictures = {f"chart_{case['name']}.png": draw_case(case) for case in result["cases"]}
+    lines = [*result["bodies_in_parts"], *result["affine_bodies"]]
+    pictures |= {f"chart_{body['name']}.png": draw_body(body) for body in lines}
+    if result["cost"]:
+        pictures["chart_cost.png"] = draw_costs(result["cost"])
+    for name, figure in pictures.items():
+        with atomic(folder / name) as partial:
+            figure.savefig(partial, format="png", dpi=160)
+    with atomic(folder / "chart.json") as partial:
+        partial.write_text(json.dumps(finite(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with atomic(folder / "chart.md") as partial:
+        partial.write_text(page(result), encoding="utf-8")
+    return folder / "chart.md", list(pictures)
+
+
+def progress() -> Progress:
+    """A bar on stderr with the time left and what is under way."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    return Progress(
+        BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}"), console=Console(stderr=True), transient=True,
+    )  # fmt: skip

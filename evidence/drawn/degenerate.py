@@ -1,0 +1,196 @@
+"""Bodies whose mass lies on a point, a line or a plane: what `inspect` and `estimate` make of them, counted.
+
+    python -m evidence.drawn.degenerate -o docs [--count 300] [--first 0]
+
+Writes degenerate.md. Every recording is drawn from its number alone; each is looked at in a process of its
+own, through a file, under a limit of time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evidence.drawn.degenerate_bodies import ENOUGH, Drawn, draw
+from forceid.config import Settings
+from forceid.errors import ForceIdError
+from forceid.estimation.inspection import inspect_recording
+from forceid.estimation.run import estimate_recording
+from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.result import write_result
+from forceid.records import Array
+
+PATIENCE = 30  # s of processor time that one recording may take, inspected and estimated
+WAIT = 600.0  # s of wall time after which a process counts as stopped, however busy the machine is
+TEXT = """Drawn bodies, each seen through a file by `inspect` and `estimate` in a process of its own: mass
+on a point, a line, a plane or in space, as nodal masses, as a mass matrix of any rank, or as a total; up to
+eleven masses, marked or not, and one to six markers on them, among them, around them or on a line of their
+own; a third thrown, some lines bend; 2 to 250 frames, noise of 0.05 to 1.6 mm, stated or not, readings lost
+in a third. The truth is summed over the nodes. A component is determined where the geometry of masses and
+markers says so and 12 frames show every marker. Refused are bodies whose mass center the markers do not show;
+an error, of one line, is a record that is too short, or a total mass without inertia."""
+EDGE = 0.1  # of a record at each end that scores leave out: there a load is told by one side only
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a recording: verdict or error, and error over claim of force and moment where given."""
+
+    seed: int
+    kind: str
+    verdict: str
+    said: str
+    missing: tuple[str, ...]
+    undue: tuple[str, ...]
+    force: float
+    moment: float
+    seconds: float
+
+    @property
+    def worst(self) -> float:
+        """The larger of the scores of force and moment, zero where neither is given."""
+        return float(np.nan_to_num([self.force, self.moment]).max())
+
+
+def over_claim(error: Array, var: Array) -> float:
+    """Rms error over rms claim of vectors (time, 3) whose covariances have the traces var (time,)."""
+    cut = slice(int(EDGE * len(error)), len(error) - int(EDGE * len(error)))
+    square, claimed = float((error[cut] ** 2).sum(1).mean()), float(var[cut].mean())
+    scale = 1e-9 * (1.0 + float(np.abs(error).max()))
+    return float(np.sqrt((square + scale**2) / (claimed + scale**2)))
+
+
+def judged(drawn: Drawn, path: Path) -> tuple[str, str, tuple[str, ...], tuple[str, ...], float, float]:
+    """The outcome of one recording: verdict, what was said, components missing and undue, scores."""
+    write_motion(path, drawn.recording)
+    expected = {"force": drawn.force, "moment": drawn.moment and drawn.force}
+    try:
+        recording = read_motion(path)
+        inspect_recording(recording, Settings())
+        found = estimate_recording(recording, Settings())
+        write_result(path.with_suffix(".out.h5"), found, recording)
+    except ForceIdError as e:
+        missing = tuple(name for name, due in expected.items() if due)
+        return "error", str(e), missing, (), np.nan, np.nan
+    given = {name: bool(np.isfinite(getattr(found, name)).any()) for name in expected}
+    missing = tuple(name for name, due in expected.items() if due and not given[name])
+    scores = {}
+    for k, name in enumerate(expected):
+        part = slice(3 * k, 3 * k + 3)
+        off = getattr(found, name) - recording.truth[name]
+        seen = np.isfinite(off).all(1)
+        var = np.trace(found.wrench_cov[:, part, part], axis1=1, axis2=2)
+        scores[name] = over_claim(off[seen], var[seen]) if seen.any() else np.nan
+    undue = tuple(name for name, due in expected.items() if given[name] and not due)
+    reasons = "; ".join(found.verdict.reasons)
+    return found.verdict.level, reasons, missing, undue, scores["force"], scores["moment"]
+
+
+def work(seed: int, folder: str, pipe: Any) -> None:
+    """Send the outcome of one recording."""
+    warnings.simplefilter("error", RuntimeWarning)
+    drawn, began = draw(seed), time.process_time()
+    resource.setrlimit(resource.RLIMIT_CPU, (int(began) + PATIENCE, int(began) + PATIENCE))
+    try:
+        found = judged(drawn, Path(folder) / f"{seed}.h5")
+    except Exception as e:  # what a user would see as unexpected
+        said = f"{type(e).__name__}: {e} {where(e)}"
+        found = ("unexpected", said, (), (), np.nan, np.nan)
+    pipe.send((drawn.kind, found, time.process_time() - began))
+
+
+def where(e: BaseException) -> str:
+    """The last lines of forceid on the way to an error."""
+    import traceback
+
+    frames = [f for f in traceback.extract_tb(e.__traceback__) if "forceid/" in f.filename]
+    return " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[:-4:-1])
+
+
+def one(seed: int, folder: str) -> Outcome:
+    """The outcome of a seed, in a process that is ended when it takes too long."""
+    context = get_context("fork")
+    ours, theirs = context.Pipe(False)
+    child = context.Process(target=work, args=(seed, folder, theirs))
+    child.start()
+    theirs.close()
+    try:
+        found = ours.recv() if ours.poll(WAIT) else None
+    except EOFError:  # ended by its limit
+        found = None
+    if found is not None:
+        kind, (verdict, said, missing, undue, force, moment), seconds = found
+        child.join()
+        return Outcome(seed, kind, verdict, said, missing, undue, force, moment, seconds)
+    child.kill()
+    child.join()
+    return Outcome(seed, draw(seed).kind, "too long", "", (), (), np.nan, np.nan, PATIENCE)
+
+
+def quantiles(values: list[float]) -> str:
+    """Median and the middle 90 % of numbers."""
+    known = np.array([v for v in values if np.isfinite(v)])
+    if not len(known):
+        return "none"
+    low, mid, high = np.quantile(known, (0.05, 0.5, 0.95))
+    return f"{mid:.2f} ({low:.2f} to {high:.2f})"
+
+
+def page(found: list[Outcome], command: str) -> str:
+    """What the outcomes add up to, as a page."""
+    verdicts = Counter(o.verdict for o in found)
+    ok = [o for o in found if o.verdict == "ok"]
+    rows = [
+        ("recordings", len(found)),
+        ("unexpected errors", verdicts["unexpected"]),
+        (f"over {PATIENCE:.0f} s", verdicts["too long"]),
+        ("determined, and not given", sum(bool(o.missing) for o in found)),
+        (f"given, and not determined by {ENOUGH} whole frames", sum(bool(o.undue) for o in found)),
+        ("verdict ok, error over 3 claimed sigma", sum(o.worst > 3 for o in ok)),
+        ("error over claim of the force, median (5 to 95 %)", quantiles([o.force for o in found])),
+        ("error over claim of the moment, median (5 to 95 %)", quantiles([o.moment for o in found])),
+        ("time of inspect and estimate, s, median (5 to 95 %)", quantiles([o.seconds for o in found])),
+        *((f"verdict {name}", count) for name, count in sorted(verdicts.items())),
+    ]
+    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+    head = f"# Bodies on points, lines and planes\n\n`{command}`\n\n{TEXT}"
+    return f"{head}\n\n| what | found |\n|---|---|\n{table}\n"
+
+
+def main() -> None:
+    """Count, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--first", type=int, default=0)
+    asked = parser.parse_args()
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(asked.first, asked.first + asked.count):
+            o = one(seed, folder)
+            found.append(o)
+            bad = o.missing or o.undue or o.verdict in ("unexpected", "too long") or o.worst > 3
+            said = f" | {o.said[:400]}" if bad else ""
+            print(
+                f"{o.seed:4d} {o.verdict:10s} {o.seconds:5.1f} s F {o.force:6.2f} M {o.moment:6.2f} "
+                f"{'missing ' + ' '.join(o.missing) if o.missing else ''}"
+                f"{'undue ' + ' '.join(o.undue) if o.undue else ''} [{o.kind}]{said}", flush=True,
+            )  # fmt: skip
+    command = f"python -m evidence.drawn.degenerate -o docs --count {asked.count} --first {asked.first}"
+    asked.output.mkdir(parents=True, exist_ok=True)
+    (asked.output / "degenerate.md").write_text(page(found, command))
+    print(page(found, command))
+
+
+if __name__ == "__main__":
+    main()

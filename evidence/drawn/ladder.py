@@ -1,0 +1,220 @@
+"""Scenes of known level, and how often the ladder finds the smallest one that is enough for force and moment.
+
+    python -m evidence.drawn.ladder [--seeds 20] [--jobs 2]
+
+The scenes are motions written down: a body of twelve unequal masses spins along closed-form Euler angles
+under a closed-form force, and stretches, or vibrates in modes in the mass gauge. The force is m c'' - m g,
+the moment the rate of the angular momentum of the exact nodal motion. No code is shared with the estimator.
+The judge of a level is its own estimate beside that of the level the scene was made with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from forceid import kalman
+from forceid.config import Settings, load_settings
+from forceid.estimation.methods.smoother import Solution, estimate_flight
+from forceid.estimation.model_choice.ladder import climb
+from forceid.estimation.model_choice.levels import Step
+from forceid.flight.smoother import FlightState
+from forceid.records import Body, Motion, Recording, deviation
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+FRAMES, RATE = 300, 500.0
+NOISE = (0.03e-3, 0.1e-3, 0.3e-3, 1e-3)  # m
+LEVELS = ("rigid", "affine", "modal 1", "modal 3", "modal 6")
+SIZE = (2.0e-3, 1.2e-3, 0.7e-3, 0.4e-3, 0.25e-3, 0.15e-3)  # m rms of a marker, of each mode
+FREQUENCY = (17.0, 23.0, 31.0, 37.0, 43.0, 53.0)  # Hz
+STRAIN = (0.03, 0.02, 0.04, 0.02, 0.03, 0.025)
+STENCIL = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+
+
+def body() -> Body:
+    """Twelve unequal masses, 0.1 kg in all, in a body of the size of a boomerang; about its mass center."""
+    rng = np.random.default_rng(7)
+    mass = 0.1 * (w := rng.uniform(0.4, 1.6, 12)) / w.sum()
+    position = rng.uniform(-1, 1, (12, 3)) * [0.18, 0.12, 0.06]
+    return Body(tuple(f"n{i}" for i in range(12)), position - mass @ position / mass.sum(), mass)
+
+
+def shapes(level: str) -> Any:
+    """Shapes (mode, node, 3) of a level: strains, or modes in the mass gauge, of one meter rms."""
+    known = body()
+    X, m = known.position, known.mass
+    if level == "rigid":
+        return np.zeros((0, 12, 3))
+    if level == "affine":
+        pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+        units = [np.outer(np.eye(3)[a], np.eye(3)[b]) for a, b in pairs]
+        return np.array([X @ (0.5 * (E + E.T)) for E in units])
+    rng = np.random.default_rng(11)
+    turn = np.cross(np.eye(3)[None], X[:, None]).swapaxes(1, 2)
+    rigid = np.concatenate([np.tile(np.eye(3), (12, 1, 1)), turn], 2).reshape(36, 6)
+    weight = np.repeat(m, 3)
+    found: list[Any] = []
+    for _ in range(int(level.split()[1])):
+        waves = 2 * rng.standard_normal((3, 3))
+        v = (((X / 0.1) @ waves.T) ** 2 @ rng.standard_normal((3, 3))).ravel()
+        base = np.column_stack([rigid, *found]) if found else rigid
+        v = v - base @ np.linalg.solve(base.T @ (weight[:, None] * base), base.T @ (weight * v))
+        found.append(v / np.sqrt((v**2).sum() / 12))
+    return np.array(found).reshape(-1, 12, 3)
+
+
+def center_at(t: Any) -> tuple[Any, Any]:
+    """Mass center and its acceleration."""
+    t = t[:, None]
+    swing = np.array([0.02, 0.03, 0.015])
+    rate, phase = 2 * np.pi * np.array([2.0, 3.0, 2.5]), np.array([0.3, 1.1, 2.0])
+    c = np.array([8.0, 1.0, 3.0]) * t + 0.5 * GRAVITY * t**2 + swing * np.sin(rate * t + phase)
+    return c, GRAVITY - swing * rate**2 * np.sin(rate * t + phase)
+
+
+def arms_at(t: Any, level: str, seed: int) -> Any:
+    """Nodes about the mass center (time, node, 3), world axes, and the rotation of the mean axes."""
+    phi = 0.3 + 8 * np.pi * t + 0.3 * np.sin(2 * np.pi * 1.5 * t)
+    angles = np.column_stack([0.4 + 1.5 * t, 0.6 + 0.2 * np.sin(9 * t), phi])
+    R = Rotation.from_euler("ZXZ", angles).as_matrix()
+    patterns = shapes(level)
+    s = np.tile(body().position, (len(t), 1, 1))
+    rng = np.random.default_rng(1000 + seed)  # a different phase in every record
+    size = STRAIN if level == "affine" else SIZE
+    for k, pattern in enumerate(patterns):
+        scale = size[k] * np.sqrt(2)
+        wave = 2 * np.pi * FREQUENCY[k] * rng.uniform(0.95, 1.05) * t + rng.uniform(0, 2 * np.pi)
+        s = s + scale * np.sin(wave)[:, None, None] * pattern
+    return np.einsum("tab,tnb->tna", R, s), R
+
+
+def scene(level: str, noise: float, seed: int) -> Recording:
+    """Markers of a scene with noise, and the wrench that moved it."""
+    known, t = body(), np.arange(FRAMES) / RATE
+    c, a = center_at(t)
+    step = 2e-4
+    rho, R = arms_at(t, level, seed)
+    far = sum(w * arms_at(t + (i - 4) * step, level, seed)[0] for i, w in enumerate(STENCIL)) / step**2
+    truth = {
+        "force": known.mass.sum() * (a - GRAVITY),
+        "moment": np.einsum("n,tna->ta", known.mass, np.cross(rho, far)),
+        "center": c,
+        "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
+    }
+    x = c[:, None] + rho + noise * np.random.default_rng(seed).standard_normal(rho.shape)
+    return Recording(known, Motion(t, x, gravity=GRAVITY, noise_std={"position": noise}), truth)
+
+
+def ladder_to(level: str) -> list[tuple[str, dict[str, Any]]]:
+    """Names and settings of the levels up to `level`, by their degrees of freedom."""
+    steps: list[tuple[str, dict[str, Any]]] = [("rigid", {"model": "rigid"})]
+    steps += [(f"modal {m}", {"model": "modal", "modes": m}) for m in range(1, 6)]
+    steps += [("affine", {"model": "affine"}), ("modal 6", {"model": "modal", "modes": 6})]
+    return steps[: [name for name, _ in steps].index(level) + 1]
+
+
+def expected_error(one: FlightState, other: FlightState) -> float:
+    """Error of one over that claimed by the other, which is right, the larger of force and moment.
+
+    By what both claim, and by how far they are apart beyond what chance explains.
+    """
+    inner, std = slice(FRAMES // 8, -(FRAMES // 8)), deviation(other.wrench_cov)
+    off = np.concatenate([one.force - other.force, one.moment - other.moment], 1)
+    apart, claimed = (((a / std) ** 2)[inner] for a in (off, deviation(one.wrench_cov)))
+    found = []
+    for load in (slice(3), slice(3, 6)):
+        d, v = float(apart[:, load].mean()), float(claimed[:, load].mean())
+        found.append(v + max(d - abs(1 - v), 0.0))
+    return float(np.sqrt(max(found)))
+
+
+def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str, float]]:
+    """The first level with an error of at most 1.1 times that of the true one, and those before it."""
+    steps = ladder_to(level)
+
+    def estimate(settings: dict[str, Any]) -> FlightState:
+        level, passes = load_settings(lines="none", **settings), kalman.engine("auto")
+        return estimate_flight(recording.body, recording.motion, level, passes).state
+
+    truth, off = estimate(steps[-1][1]), {}
+    for name, settings in steps[:-1]:
+        off[name] = expected_error(estimate(settings), truth)
+        if off[name] <= 1.1:
+            return name, off
+    return level, off
+
+
+def taken(recording: Recording) -> tuple[str, str, float]:
+    """The level that the ladder takes, the one that explains the motion best, and seconds of CPU."""
+    settings = load_settings(lines="none")
+    engine = kalman.engine("auto")
+    began = time.process_time()
+
+    def solve(level: Settings) -> Solution:
+        return estimate_flight(recording.body, recording.motion, level, engine)
+
+    choice, _ = climb(recording.body, recording.motion, settings, engine, solve)
+    spent = time.process_time() - began
+    if choice.level is None:
+        return choice.model, choice.model, spent
+    most = max(choice.steps, key=lambda step: step.evidence)
+    return named(choice.level), named(most), spent
+
+
+def named(step: Step) -> str:
+    """A step as the scenes name levels."""
+    return f"modal {step.modes}" if step.model == "modal" else step.model
+
+
+def case(job: tuple[str, float, int]) -> dict[str, Any]:
+    """One record: what was taken, what would have been enough."""
+    recording = scene(*job)
+    level, most, spent = taken(recording)
+    enough, off = smallest_sufficient(recording, job[0])
+    return {"job": job, "taken": level, "most": most, "enough": enough, "off": off, "seconds": spent}
+
+
+def main() -> int:
+    """A table of the records in which the ladder took the smallest sufficient level."""
+    parser = argparse.ArgumentParser(prog="evidence.drawn.ladder", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    args = parser.parse_args()
+    jobs = [(level, noise, seed) for seed in range(args.seeds) for level in LEVELS for noise in NOISE]
+    with ProcessPoolExecutor(args.jobs) as pool:
+        cases = []
+        for done in pool.map(case, jobs):
+            cases.append(done)
+            print(done, file=sys.stderr, flush=True)
+    print("| true level | " + " | ".join(f"{1e3 * noise:g} mm" for noise in NOISE) + " | levels taken |")
+    print("|---|" + "---|" * (len(NOISE) + 1))
+    for level in LEVELS:
+        cells, names = [], Counter()
+        for noise in NOISE:
+            these = [c for c in cases if c["job"][:2] == (level, noise)]
+            cells.append(f"{sum(c['taken'] == c['enough'] for c in these)}/{len(these)}")
+            names.update(c["taken"] for c in these)
+        said = ", ".join(f"{name} {count}" for name, count in sorted(names.items()))
+        print(f"| {level} | {' | '.join(cells)} | {said} |")
+    right = sum(c["taken"] == c["enough"] for c in cases)
+    explained = sum(c["most"] == c["job"][0] for c in cases)
+    seconds = np.median([c["seconds"] for c in cases])
+    print(f"\nsmallest sufficient level: {right} of {len(cases)} ({100 * right / len(cases):.1f} %)")
+    print(f"true level of most evidence: {explained}; median {seconds:.2f} s of CPU with the flight")
+    for c in cases:
+        if c["taken"] != c["enough"]:
+            near = {name: round(value, 2) for name, value in c["off"].items()}
+            print("missed:", c["job"], "took", c["taken"], "most", c["most"], "enough", c["enough"], near)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""W1: one signal of 1e5 samples, filter and smoother, at three sizes of state and measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from evidence.races import models, peers
+from evidence.races.paired import Contestant, Goal, Race
+from forceid import kalman
+
+SIZES = {  # (state, channel): orders of the stacked processes, goals of filter and smoother
+    (3, 1): ([3], 1000, 1000),
+    (12, 6): ([2] * 6, 400, 400),
+    (30, 30): ([2] * 15, 400, 250),
+}
+OURS = ("auto", "compiled", "numpy")
+
+
+def races(quick: bool, full: bool) -> Iterator[Race]:
+    samples, check = (20_000, 300) if quick else (100_000, 2000)
+    for (n, m), (orders, *least) in SIZES.items():
+        model = models.matern_bank(orders, m, seed=n)
+        z = models.draw(model, samples, seed=n + m)[:, 0]
+        for smooth, goal in zip((False, True), least, strict=True):
+            yield Race(
+                title=f"W1 one signal, n = {n}, m = {m}: {'filter and smoother' if smooth else 'filter'}",
+                contestants=list(contestants(model, z, smooth)),
+                base="filterpy",
+                size=samples,
+                check=check,
+                goals=[Goal("forceid auto", "filterpy", goal)],
+            )
+
+
+def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterator[Contestant]:
+    def on(build, **settings):
+        return lambda size: build(model, z[:size], smooth, **settings)
+
+    for engine in OURS:
+        ours = on(peers.forceid, engine=engine)
+        yield Contestant(f"forceid {engine}", ours, peers.read_forceid, whole=True)
+    every = on(peers.forceid, engine="auto", expanded=True)
+    yield Contestant("forceid auto, every P", every, peers.read_forceid, whole=True)
+    yield Contestant("filterpy", on(peers.filterpy), peers.read_pair)
+    yield Contestant("statsmodels", on(peers.statsmodels), peers.read_statsmodels)
+    yield Contestant("pykalman", on(peers.pykalman), peers.read_pair)
+    yield Contestant("simdkalman", on(peers.simdkalman), peers.read_simdkalman)
+    yield Contestant("dynamax", on(peers.dynamax), peers.read_pair)

@@ -1,0 +1,1 @@
+"""`forceid stress`: where each method breaks, and what forceid says there."""

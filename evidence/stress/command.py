@@ -1,0 +1,148 @@
+"""forceid stress: where each method breaks, and what forceid says there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from evidence.completion import failures
+from forceid.cli.estimate import Json
+from forceid.cli.output import finite, to_json
+
+if TYPE_CHECKING:
+    from evidence.stress.run import Job, Map
+
+SEEDS = 5
+
+
+def run(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the maps.")],
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE...]",
+            help="Failures by name, or groups of them; or all.",
+            autocompletion=failures,
+        ),
+    ] = None,
+    short: Annotated[
+        bool,
+        typer.Option("--short", help="Three levels, one seed, the default method: about two minutes."),
+    ] = False,
+    seeds: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help=f"Records of a cell; {SEEDS} if not given, or 1.")
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option("-j", "--jobs", metavar="N", min=1, help="Processes at a time.")
+    ] = os.cpu_count() or 1,
+    json: Json = False,
+) -> None:
+    """Sweep failures from healthy to hopeless, and map where each method is right, says so, or is wrong.
+
+    Writes DIR/stress.md, stress.json and a picture a failure. What is finished is kept in DIR/stress.jsonl:
+    started again after an interruption, or with more of them, the command goes on from there.
+
+    Example: forceid stress outliers jitter -o stress --short
+    """
+    from evidence.stress.failure_table import failures_named
+    from evidence.stress.run import as_plain, finished, maps_of, plan
+
+    chosen = failures_named(scenes or [])
+    count = seeds or (1 if short else SEEDS)
+    todo = plan(chosen, count, short)
+    output.mkdir(parents=True, exist_ok=True)
+    kept = output / "stress.jsonl"
+    records = finished(kept, todo)
+    left = [job for job in todo if job not in records]
+    with kept.open("a", encoding="utf-8") as lines, progress() as bar:
+        task = bar.add_task("", total=len(todo), completed=len(records))
+        for job, record in done(left, jobs):
+            lines.write(to_json(record) + "\n")
+            lines.flush()
+            records[job] = finite(record)
+            bar.advance(task)
+    maps = maps_of(records.values(), chosen, short)
+    write(maps, output, count, short)
+    print(to_json(as_plain(maps, count, short)) if json else summary(maps, output))
+
+
+def done(todo: Sequence[Job], workers: int) -> Iterator[tuple[Job, dict[str, Any]]]:
+    """Each job with its record as it comes, from processes with one BLAS thread each."""
+    import sys
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    from evidence.stress.run import do
+    from forceid.cli.pool import ignore_interrupt
+    from forceid.errors import EstimationError
+
+    if not todo:
+        return
+    pool = ProcessPoolExecutor(min(workers, len(todo)), get_context("spawn"), initializer=ignore_interrupt)
+    try:
+        pending = {pool.submit(do, job): job for job in todo}
+        for found in as_completed(pending):
+            yield pending[found], found.result()
+    except BrokenProcessPool as error:
+        raise EstimationError(
+            "lost a process, perhaps for want of memory",
+            "stress",
+            "run again with -j 1: what is done is kept",
+        ) from error
+    except KeyboardInterrupt:
+        print("forceid: finishing the records under way", file=sys.stderr)
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def write(maps: Sequence[Map], folder: Path, seeds: int, short: bool) -> None:
+    """The pictures, stress.json and stress.md."""
+    from evidence.stress.figures import draw_map, draw_overview
+    from evidence.stress.page import page_of
+    from evidence.stress.run import as_plain
+    from forceid.files.atomic import atomic
+
+    figures = {m.failure.name: draw_map(m) for m in maps} | {"overview": draw_overview(maps)}
+    for name, figure in figures.items():
+        with atomic(folder / f"{name}.png") as partial:
+            figure.savefig(partial, format="png", dpi=160, facecolor="white")
+    for name, text in (
+        ("stress.json", to_json(as_plain(maps, seeds, short)) + "\n"),
+        ("stress.md", page_of(maps, seeds)),
+    ):
+        with atomic(folder / name) as partial:
+            partial.write_text(text)
+
+
+def summary(maps: Sequence[Map], folder: Path) -> str:
+    """The count of each color, and where to read on."""
+    from evidence.stress.run import counts
+
+    total = counts(row for m in maps for row in m.rows)
+    colors = ", ".join(f"{total[color]} {color}" for color in ("green", "pale", "amber", "grey", "red"))
+    return (
+        f"cells    {total['cells']}: {colors}\n"
+        f"amber    {total['needless amber']} needless\n"
+        f"page     {folder / 'stress.md'}, numbers in {folder / 'stress.json'}"
+    )
+
+
+def progress() -> Any:
+    """A bar on stderr with count and time left."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+
+    return Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )

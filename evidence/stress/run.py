@@ -1,0 +1,202 @@
+"""The stress study: which records are to be made, which are done already, and the maps they add up to."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evidence.journal import code_hash, sources_in
+from evidence.stress import cell
+from evidence.stress.cell import Cell, Trial, judge_cell
+from evidence.stress.failure_table import FAILURES
+from evidence.subject import Contender, subject_of
+from evidence.subjects.flights.failures.failure import Failure
+from forceid import __version__
+
+SHORT_LEVELS = (0, 2, 4)  # of the eight, in the short form
+ONCE = ("length",)  # groups of records so long that one seed tells
+
+
+@dataclass(frozen=True)
+class Job:
+    """One record to make: a failure by name, a level, a seed; short: for the default method only."""
+
+    failure: str
+    level: float
+    seed: int
+    short: bool
+
+
+@dataclass(frozen=True)
+class Row:
+    """One contestant on one failure: a cell for every level, and the process time of all its estimates, s."""
+
+    who: Contender
+    cells: tuple[Cell, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Map:
+    """A failure with the levels that were run and a row for every contestant."""
+
+    failure: Failure
+    levels: tuple[float, ...]
+    rows: tuple[Row, ...]
+
+
+def plan(chosen: Sequence[Failure], seeds: int, short: bool) -> list[Job]:
+    """Every record of a study, seed by seed, so that a map fills evenly; one seed of very long ones."""
+    return [
+        Job(f.name, level, seed, short)
+        for seed in range(1, seeds + 1)
+        for f in chosen
+        if seed == 1 or f.group not in ONCE
+        for level in levels_of(f, short)
+    ]
+
+
+def levels_of(failure: Failure, short: bool) -> tuple[float, ...]:
+    """The levels of a failure that a study runs."""
+    return tuple(failure.levels[k] for k in SHORT_LEVELS) if short else failure.levels
+
+
+def by_name(name: str) -> Failure:
+    """The failure of that name."""
+    return next(f for f in FAILURES if f.name == name)
+
+
+def do(job: Job) -> dict[str, Any]:
+    """The trials of one record, with the key under which they are kept."""
+    failure = by_name(job.failure)
+    subject = subject_of(failure)
+    done = subject.attempt(failure, job.level, job.seed, subject.contestants(failure, job.short))
+    return {"key": key_of(job), **done}
+
+
+def key_of(job: Job) -> str:
+    """What the trials of a record depend on: code under test or that makes the record, and who meets it."""
+    failure = by_name(job.failure)
+    subject = subject_of(failure)
+    sources = (*subject.sources, inspect.getmodule(failure.make))
+    names = (who.name for who in subject.contestants(failure, job.short))
+    files = [Path(inspect.getfile(source)) for source in sources if source is not None]
+    code = code_hash([*sources_in(subject.folders), *files])  # two states of it never share a map
+    return hashlib.sha256("\n".join([__version__, code, repr(job), *names]).encode()).hexdigest()[:16]
+
+
+def finished(path: Path, jobs: Iterable[Job]) -> dict[Job, dict[str, Any]]:
+    """The records of earlier runs that are still current, from the JSON lines in `path`.
+
+    A line that an interruption cut short is left out.
+    """
+    kept = {}
+    if path.exists():
+        for line in path.read_text().splitlines():
+            try:
+                record = json.loads(line)
+                kept[record["key"]] = record
+            except (ValueError, KeyError, TypeError):
+                continue
+    keys = {job: key_of(job) for job in jobs}
+    return {job: kept[key] for job, key in keys.items() if key in kept}
+
+
+def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short: bool) -> list[Map]:
+    """The maps that the records of all seeds add up to."""
+    pooled: dict[tuple[str, float, str], list[dict[str, Any]]] = {}
+    for record in sorted(records, key=lambda r: int(r["seed"])):
+        for who, tried in record["trials"].items():
+            pooled.setdefault((record["failure"], record["level"], who), []).append(tried)
+    maps = []
+    for failure in chosen:
+        levels, rows, subject = levels_of(failure, short), [], subject_of(failure)
+        for who in subject.contestants(failure, short):
+            trials = [pooled[failure.name, level, who.name] for level in levels]
+            coarse = who.coarse or failure.other
+            cells = tuple(
+                judge_cell([trial_of(t) for t in some], coarse, subject.quantities) for some in trials
+            )
+            rows.append(Row(who, cells, sum(t["seconds"] for some in trials for t in some)))
+        maps.append(Map(failure, levels, tuple(rows)))
+    return maps
+
+
+def trial_of(plain: dict[str, Any]) -> Trial:
+    """A trial from plain numbers, in which null stands for what is not known."""
+    both = {
+        name: tuple(float("nan") if v is None else float(v) for v in plain.get(name, (0, 0)))
+        for name in ("error", "claimed", "bound", "told")
+    }
+    return Trial(verdict=plain["verdict"], reason=plain["reason"], **both)  # type: ignore[arg-type]
+
+
+def threshold(levels: Sequence[float], cells: Sequence[Cell], *colors: str) -> float | None:
+    """The first level whose cell is of one of the colors, None for none.
+
+    >>> threshold((1.0, 2.0), (), "red") is None
+    True
+    """
+    return next((level for level, one in zip(levels, cells, strict=False) if one.color in colors), None)
+
+
+def leaves_green(levels: Sequence[float], cells: Sequence[Cell]) -> float | None:
+    """The first level at which an answer is no longer accurate, None for none."""
+    return threshold(levels, cells, "amber", "grey", "red")
+
+
+def needless(one: Cell) -> bool:
+    """Whether a cell is amber though its errors are within twice the claimed ones and twice the bound."""
+    off = (*one.over_bound, *one.over_claim)
+    return one.color == "amber" and all(ratio <= cell.TWICE for ratio in off)
+
+
+def counts(rows: Iterable[Row]) -> dict[str, int]:
+    """How many cells are of each color, how many are needlessly amber, and how many seeds are red alone."""
+    cells = [one for row in rows for one in row.cells]
+    found = {
+        color: sum(c.color == color for c in cells) for color in ("green", "pale", "amber", "grey", "red")
+    }
+    return found | {
+        "needless amber": sum(needless(c) for c in cells),
+        "red, honest": sum(c.honest_red for c in cells),
+        "red alone": sum(c.alone for c in cells),
+        "cells": len(cells),
+    }
+
+
+def as_plain(maps: Sequence[Map], seeds: int, short: bool) -> dict[str, Any]:
+    """Everything that was found, as plain numbers and words."""
+    return {
+        "forceid_version": __version__,
+        "seeds": seeds,
+        "short": short,
+        "counts": counts(row for m in maps for row in m.rows),
+        "failures": [
+            {
+                "name": m.failure.name,
+                "group": m.failure.group,
+                "title": m.failure.title,
+                "unit": m.failure.unit,
+                "breaks": m.failure.breaks,
+                "quantities": subject_of(m.failure).quantities,
+                "levels": m.levels,
+                "contestants": [
+                    {
+                        "name": row.who.name,
+                        "leaves_green": leaves_green(m.levels, row.cells),
+                        "first_red": threshold(m.levels, row.cells, "red"),
+                        "seconds": row.seconds,
+                        "cells": [{**vars(c), "needless": needless(c)} for c in row.cells],
+                    }
+                    for row in m.rows
+                ],
+            }
+            for m in maps
+        ],
+    }

@@ -1,0 +1,1 @@
+"""What is charted and stressed: flights, bodies in parts, affine bodies."""

@@ -1,0 +1,174 @@
+"""Who factors deformations, and how: forceid, and what one writes with numpy and scipy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg import polar as scipy_polar
+
+from evidence.subjects.affine.bodies import EYE, Frames
+from evidence.subjects.affine.problem import Answer, Contestant, Problem
+from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
+from forceid.pseudorigid.bipolar_path import TURN
+from forceid.records import Array, Flags
+
+RESIDUAL = 1e-13  # of F, that factors may leave
+TOLD = "rates are not defined about axes between close values"
+
+
+def polar_factor(problem: Problem) -> Answer:
+    """`polar` and `polar_rates`."""
+    given: Frames = problem.given
+    found: Any = polar_rates(given.F, given.dF)
+    omega, _ = found
+    told = getattr(found, "rounding", None)
+    every = None if told is None else np.tile(told[:, None] / np.sqrt(3), (1, 3))
+    return with_rounding(problem, polar(given.F)[0], omega, every)
+
+
+def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array | None) -> Answer:
+    """An answer whose rates come with what rounding may have cost, where they do."""
+    if rounding is None:
+        return Answer(motion, rate)
+    at = np.isfinite(rate) & np.isfinite(rounding)
+    told = float(np.linalg.norm(rounding[at])) / max(float(np.linalg.norm(rate[at])), 1e-300)
+    if told <= problem.promised[1]:
+        return Answer(motion, rate)
+    return Answer(motion, rate, (problem.promised[0], told), "degraded", "rounding of F swamps rates")
+
+
+def polar_loop(problem: Problem) -> Answer:
+    """scipy.linalg.polar frame by frame."""
+    given: Frames = problem.given
+    return by_formula(given, np.array([scipy_polar(F)[0] for F in given.F]))
+
+
+def polar_svd(problem: Problem) -> Answer:
+    """L R of numpy.linalg.svd."""
+    L, _, R = np.linalg.svd(problem.given.F)
+    return by_formula(problem.given, L @ R)
+
+
+def polar_newton(problem: Problem) -> Answer:
+    """Newton's iteration as one finds it in textbooks, until nothing changes by 1e-12, at most a hundred."""
+    X = problem.given.F
+    for _ in range(100):
+        last, X = X, 0.5 * (X + np.linalg.inv(X).swapaxes(1, 2))
+        if np.abs(X - last).max() < 1e-12:
+            break
+    return by_formula(problem.given, X)
+
+
+def by_formula(given: Frames, L: Array) -> Answer:
+    """The rate of a rotation by the formula of section 2."""
+    A, U = L.swapaxes(1, 2) @ given.dF, L.swapaxes(1, 2) @ given.F
+    skew = A - A.swapaxes(1, 2)
+    inertia = np.trace(U, axis1=1, axis2=2)[:, None, None] * EYE - U
+    vee = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], 1)
+    return Answer(L, np.linalg.solve(inertia, vee[..., None])[..., 0])
+
+
+def rates_here(problem: Problem) -> Answer:
+    """`bipolar_rates`."""
+    given: Frames = problem.given
+    r = bipolar_rates(given.F, given.dF)
+    answer = with_rounding(problem, r.D, spins(r.L, r.R, r.omega, r.lam), around(r))
+    return answer if r.defined.all() else Answer(r.D, answer.rate, answer.claimed, "degraded", TOLD)
+
+
+def around(rates: Any) -> Array | None:
+    """What rounding may have cost of both spins (frame, 6), where that is told."""
+    told = getattr(rates, "rounding", None)
+    return None if told is None else np.concatenate([told, told], -1)
+
+
+def spins(L: Array, R: Array, omega: Array, lam: Array) -> Array:
+    """Spins of both bases (frame, 6) in axes that no labels change: L omega, R^T lam."""
+    return np.concatenate([L @ omega[..., None], R.swapaxes(1, 2) @ lam[..., None]], 1)[..., 0]
+
+
+def svd_rotations(F: Array) -> tuple[Array, Array, Array]:
+    """numpy.linalg.svd with both factors made rotations."""
+    L, D, R = np.linalg.svd(F)
+    flip = np.linalg.det(R) < 0
+    R[flip, 2] *= -1
+    L[flip, :, 2] *= -1
+    return L, D, R
+
+
+def svd_rates(given: Frames, L: Array, D: Array, R: Array) -> Array:
+    """Spins (frame, 6) of factors by the formulas of section 2."""
+    A = L.swapaxes(1, 2) @ given.dF @ R.swapaxes(1, 2)
+    i, j = np.array([1, 2, 0]), np.array([2, 0, 1])
+    s = (A[:, j, i] - A[:, i, j]) / (D[:, i] + D[:, j])
+    d = (A[:, j, i] + A[:, i, j]) / (D[:, i] - D[:, j])
+    return spins(L, R, (s + d) / 2, (s - d) / 2)
+
+
+def rates_svd(problem: Problem) -> Answer:
+    """numpy.linalg.svd and the formulas."""
+    L, D, R = svd_rotations(problem.given.F)
+    return Answer(D, svd_rates(problem.given, L, D, R))
+
+
+def path_here(problem: Problem) -> Answer:
+    """`bipolar_path`."""
+    given: Frames = problem.given
+    p = bipolar_path(given.F, given.dF)
+    assert p.omega is not None
+    assert p.lam is not None
+    rate, defined = spins(p.L, p.R, p.omega, p.lam), np.asarray(p.defined.all(-1))
+    off = of_path(problem, p.L, p.D, p.R, rate, p.continuous, defined)
+    if not p.continuous.all():
+        return Answer(p.D, p.D, None, "degraded", "frames do not show how the axes go on", off)
+    if not defined.all():
+        return Answer(p.D, p.D, None, "degraded", TOLD, off)
+    return Answer(p.D, p.D, off=off)
+
+
+def of_path(
+    problem: Problem, L: Array, D: Array, R: Array, rate: Array, shown: Flags, defined: Flags
+) -> tuple[float, float]:
+    """Largest unflagged turn of a basis between frames over TURN, or residual over 1e-13; error of rates."""
+    F = problem.given.F
+    left = np.linalg.norm(F - (L * D[:, None]) @ R, axis=(1, 2)) / np.linalg.norm(F, axis=(1, 2))
+    step = np.stack([L[:-1].swapaxes(1, 2) @ L[1:], R[1:] @ R[:-1].swapaxes(1, 2)])
+    angle = np.arccos(np.clip(0.5 * (np.trace(step, axis1=2, axis2=3) - 1), -1, 1)).max(0)
+    jump = np.where(shown[1:], angle, 0.0).max()
+    known = defined & np.isfinite(rate).all(1)
+    miss = np.linalg.norm((rate - problem.rate)[known]) / np.linalg.norm(problem.rate[known])
+    return float(max(jump / TURN, left[defined].max() / RESIDUAL)), float(miss)
+
+
+def path_svd(problem: Problem) -> Answer:
+    """numpy.linalg.svd frame by frame."""
+    L, D, R = svd_rotations(problem.given.F)
+    return unflagged(problem, L, D, R)
+
+
+def path_signs(problem: Problem) -> Answer:
+    """The same, with signs as in the frame before."""
+    L, D, R = svd_rotations(problem.given.F)
+    for k in range(1, len(L)):
+        sign = np.sign((L[k] * L[k - 1]).sum(0) + (R[k] * R[k - 1]).sum(1))
+        L[k], R[k] = L[k] * sign, R[k] * sign[:, None]
+    return unflagged(problem, L, D, R)
+
+
+def unflagged(problem: Problem, L: Array, D: Array, R: Array) -> Answer:
+    """Factors of a path that say nothing."""
+    every = np.ones(len(L), bool)
+    off = of_path(problem, L, D, R, svd_rates(problem.given, L, D, R), every, every)
+    return Answer(D, D, off=off)
+
+
+POLAR = (
+    Contestant("polar", polar_factor), Contestant("scipy.linalg.polar", polar_loop),
+    Contestant("numpy svd", polar_svd), Contestant("Newton, unscaled", polar_newton),
+)  # fmt: skip
+RATES = (Contestant("bipolar_rates", rates_here), Contestant("numpy svd", rates_svd))
+PATHS = (
+    Contestant("bipolar_path", path_here), Contestant("numpy svd", path_svd),
+    Contestant("numpy svd, signs matched", path_signs),
+)  # fmt: skip

@@ -1,0 +1,210 @@
+"""Who factors many frames, or follows free bodies, on the chart: forceid, and numpy and scipy.
+
+A way is a line of points: steps, or tolerances, from coarse to fine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import polar as scipy_polar
+
+from evidence.subjects.affine.bodies import Frames, Throw
+from evidence.subjects.affine.cases import FOLLOWED, AffineCase
+from evidence.subjects.affine.movers import material_of
+from forceid.pseudorigid import Body, left_reduced, polar, two_sided
+from forceid.records import Array
+
+Job = Callable[[], tuple[Array, Array]]
+TOLERANCES = (1e-3, 1e-6, 1e-9)
+
+
+@dataclass(frozen=True)
+class Way:
+    """One point of a line: job(case) gives what is timed; about: one line on it, which is its key as well.
+
+    whole: by how much its time is multiplied, where it does a part of the case only.
+    """
+
+    name: str
+    line: str
+    kind: str
+    job: Callable[[AffineCase], Job]
+    about: str
+    whole: float = 1.0
+
+
+def ways(kind: str) -> list[Way]:
+    """Ours first, then peers, for a kind of case."""
+    if kind == "factors":
+        return FACTORS
+    if kind == "bodies":
+        ours = stepped({"verlet": (0.1, 0.02, 0.004), "blanes_moan_6": (0.4, 0.2, 0.1)})
+        peers = tolerated(("RK45", "DOP853", "LSODA"), one_by_one, 1000 / FOLLOWED)
+        return [*ours, *peers]
+    steps: dict[str, dict[str, Sequence[float]]] = {
+        "body": {
+            "verlet": (0.1, 0.02, 0.004), "suzuki_4": (0.2, 0.1, 0.02), "blanes_moan_6": (0.4, 0.2, 0.1),
+            "kahan_li_8": (0.5, 0.25), "implicit_midpoint": (0.1, 0.02), "energy": (0.1, 0.05),
+        },
+        "stiff": {
+            "verlet": (0.008, 0.002, 0.0005), "blanes_moan_6": (0.02, 0.01, 0.005),
+            "implicit_midpoint": (0.02, 0.005), "energy": (0.02,),
+        },
+        "held": {"verlet": (0.05, 0.01, 0.002), "suzuki_4": (0.1, 0.05), "kahan_li_8": (0.4, 0.2)},
+    }  # fmt: skip
+    own = stepped(steps[kind])
+    own.append(Way("reference", "reference", "method", simulated("dop853", None), "Body.simulate, dop853"))
+    if kind == "body":
+        own += [
+            Way("left-reduced", "left-reduced", "method", partial(reduced, left_reduced), "left_reduced"),
+            Way("two-sided", "two-sided", "method", partial(reduced, two_sided), "two_sided"),
+        ]
+    return [*own, *tolerated(("RK45", "DOP853", "LSODA", "Radau"), alone)]
+
+
+def stepped(steps: dict[str, Sequence[float]]) -> list[Way]:
+    """Methods of `Body.simulate` at steps in s."""
+    return [
+        Way(f"{method} {h:g}", method, "method", simulated(method, h), f"Body.simulate, {method}, {h:g} s")
+        for method, chosen in steps.items()
+        for h in chosen
+    ]
+
+
+def tolerated(methods: Sequence[str], how: Any, whole: float = 1.0) -> list[Way]:
+    """Methods of solve_ivp at relative tolerances, absolute ones a thousandth."""
+    return [
+        Way(f"scipy {m} {t:.0e}", f"scipy {m}", "peer", partial(how, m, t), f"solve_ivp {m}, {t:.0e}", whole)
+        for m in methods
+        for t in TOLERANCES
+        if not (m == "Radau" and t < 1e-6)
+    ]
+
+
+def simulated(method: str, step: float | None) -> Callable[[AffineCase], Job]:
+    """`Body.simulate`, body built and all."""
+
+    def job(case: AffineCase) -> Job:
+        throw = case.given
+        assert isinstance(throw, Throw)
+        F0, V0 = case.starts or (throw.F0, throw.dF0)
+
+        def run() -> tuple[Array, Array]:
+            found = Body(throw.E, material_of(throw)).simulate(F0, V0, throw.time, method, step)
+            return (found.F, found.dF) if F0.ndim == 2 else (found.F[:, :FOLLOWED], found.dF[:, :FOLLOWED])
+
+        return run
+
+    return job
+
+
+def reduced(form: Any, case: AffineCase) -> Job:
+    """A reduced form."""
+    throw = case.given
+    assert isinstance(throw, Throw)
+
+    def run() -> tuple[Array, Array]:
+        found = form.simulate(throw.E, material_of(throw), throw.F0, throw.dF0, throw.time)
+        return found.F, found.dF
+
+    return run
+
+
+def alone(method: str, tolerance: float, case: AffineCase) -> Job:
+    """solve_ivp on one body."""
+    throw = case.given
+    assert isinstance(throw, Throw)
+    return lambda: integrated(throw, throw.start, method, tolerance)
+
+
+def one_by_one(method: str, tolerance: float, case: AffineCase) -> Job:
+    """solve_ivp on the first bodies, one after another."""
+    throw, starts = case.given, case.starts
+    assert isinstance(throw, Throw)
+    assert starts is not None
+
+    def run() -> tuple[Array, Array]:
+        each = [np.concatenate([F.ravel(), V.ravel()]) for F, V in zip(*starts, strict=True)][:FOLLOWED]
+        paths = [integrated(throw, start, method, tolerance) for start in each]
+        return np.stack([F for F, _ in paths], 1), np.stack([V for _, V in paths], 1)
+
+    return run
+
+
+def integrated(throw: Throw, start: Array, method: str, tolerance: float) -> tuple[Array, Array]:
+    """F and F' (time, 3, 3) by solve_ivp."""
+    ends = float(throw.time[0]), float(throw.time[-1])
+    options: dict[str, Any] = {"method": method, "t_eval": throw.time, "rtol": tolerance}
+    y = np.asarray(solve_ivp(throw.rates, ends, start, atol=1e-3 * tolerance, **options).y.T)
+    return y[:, :9].reshape(-1, 3, 3), y[:, 9:].reshape(-1, 3, 3)
+
+
+def factored(by: Callable[[Array], Array], case: AffineCase) -> Job:
+    """Rotation and stretch of all frames, of a function that gives rotations."""
+    given = case.given
+    assert isinstance(given, Frames)
+
+    def run() -> tuple[Array, Array]:
+        L = by(given.F)
+        U = L.swapaxes(1, 2) @ given.F
+        return L, 0.5 * (U + U.swapaxes(1, 2))
+
+    return run
+
+
+def here(case: AffineCase) -> Job:
+    """`polar`, which gives both."""
+    given = case.given
+    assert isinstance(given, Frames)
+    return lambda: polar(given.F)
+
+
+def by_loop(F: Array) -> Array:
+    """scipy.linalg.polar frame by frame."""
+    return np.array([scipy_polar(f)[0] for f in F])
+
+
+def by_svd(F: Array) -> Array:
+    """numpy.linalg.svd of all at once."""
+    L, _, R = np.linalg.svd(F)
+    return np.asarray(L @ R)
+
+
+def by_roots(F: Array) -> Array:
+    """U from the eigenvalues of F^T F."""
+    value, vector = np.linalg.eigh(F.swapaxes(1, 2) @ F)
+    inverse = (vector / np.sqrt(np.maximum(value, 1e-300))[:, None]) @ vector.swapaxes(1, 2)
+    return np.asarray(F @ inverse)
+
+
+def by_newton(F: Array) -> Array:
+    """Newton's iteration, scaled while it is far, on all at once."""
+    X = F
+    for _ in range(20):
+        Y = np.linalg.inv(X).swapaxes(1, 2)
+        g = np.sqrt(np.linalg.norm(Y, axis=(1, 2)) / np.linalg.norm(X, axis=(1, 2)))[:, None, None]
+        g = np.where(np.abs(g - 1) < 0.01, 1.0, g)
+        last, X = X, 0.5 * (g * X + Y / g)
+        if np.abs(X - last).max() < 1e-14:
+            break
+    return np.asarray(X)
+
+
+FACTORS = [
+    Way("polar", "polar", "method", here, "polar, all at once"),
+    *(
+        Way(name, name, "peer", partial(factored, by), about)
+        for name, by, about in (
+            ("scipy.linalg.polar", by_loop, "a loop over frames"),
+            ("numpy svd", by_svd, "all at once"),
+            ("numpy eigh of F^T F", by_roots, "all at once"),
+            ("numpy Newton", by_newton, "scaled, all at once"),
+        )
+    ),
+]

@@ -1,0 +1,1 @@
+"""Bodies in flight: records, methods and peers, and what goes wrong."""

@@ -1,0 +1,1 @@
+"""What goes wrong with a flight and its record: a sweep each."""

@@ -1,0 +1,81 @@
+"""Every way of ours: methods, levels of the model, engines, numbers of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from evidence.subjects.flights.cases import Case
+from evidence.subjects.flights.contestant import Answer, Contestant
+from forceid.config import load_settings, to_toml
+from forceid.estimation.run import estimate_recording
+from forceid.kalman.engines import engine
+from forceid.records import Array, Estimate
+
+DEFAULT = "smoother"
+MODES = (1, 2, 3, 5)
+NO_MODES = ", 0 modes"
+
+
+def ours() -> list[Contestant]:
+    """Contestants of forceid; the default settings come first."""
+    found = [
+        asked(DEFAULT, "method", "forceid with default settings"),
+        asked("filter", "method", "live: no later samples", method="filter"),
+        asked("savgol", "method", "Savitzky-Golay, window from the data", method="savgol"),
+        asked("spline", "method", "smoothing spline, smoothness from the data", method="spline"),
+        asked("difference", "method", "differences, lag from the data", method="difference"),
+        asked("rigid", "level", "smoother, rigid body", model="rigid"),
+        asked("affine", "level", "smoother, rigid body and uniform strain", model="affine"),
+        asked("modal", "level", "smoother, modes chosen from the data", model="modal"),
+        asked("numpy engine", "engine", "smoother without a compiler", engine="numpy", slow=True),
+        asked("filterpy engine", "engine", "on the passes of filterpy", engine="filterpy", slow=True),
+    ]
+    return found + [
+        asked(f"{k} mode{'s' * (k > 1)}", "modes", f"smoother, {k} modes kept", True, model="modal", modes=k)
+        for k in MODES
+    ]
+
+
+def asked(name: str, kind: Any, about: str, slow: bool = False, **settings: Any) -> Contestant:
+    """An estimate under some settings."""
+    merged = load_settings(**settings)
+
+    def prepare(case: Case) -> Callable[[], Answer]:
+        return lambda: answer_of(estimate_recording(case.blind, merged))
+
+    key = to_toml(merged) + engine(merged.engine).name
+    return Contestant(name, kind, prepare, about, key, slow=slow)
+
+
+def answer_of(estimate: Estimate) -> Answer:
+    """What an estimate answers."""
+    std = np.sqrt(np.diagonal(estimate.wrench_cov, axis1=1, axis2=2))
+    chosen = estimate.model
+    if estimate.mode_amplitude is not None:
+        chosen += f", {estimate.mode_amplitude.shape[1]} modes"
+    windows = {name.split("_")[0]: value for name, value in estimate.tuned.items() if "window" in name}
+    chosen = ", ".join([chosen, *(f"{load} {1e3 * value:.3g} ms" for load, value in windows.items())])
+    return Answer(
+        wrench_of(estimate),
+        std,
+        estimate.verdict.level,
+        estimate.verdict.reasons,
+        chosen,
+    )
+
+
+def wrench_of(state: Any) -> Array:
+    """Force and moment (time, 6) of an estimate or a state."""
+    return np.concatenate([state.force, state.moment], 1)
+
+
+def worth_while(kind: str, modal: Sequence[str]) -> bool:
+    """Whether a contestant of a kind says anything new, after what the modal level chose, if it ran.
+
+    >>> worth_while("modes", ["modal, 0 modes"]), worth_while("modes", ["modal, 1 modes"])
+    (False, True)
+    """
+    return kind != "modes" or not any(chosen.endswith(NO_MODES) for chosen in modal)

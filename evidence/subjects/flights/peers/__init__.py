@@ -1,0 +1,1 @@
+"""Peers that find a load from motion: filters, splines, low passes."""

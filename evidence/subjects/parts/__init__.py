@@ -1,0 +1,1 @@
+"""Bodies in parts: manufactured solutions, solvers, and what goes wrong."""

@@ -1,0 +1,210 @@
+"""Who solves a body in parts: forceid in parts, and peers on the assembled matrix or on the saddle point.
+
+Each gets the matrices that it works on, builds what it needs, and answers displacements and interface forces;
+peers that solve for displacements alone get their interface forces as f_s - K_s u_s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, cg, minres, splu, spsolve
+
+from evidence.subjects.parts.cases import PartsCase
+from forceid.errors import EstimationError
+from forceid.partition import PartitionedSystem, Statics
+from forceid.records import Array
+
+TOLERANCES = (1e-4, 1e-7, 1e-10)
+MOST = 5000  # iterations
+VARIANTS = (
+    ("cg none", "none", "multiplicity"),
+    ("cg lumped", "lumped", "multiplicity"),
+    ("cg dirichlet", "dirichlet", "multiplicity"),
+    ("cg dirichlet by stiffness", "dirichlet", "stiffness"),
+)
+DEFAULT = "cg dirichlet 1e-10"  # what solve_cg does when nothing is said
+
+
+@dataclass(frozen=True)
+class Solved:
+    """u (dof,) m of all parts, lam (multiplier,) N, and iterations, None of a direct solution.
+
+    claimed: errors of u and of lam, relative, as the solver tells them, None where it tells none; verdict and
+    reasons: what it says of its answer.
+    """
+
+    u: Array
+    lam: Array
+    iterations: int | None = None
+    claimed: tuple[float, float] | None = None
+    verdict: str = ""
+    reasons: tuple[str, ...] = ()
+
+
+Solve = Callable[[], Solved]
+
+
+@dataclass(frozen=True)
+class Solver:
+    """One way to solve: build(case) does what every load shares, and gives the solution for the load.
+
+    line: what it is called without its tolerance; about: one line on it, which is its key as well; slow: left
+    out of the short chart.
+    """
+
+    name: str
+    line: str
+    kind: str
+    build: Callable[[PartsCase], Solve]
+    about: str
+    slow: bool = False
+
+
+def solvers() -> tuple[list[Solver], list[str]]:
+    """Ours first, the peers whose library is installed, and the libraries that are not."""
+    found = [Solver("direct", "direct", "method", direct, "PartitionedSystem.solve, saddle point")]
+    for line, preconditioner, weights in VARIANTS:
+        about = f"solve_cg, {preconditioner}, weights by {weights}"
+        found += line_of(line, "method", partial(projected, preconditioner, weights), about)
+    found += [
+        Solver("scipy spsolve", "scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
+        Solver("scipy splu", "scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
+        *line_of("scipy cg Jacobi", "peer", jacobi, "cg, diagonal preconditioner, assembled"),
+        *line_of("scipy MINRES", "peer", saddle_minres, "minres, saddle point, matrix-free", slow=1e-10),
+    ]
+    missing = [] if find_spec("pyamg") else ["PyAMG"]
+    if not missing:
+        about = "cg, smoothed aggregation that knows the rigid modes, assembled"
+        found += line_of("PyAMG", "peer", multigrid, about)
+    return found, missing
+
+
+def line_of(
+    line: str, kind: str, build: Callable[[float, PartsCase], Solve], about: str, slow: float = 0.0
+) -> list[Solver]:
+    """A solver at every tolerance; at those up to `slow` not in the short chart."""
+    return [
+        Solver(f"{line} {t:.0e}", line, kind, partial(build, t), f"{about}, {t:.0e}", t <= slow)
+        for t in TOLERANCES
+    ]
+
+
+def system_of(case: PartsCase) -> PartitionedSystem:
+    """The partitioned system, built from the matrices of the parts."""
+    return PartitionedSystem(case.stiffness, None, case.boolean, case.modes)
+
+
+def direct(case: PartsCase) -> Solve:
+    """Ours, directly."""
+    system = system_of(case)
+
+    def solve() -> Solved:
+        return told(system.solve(case.load))
+
+    return solve
+
+
+def projected(preconditioner: str, weights: str, tolerance: float, case: PartsCase) -> Solve:
+    """Ours, by projected conjugate gradients."""
+    system = system_of(case)
+
+    def solve() -> Solved:
+        return told(system.solve_cg(case.load, preconditioner, weights, tolerance, most=MOST))
+
+    return solve
+
+
+def told(done: Statics) -> Solved:
+    """What forceid answers."""
+    steps = done.iterations.count if done.iterations else None
+    claimed = done.error, done.lam_error
+    return Solved(done.u, done.lam, steps, claimed, done.verdict.level, done.verdict.reasons)
+
+
+def parted(case: PartsCase, u: Array, iterations: int | None = None) -> Solved:
+    """The answer that assembled displacements (size,) are."""
+    return Solved(case.L @ u, case.residual(u)[case.shared], iterations)
+
+
+def assembled_direct(case: PartsCase) -> Solve:
+    """SuperLU as it comes."""
+    return lambda: parted(case, spsolve(sp.csc_array(case.assembled), case.load))
+
+
+def symmetric_direct(case: PartsCase) -> Solve:
+    """SuperLU as one uses it who knows that the matrix is symmetric and definite."""
+    options = {"SymmetricMode": True}
+    K = sp.csc_array(case.assembled)
+    lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return lambda: parted(case, lu.solve(case.load))
+
+
+def jacobi(tolerance: float, case: PartsCase) -> Solve:
+    """Conjugate gradients with the diagonal."""
+    K, inverse = case.assembled, 1 / case.assembled.diagonal()
+    M = LinearOperator(K.shape, matvec=lambda x: inverse * np.ravel(x), dtype=float)
+
+    def solve() -> Solved:
+        steps: list[None] = []
+        u, short = cg(K, case.load, rtol=tolerance, maxiter=MOST, M=M, callback=lambda _: steps.append(None))
+        return parted(case, arrived(u, short), len(steps))
+
+    return solve
+
+
+def saddle_minres(tolerance: float, case: PartsCase) -> Solve:
+    """MINRES on [F -R_b L_f; -R_b^T 0 0; L_f^T 0 0], with the factors of the parts that ours has."""
+    system = system_of(case)
+    top, R_b = system.topology, sp.csr_array(system.R_b)
+    B, L_f = top.B, top.L_f
+    R: Any = sp.block_diag(case.modes)
+    n, a, m = len(top.frame), R_b.shape[1], len(top.interface)
+    B_T, R_b_T, L_f_T = (sp.csr_array(matrix.T) for matrix in (B, R_b, L_f))
+
+    def apply(x: Array) -> Array:
+        lam, alpha, frame = np.split(np.ravel(x), [n, n + a])
+        gap = B_T @ system.inverse(B @ lam) - R_b @ alpha + L_f @ frame
+        return np.concatenate([gap, -(R_b_T @ lam), L_f_T @ lam])
+
+    operator = LinearOperator((n + a + m,) * 2, matvec=apply, dtype=float)
+
+    def solve() -> Solved:
+        steps: list[None] = []
+        f = system.loads(case.load)
+        right = np.concatenate([B_T @ system.inverse(f), -system.resultant(f), np.zeros(m)])
+        x, short = minres(
+            operator, right, rtol=tolerance, maxiter=MOST, callback=lambda _: steps.append(None)
+        )
+        lam, alpha, _ = np.split(arrived(x, short), [n, n + a])
+        return Solved(system.inverse(f - B @ lam) + R @ alpha, lam, len(steps))
+
+    return solve
+
+
+def multigrid(tolerance: float, case: PartsCase) -> Solve:
+    """Conjugate gradients with algebraic multigrid."""
+    pyamg = import_module("pyamg")
+    levels = pyamg.smoothed_aggregation_solver(sp.csr_matrix(case.assembled), B=case.rigid)
+
+    def solve() -> Solved:
+        left: list[float] = []
+        # the seed of its estimates of spectral radii is numpy's own: iterations may differ by one or two
+        u: Any = levels.solve(case.load, tol=tolerance, accel="cg", residuals=left, maxiter=MOST)
+        return parted(case, u, len(left) - 1)
+
+    return solve
+
+
+def arrived(x: Any, short: int) -> Array:
+    """The solution; EstimationError where iterations ended before the tolerance was met."""
+    if short:
+        raise EstimationError(f"does not meet its tolerance in {MOST} steps")
+    return np.asarray(x)

@@ -1,0 +1,1 @@
+"""What theory says beside what forceid computes: printed values, bounds, orders, conditions."""

@@ -1,0 +1,74 @@
+"""`forceid chart` end to end on a few contestants, interrupted and taken up again."""
+
+import json
+
+import pytest
+
+from evidence.chart import run as chart
+from evidence.chart.cost import spinning
+from evidence.subjects.flights.methods import ours
+from evidence.subjects.flights.peers.entrants import peers
+from forceid.cli.app import main
+from forceid.files.hdf5 import write_motion
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Three contestants, no sweeps; the answers that were worked out."""
+    asked = []
+    chosen = [c for c in [*ours(), *peers()[0]] if c.name in ("smoother", "savgol", "scipy savgol")]
+    answered = chart.answered
+
+    def counted(c, *rest):
+        asked.append(c.name)
+        return answered(c, *rest)
+
+    monkeypatch.setattr(chart, "contestants", lambda extent: (chosen, ["statsmodels"]))
+    monkeypatch.setattr(chart, "answered", counted)
+    sweep = {"over": "samples", "sizes": [10, 100], "seconds": {"smoother": [0.1, 1.0]}}
+    monkeypatch.setattr(chart, "costs", lambda *a: [sweep | {"exponents": {"smoother": 1.0}}])
+    monkeypatch.setattr(chart, "simplifications", lambda *a: [])
+    monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
+    return asked
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A motion file with a truth."""
+    path = tmp_path / "spin.h5"
+    write_motion(path, spinning(5, 120))
+    return path
+
+
+@pytest.mark.long
+def test_a_chart_leaves_page_numbers_and_pictures(few, recording, tmp_path, capsys):
+    out = tmp_path / "charts"
+    assert main(["chart", str(recording), "-o", str(out), "--short"]) == 0
+    found = json.loads((out / "chart.json").read_text())
+    rows = {row["name"]: row for row in found["cases"][0]["rows"]}
+    assert rows["smoother"]["error"]["force"] < rows["scipy savgol"]["error"]["force"]
+    assert rows["scipy savgol"]["coverage"]["force"] is None
+    assert found["cases"][0]["bound"]["force"] > 0
+    assert {p.name for p in out.glob("*.png")} == {"chart_spin.png", "chart_cost.png"}
+    assert "| smoother |" in (out / "chart.md").read_text()
+    assert "default over best point" in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_a_chart_goes_on_where_it_was_interrupted(few, recording, tmp_path, monkeypatch):
+    out = ["-o", str(tmp_path / "charts"), "--short"]
+
+    def interrupted(*a):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(chart, "bound", interrupted)
+        assert main(["chart", str(recording), *out]) == 130
+    assert few == ["smoother", "savgol", "scipy savgol"]
+    assert main(["chart", str(recording), *out]) == 0
+    assert len(few) == 3
+
+
+def test_a_misspelled_scene_names_the_nearest(tmp_path, capsys):
+    assert main(["chart", "frisby", "-o", str(tmp_path)]) == 2
+    assert "did you mean 'frisbee'?" in capsys.readouterr().err

@@ -1,0 +1,154 @@
+"""The map itself: an estimator that is broken on purpose shows red, resumed runs, files, names."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from evidence.stress.cell import judge_cell
+from evidence.stress.failure_table import failures_named
+from evidence.stress.figures import draw_map, draw_overview
+from evidence.stress.page import page_of
+from evidence.stress.run import (
+    Job,
+    as_plain,
+    do,
+    finished,
+    leaves_green,
+    maps_of,
+    needless,
+    plan,
+    threshold,
+    trial_of,
+)
+from evidence.subjects.flights.bodies import Setup
+from evidence.subjects.flights.failures.failure import Failure, measured
+from evidence.subjects.flights.trial import Contestant, attempt, contestants
+from forceid.cli.app import main
+from forceid.cli.output import finite, to_json
+from forceid.estimation.run import estimate_recording
+
+SMOOTHER = (Contestant("smoother"),)
+JOBS = [Job("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
+
+
+def healthy(level, rng):
+    return measured(Setup(frames=100, wobble=4.0), rng)
+
+
+HEALTHY = Failure("healthy", "none", "Nothing", "", (0.0,), "nothing breaks", healthy)
+
+
+def boastful(recording, settings):
+    e = estimate_recording(recording, settings)
+    return replace(e, wrench_cov=e.wrench_cov / 100)
+
+
+def without_gyroscopic_term(recording, settings):
+    e = estimate_recording(recording, settings)
+    return replace(e, moment=e.moment - np.cross(e.angular_velocity, e.angular_momentum))
+
+
+def singular(recording, settings):
+    raise np.linalg.LinAlgError("singular")
+
+
+def cell_of(estimator=None, seeds=(1, 2)):
+    records = [attempt(HEALTHY, 0.0, seed, SMOOTHER, estimator) for seed in seeds]
+    plain = [finite(r["trials"]["smoother"]) for r in records]
+    return judge_cell([trial_of(t) for t in plain], coarse=False)
+
+
+def test_the_default_is_green_on_a_healthy_record():
+    found = cell_of()
+    assert found.color == "green"
+    assert max(found.over_bound) < 1.5
+
+
+@pytest.mark.parametrize("broken", [boastful, without_gyroscopic_term, singular])
+def test_an_estimator_that_is_broken_on_purpose_shows_red(broken):
+    assert cell_of(broken, seeds=(1,)).color == "red"
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [do(job) for job in JOBS]
+
+
+def test_finished_records_are_found_again_and_a_torn_line_is_not(records, tmp_path):
+    kept = tmp_path / "stress.jsonl"
+    lines = [to_json(r) for r in records]
+    kept.write_text("\n".join([*lines[:2], lines[2][:-9]]))
+    assert list(finished(kept, JOBS)) == JOBS[:2]
+    assert finished(kept, JOBS)[JOBS[0]]["trials"] == finite(records[0]["trials"])
+
+
+def test_a_record_of_another_seed_or_for_other_methods_is_not_taken_for_it(records, tmp_path):
+    kept = tmp_path / "stress.jsonl"
+    kept.write_text("\n".join(to_json(r) for r in records))
+    for other in ({"seed": 2}, {"short": False}, {"level": 1.0}):
+        assert not finished(kept, [replace(JOBS[0], **other)])
+
+
+def test_a_command_whose_records_are_all_there_writes_its_files_without_estimating(
+    records, tmp_path, capsys, monkeypatch
+):
+    (tmp_path / "stress.jsonl").write_text("\n".join(to_json(r) for r in records) + "\n")
+    monkeypatch.setattr("evidence.stress.run.do", partial(pytest.fail, "estimated again"))
+    assert main(["stress", "mass", "-o", str(tmp_path), "--short"]) == 0
+    assert "cells    3: 3 green" in capsys.readouterr().out
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "stress.jsonl", "stress.json", "stress.md", "mass.png", "overview.png",
+    }  # fmt: skip
+    page = (tmp_path / "stress.md").read_text()
+    assert "![Mass wrong](mass.png)" in page
+    assert "No cell." in page
+
+
+def test_a_word_that_names_no_failure_is_answered_with_the_nearest(tmp_path, capsys):
+    assert main(["stress", "outlier", "-o", str(tmp_path)]) == 2
+    assert "unknown failure 'outlier'; did you mean 'outliers'?" in capsys.readouterr().err
+
+
+def test_a_group_names_its_failures():
+    assert {f.group for f in failures_named(["body"])} == {"body"}
+    assert len(failures_named(["body", "impact"])) == len(failures_named(["body"])) + 1
+
+
+def test_every_model_of_the_body_is_tried_where_the_failure_is_about_it():
+    by_name = {f.name: [who.name for who in contestants(f)] for f in failures_named([])}
+    assert "smoother, modal" in by_name["vibration"]
+    assert by_name["outliers"] == ["difference", "savgol", "spline", "filter", "smoother"]
+
+
+def test_a_full_plan_holds_every_level_once_a_seed_and_very_long_records_once():
+    todo = plan(failures_named([]), 5, short=False)
+    assert len(todo) == len(set(todo)) == 8 * (5 * len(failures_named([])) - 4)
+
+
+def test_thresholds_are_the_first_levels_off_green_and_at_red(records):
+    trials = [finite(r["trials"]["smoother"]) for r in records]
+    good = judge_cell([trial_of(trials[0])], coarse=False)
+    boast = judge_cell([trial_of({**trials[1], "claimed": [1e-9, 1e-9]})], coarse=False)
+    said = judge_cell([trial_of({**trials[2], "verdict": "degraded"})], coarse=False)
+    cells = (good, said, boast)
+    assert leaves_green((1, 2, 3), cells) == 2
+    assert threshold((1, 2, 3), cells, "red") == 3
+    assert threshold((1, 2, 3), (good,), "red") is None
+    assert needless(said)
+    assert not needless(good)
+
+
+def test_numbers_pictures_and_page_come_from_the_same_cells(records):
+    chosen = failures_named(["mass"])
+    maps = maps_of([finite(r) for r in records], chosen, short=True)
+    plain = as_plain(maps, 1, True)
+    row = plain["failures"][0]["contestants"][0]
+    assert [c["color"] for c in row["cells"]] == ["green", "green", "green"]
+    assert row["leaves_green"] is None
+    marks = [text.get_text() for text in draw_map(maps[0]).axes[0].texts]
+    assert all(mark.startswith("✓") for mark in marks)
+    shown = [text.get_text() for text in draw_overview(maps).axes[0].texts]
+    assert shown == ["✓ 0", "✓ 0.003", "✓ 0.03"]
+    assert f"| {maps[0].failure.title} | - | - |" in page_of(maps, 1)
