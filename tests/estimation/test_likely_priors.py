@@ -111,8 +111,8 @@ def test_evidence_gains_by_what_explains_the_channel():
     prior = tune_channel(channel, (1.0, 1.0), ())
     right, wrong = (whitened(channel, prior, engine(), w) for w in (wave, np.roll(wave, 1, axis=1)))
     before = right.evidence()
-    assert right.evidence(right.amounts(1, 1.0)[0]) > before + 5
-    assert abs(wrong.evidence(wrong.amounts(1, 1.0)[0]) - before) < 3
+    assert right.evidence(right.amounts(1.0)[0]) > before + 5
+    assert abs(wrong.evidence(wrong.amounts(1.0)[0]) - before) < 3
 
 
 def test_long_records_are_looked_at_in_their_middle():

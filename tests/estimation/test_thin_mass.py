@@ -31,8 +31,10 @@ def swung(along=(), mass=(), massless=(), spin=0.0, seed=0, noise=3e-4, shown=No
     every = np.r_[mass, np.zeros(len(places) - len(mass))]
     time = np.arange(150) / 150
     angle = SWING * np.sin(RATE * time)
-    turn = TILT * Rotation.from_rotvec(np.outer(angle, [0, 0, 1.0])) * Rotation.from_rotvec(
-        np.outer(spin * time, [1.0, 0, 0])
+    turn = (
+        TILT
+        * Rotation.from_rotvec(np.outer(angle, [0, 0, 1.0]))
+        * Rotation.from_rotvec(np.outer(spin * time, [1.0, 0, 0]))
     )
     sag = np.zeros(len(places))
     if bent:
@@ -181,8 +183,10 @@ def sensed(recording, spin=3.0):
     """Gyro and accelerometer on a body of `swung`, without markers; truth in the axes of the start."""
     time, rng = recording.motion.time[:60], np.random.default_rng(0)
     angle, rate = SWING * np.sin(RATE * time), SWING * RATE * np.cos(RATE * time)
-    turn = TILT * Rotation.from_rotvec(np.outer(angle, [0, 0, 1.0])) * Rotation.from_rotvec(
-        np.outer(spin * time, [1.0, 0, 0])
+    turn = (
+        TILT
+        * Rotation.from_rotvec(np.outer(angle, [0, 0, 1.0]))
+        * Rotation.from_rotvec(np.outer(spin * time, [1.0, 0, 0]))
     )
     e, n = TILT.apply([0, 0, 1.0]), turn.apply([1.0, 0, 0])
     omega = rate[:, None] * e + spin * n

@@ -101,13 +101,13 @@ class Whitened:
         noise = noise / beside_parabola(frequency * float(np.ptp(self.channel.time)))[:, None]
         return tuple(candidates(frequency, count, noise[:, i], own[:, i]) for i in range(3))
 
-    def amounts(self, columns: int, std: float) -> tuple[Array, Array]:
-        """How much of each of the first so many signals (column,) there is, and its covariance.
+    def amounts(self, std: float) -> tuple[Array, Array]:
+        """How much of each signal (column,) there is, and its covariance.
 
         std: of the amounts, before the record is seen.
         """
-        A = self.signals[:, :, :columns].reshape(-1, columns)
-        cov = np.asarray(np.linalg.inv(A.T @ A + np.eye(columns) / std**2), float)
+        A = self.signals.reshape(-1, self.signals.shape[2])
+        cov = np.asarray(np.linalg.inv(A.T @ A + np.eye(len(A.T)) / std**2), float)
         return cov @ (A.T @ self.innovation.ravel()), cov
 
     def evidence(self, amounts: ArrayLike = ()) -> float:

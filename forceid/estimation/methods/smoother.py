@@ -26,7 +26,7 @@ from forceid.estimation.loads.body_axes import on_body
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.free_oscillation import allow_for_ringing
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
-from forceid.estimation.loads.inner_wheel import allowing, inner_wheel, signals, with_momentum
+from forceid.estimation.loads.inner_wheel import allowing, signals, with_momentum
 from forceid.estimation.loads.lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
 from forceid.estimation.loads.noise import (
     HIDDEN,
@@ -215,9 +215,8 @@ def estimate_flight(
         looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in told_by}
         growth = growth_along_world(state, looks)
         if inside:
-            growth = allowing(looks["moment"], state, growth)
-        wheel = inner_wheel(told_by["moment"], looks["moment"], state, seen, engine) if inside else ""
-        reasons = (*reasons, *([wheel] if wheel else []))
+            growth, wheel = allowing(looks["moment"], state, growth)
+            reasons = (*reasons, *([wheel] if wheel else []))
     deformation = as_smoothed(kin, deformation, state)
     hides = None
     if flight.sensors is None and not causal:  # these would show what poses do not
