@@ -15,7 +15,7 @@ from forceid.principal.operator import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
-SETTLED = 1e-6  # rad: far below what any frame shows
+NEAR = 1e-4  # rad: one Newton step from there squares it, to far below what any frame shows
 ITERATIONS = 12  # Newton steps at most, each of which doubles the digits
 REACH = 0.5  # of a momentum: the most that one Newton step may change it by
 MOST = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known any more
@@ -95,17 +95,16 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
     found, H, open_ended = H.copy(), H.copy(), np.ones(len(H), bool)
     by = np.empty((2, len(H), 3, 3))
     left = np.flatnonzero(angle(step, start, H, J, h) < SHOWN)
-    for k in range(ITERATIONS + 1):
+    for _ in range(ITERATIONS + 1):
         if not len(left):
             break
         reached, by_R, by_H = free_turn(step[left], start[left], H[left], J[left], h[left])
         miss = log(to[left] @ reached.swapaxes(1, 2))
-        off = np.linalg.norm(miss, axis=1)
-        there = off < (10 * SETTLED if k == ITERATIONS else SETTLED)
-        found[left[there]] = H[left[there]]
-        by[:, left[there]], open_ended[left[there]] = (by_R[there], by_H[there]), False
-        left, miss, by_H = left[~there], miss[~there], by_H[~there]
+        there = np.linalg.norm(miss, axis=1) < NEAR
         change = np.linalg.solve(by_H, miss[..., None])[..., 0]
+        found[left[there]] = H[left[there]] + change[there]
+        by[:, left[there]], open_ended[left[there]] = (by_R[there], by_H[there]), False
+        left, change = left[~there], change[~there]
         size = np.linalg.norm(change, axis=1)
         reach = REACH * np.linalg.norm(H[left], axis=1)
         limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
