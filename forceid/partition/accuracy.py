@@ -12,15 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from forceid.partition.assembly import Assembly
+from forceid.partition.projection import Projection
 from forceid.records import Array
-
-if TYPE_CHECKING:
-    from forceid.partition.projection import Projection
-    from forceid.partition.system import PartitionedSystem
 
 UNIT = float(np.finfo(float).eps) / 2  # of a number, which rounding takes or adds
 SURE = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
@@ -73,7 +70,7 @@ class Improved:
 
 
 def improved(
-    system: PartitionedSystem,
+    system: Assembly,
     f: Array,
     found: tuple[Array, Array],
     solve: Solve,
@@ -109,7 +106,7 @@ def improved(
 
 
 def errors(
-    system: PartitionedSystem, f: Array, lam: Array, u: Array, more_lam: Array, more_u: Array
+    system: Assembly, f: Array, lam: Array, u: Array, more_lam: Array, more_u: Array
 ) -> tuple[float, float]:
     """Errors of multipliers and motions by their correction, and by what it leaves, relative to their length.
 
@@ -125,14 +122,14 @@ def errors(
     )
 
 
-def yielding(system: PartitionedSystem) -> Projection:
+def yielding(system: Assembly) -> Projection:
     """The projection by which the softer of two parts follows the other, where that makes a difference."""
     stiff = np.concatenate([K.diagonal() for K in system.stiffness])
     uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()
     return system.by_stiffness if uneven else system.projection
 
 
-def left(system: PartitionedSystem, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
+def left(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
     """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
     top, Q = system.topology, system.rigid
     inner = system.strained(u - Q @ (Q.T @ u))
@@ -140,7 +137,7 @@ def left(system: PartitionedSystem, f: Array, lam: Array, u: Array) -> tuple[Arr
     return r, system.projection.averaged(top.B.T @ u)
 
 
-def in_doubt(system: PartitionedSystem, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
+def in_doubt(system: Assembly, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
     """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
     Q, R, strain = system.rigid, system.modes, np.zeros_like(f)
     rigid = Q @ (Q.T @ u)
@@ -158,7 +155,7 @@ def in_doubt(system: PartitionedSystem, f: Array, u: Array, imbalance: float, su
     return Doubt(sure * UNIT * size, imbalance * length(f) * np.sqrt(sure), strain, gap)
 
 
-def in_balance(system: PartitionedSystem, f: Array) -> Array:
+def in_balance(system: Assembly, f: Array) -> Array:
     """Loads (dof,) less, by least squares, what moves the whole."""
     S = system.free_motions
     return np.asarray(f - S @ (S.T @ f))

@@ -15,11 +15,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.partition.given import real_array, real_matrix, real_positions
 from forceid.partition.inverse import symmetric
 from forceid.partition.separation import Cut, separated_mass, separated_stiffness
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, held
+from forceid.partition.validation import real_array, real_matrix, real_positions
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Indices
 

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from forceid.partition.assembly import Assembly
 from forceid.records import Array
-
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
 
 ROUNDING = 1e-9  # of the forces in a balance, that may be left of it
 SURE = 5.0  # standard deviations above which one number left of a balance is not noise, of many a few more
@@ -51,7 +49,7 @@ class Source:
         return np.asarray(X**2 @ self.cov if self.cov.ndim == 1 else ((X @ self.cov) * X).sum(-1))
 
 
-def balance(system: PartitionedSystem, lam: Array, b: Array, size: Array, noise: Sequence[Source]) -> Balance:
+def balance(system: Assembly, lam: Array, b: Array, size: Array, noise: Sequence[Source]) -> Balance:
     """What lambda leaves of b = R^T (f - M u''), whose terms have this size, and at the nodes."""
     top, L_f = system.topology, system.topology.L_f
     parts, nodes = b - lam @ system.R_b, applied(L_f.T, lam)

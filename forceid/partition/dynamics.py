@@ -240,7 +240,7 @@ def mean_motion(system: PartitionedSystem, u: Array) -> Array:
     M_alpha alpha'' = R^T (f - B lambda) whatever the deformation. Source: principal equations 2.5, 2.8.
     """
     found = []
-    modes = system.rigid_modes or ()
+    modes = system.rigid_modes
     for s, (m, R, d) in enumerate(zip(masses(system), modes, system.topology.dofs, strict=True)):
         try:
             found.append(np.linalg.solve(R.T @ (m @ R), R.T @ (m @ u[:, d].T)).T)

@@ -10,20 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
+from forceid.partition.assembly import Assembly
 from forceid.partition.balance import Balance, Source, applied, balance
 from forceid.partition.interfaces import Interface, common_motions, meetings, summed, unseen_resultants
 from forceid.partition.resultants import GROUND, LinkResultants, loop_count
 from forceid.records import Array, Indices
-
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class InterfaceForces:
 
 
 def interface_forces(
-    system: PartitionedSystem,
+    system: Assembly,
     load: Any,
     acceleration: Any = None,
     mean_motion: bool = False,
@@ -91,7 +89,7 @@ def interface_forces(
 
 
 def stiffness_forces(
-    system: PartitionedSystem,
+    system: Assembly,
     load: Any,
     displacement: Any,
     acceleration: Any = None,
@@ -127,7 +125,7 @@ def stiffness_forces(
 
 
 def completed(
-    system: PartitionedSystem,
+    system: Assembly,
     lam: Array,
     b: Array,
     size: Array,
@@ -149,7 +147,7 @@ def completed(
         Z = np.zeros((len(H), 0)) if N is None else unseen_resultants(system, N, H, S.shape[1])
         told = H - Z @ (Z.T @ H)
         pairs = tuple((a, interfaces[k].partitions[-1]) for a, k in links)
-        modes = [r.shape[1] for r in system.rigid_modes or ()]
+        modes = [r.shape[1] for r in system.rigid_modes]
         held = [(s, GROUND) for s, count in enumerate(modes) if count < S.shape[1]]
         whole = system.projection.whole
         out = b @ whole
@@ -168,21 +166,21 @@ def completed(
     return InterfaceForces(lam, lam_cov, interfaces, between, resultant, left)
 
 
-def nominal(system: PartitionedSystem) -> Array:
+def nominal(system: Assembly) -> Array:
     """N = P_L R_b (R_b^T P_L R_b)^+ (multiplier, alpha)."""
     P = system.projection
     inverse = [P.solve_coarse(e) for e in np.eye(P.R_b.shape[1])]
     return np.asarray(P.coarse @ np.stack(inverse, axis=1)) if inverse else np.zeros(P.R_b.shape)
 
 
-def inertia(system: PartitionedSystem) -> Any:
+def inertia(system: Assembly) -> Any:
     """Mass of all partitions, sparse (dof, dof)."""
     if system.mass is None:
         raise DataError("is not given, and accelerations need it", "mass")
     return sp.block_diag(system.mass, format="csr")
 
 
-def joined(system: PartitionedSystem, value: Any) -> Array:
+def joined(system: Assembly, value: Any) -> Array:
     """An array as it is, or the arrays (..., dof) of each partition one after the other."""
     sizes = [len(g) for g in system.topology.glob]
     if isinstance(value, list | tuple) and [np.shape(x)[-1:] for x in value] == [(n,) for n in sizes]:
@@ -190,7 +188,7 @@ def joined(system: PartitionedSystem, value: Any) -> Array:
     return np.atleast_1d(np.asarray(value, dtype=float))
 
 
-def spread(system: PartitionedSystem, width: int, name: str, mean_motion: bool = False) -> Any:
+def spread(system: Assembly, width: int, name: str, mean_motion: bool = False) -> Any:
     """What takes numbers to all partitions, (dof, width): the identity, L, or R of mean motions."""
     top = system.topology
     total = top.dofs[-1].stop
@@ -206,7 +204,7 @@ def spread(system: PartitionedSystem, width: int, name: str, mean_motion: bool =
     return sp.eye_array(total, format="csr") if width == total else top.L
 
 
-def loads(system: PartitionedSystem, load: Any) -> Array:
+def loads(system: Assembly, load: Any) -> Array:
     """Loads (..., dof) on the partitions, assembled ones in equal shares."""
     f = joined(system, load)
     if not np.isfinite(f).all():

@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from forceid.partition.assembly import Assembly
 from forceid.records import Array, Indices
-
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
 
 ALIKE = 1e-9  # of the size of rigid modes, that those of two partitions may differ by and be one motion
 OPEN = 1e-8  # of the largest resultant of unit multipliers, below which a direction is told
@@ -28,7 +25,7 @@ class Interface:
     dof: Indices
 
 
-def meetings(system: PartitionedSystem) -> tuple[Interface, ...]:
+def meetings(system: Assembly) -> tuple[Interface, ...]:
     """The interfaces, in the order of the partitions that meet there."""
     top = system.topology
     meets = np.zeros((len(top.glob), top.size), dtype=bool)
@@ -40,9 +37,9 @@ def meetings(system: PartitionedSystem) -> tuple[Interface, ...]:
     return tuple(Interface(who, np.array(dof, dtype=np.intp)) for who, dof in sorted(found.items()))
 
 
-def common_motions(system: PartitionedSystem) -> Array | None:
+def common_motions(system: Assembly) -> Array | None:
     """Rigid motions (size, n) that all partitions not held have as their modes; None where they differ."""
-    top, modes = system.topology, system.rigid_modes or ()
+    top, modes = system.topology, system.rigid_modes
     n = max(r.shape[1] for r in modes)
     S = np.full((top.size, n), np.nan)
     for r, g in zip(modes, top.glob, strict=True):
@@ -53,7 +50,7 @@ def common_motions(system: PartitionedSystem) -> Array | None:
     return S if n and np.isfinite(S[top.interface]).all() else None
 
 
-def summed(system: PartitionedSystem, interfaces: Sequence[Interface], S: Array) -> Array:
+def summed(system: Assembly, interfaces: Sequence[Interface], S: Array) -> Array:
     """H (link * n, multiplier): resultants of every partition but the last on each interface."""
     top = system.topology
     found = []
@@ -66,7 +63,7 @@ def summed(system: PartitionedSystem, interfaces: Sequence[Interface], S: Array)
     return np.concatenate(found)
 
 
-def unseen_resultants(system: PartitionedSystem, N: Array, H: Array, n: int) -> Array:
+def unseen_resultants(system: Assembly, N: Array, H: Array, n: int) -> Array:
     """Orthonormal resultants (link * n, k) of forces that move no partition: the range of H P."""
     scale = np.linalg.norm(H.reshape(-1, n, H.shape[1]), axis=(0, 2))  # forces and moments, and their units
     scale = np.tile(np.where(scale > 0, scale, 1.0), len(H) // n)

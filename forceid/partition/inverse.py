@@ -19,7 +19,7 @@ from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
 from forceid.partition.blocks import Apply, Blocks, alike, blocks
-from forceid.partition.given import real_matrix
+from forceid.partition.validation import real_matrix
 from forceid.records import Array, Indices
 
 TOGETHER = 32  # loads that are solved for at a time: more do not stay in the cache

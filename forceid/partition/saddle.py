@@ -5,69 +5,17 @@ Both are regular if and only if no motion of the whole is free. Source: principa
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import block_diag, null_space
-from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
-from scipy.sparse.linalg import splu
 
-from forceid.errors import EstimationError
+from forceid.partition.assembly import Assembly
 from forceid.partition.flexibility import matrices
 from forceid.records import Array
 
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
-
-DENSE = 600  # unknowns up to which the saddle-point system is solved as a dense one
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
 
 
-@dataclass(frozen=True)
-class Saddle:
-    """The reduced system, factored: solve (unknown,) -> (unknown,); unit: of flexibility, which scales it."""
-
-    solve: Callable[[Array], Array]
-    unit: float
-
-
-def factored_saddle(system: PartitionedSystem) -> Saddle:
-    """Factors of the reduced system, of a whole that floats with the least alpha and u_f.
-
-    Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
-    """
-    top, R_b = system.topology, sp.csr_array(system.R_b)
-    F = matrices(system.topology, *system.factored)
-    unit = float(np.mean(np.concatenate([np.diag(block) for block in F])))
-    L_f, free = top.L_f, system.projection.whole
-    frame = sp.csr_array(L_f.T @ (R_b @ free) / top.count[top.interface][:, None])
-    n, a, m = len(top.frame), R_b.shape[1], len(top.interface)
-    border = sp.vstack([sp.csr_array((n, free.shape[1])), sp.csr_array(free), frame])
-    A = sp.block_array(
-        [
-            [sp.block_diag([block / unit for block in F]), -R_b, L_f],
-            [-R_b.T, sp.csr_array((a, a)), None],
-            [L_f.T, None, sp.csr_array((m, m))],
-        ]
-    )
-    A = sp.block_array([[A, border], [border.T, sp.csr_array((free.shape[1], free.shape[1]))]])
-    # the frame enters with the sign that keeps the matrix symmetric: its unknown is -u_f, and is not needed
-    if A.shape[0] > DENSE:
-        return Saddle(splu(sp.csc_array(A)).solve, unit)
-    room = int(dsytrf_lwork(A.shape[0], lower=1)[0])
-    factor, pivot, zero = dsytrf(A.toarray(order="F"), lower=1, lwork=room, overwrite_a=True)
-    if zero:
-        raise EstimationError(
-            "is singular: a motion or a force is left open", "the saddle-point system",
-            "look for a mechanism, or for two partitions that hold each other without stiffness",
-        )  # fmt: skip
-    return Saddle(lambda right: np.asarray(dsytrs(factor, pivot, right, lower=1)[0]), unit)
-
-
-def solve_saddle(system: PartitionedSystem, f: Array, gap: Array) -> tuple[Array, Array]:
+def solve_saddle(system: Assembly, f: Array, gap: Array) -> tuple[Array, Array]:
     """Lambda (multiplier,) and alpha under loads f (dof,) that also close gaps (multiplier,) m."""
     top, R_b = system.topology, system.R_b
     n, a = R_b.shape
@@ -80,7 +28,7 @@ def solve_saddle(system: PartitionedSystem, f: Array, gap: Array) -> tuple[Array
     return x[:n], saddle.unit * x[n : n + a]
 
 
-def reduced(system: PartitionedSystem) -> Array:
+def reduced(system: Assembly) -> Array:
     """[F -R_b L_f; -R_b^T 0 0; L_f^T 0 0], dense; unknowns lambda, alpha, u_f."""
     R_b, L_f = system.R_b, system.topology.L_f.toarray()
     a, m = R_b.shape[1], L_f.shape[1]
@@ -88,9 +36,9 @@ def reduced(system: PartitionedSystem) -> Array:
     return np.block([[F, -R_b, L_f], [-R_b.T, np.zeros((a, a + m))], [L_f.T, np.zeros((m, a + m))]])
 
 
-def four_field(system: PartitionedSystem) -> Array:
+def four_field(system: Assembly) -> Array:
     """The static four-field matrix, dense; unknowns q, alpha, lambda, u_f, in the Euclidean gauge."""
-    Phi = block_diag(*[null_space(r.T) if r.shape[1] else np.eye(len(r)) for r in system.rigid_modes])  # type: ignore[union-attr]
+    Phi = block_diag(*[null_space(r.T) if r.shape[1] else np.eye(len(r)) for r in system.rigid_modes])
     K = block_diag(*[k.toarray() for k in system.stiffness])
     B, R_b, L_f = system.topology.B.toarray(), system.R_b, system.topology.L_f.toarray()
     q, a, n, m = Phi.shape[1], R_b.shape[1], len(R_b), L_f.shape[1]

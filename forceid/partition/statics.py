@@ -6,19 +6,17 @@ Source: principal equations 2.9, 2.10, 4i.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.partition.accuracy import Improved, improved, in_balance, length, share
+from forceid.partition.assembly import Assembly
 from forceid.partition.conjugate_gradient import Iterations, projected_cg
+from forceid.partition.error_verdict import REACHED, SOUND, condition_verdict
 from forceid.partition.saddle import solve_saddle
-from forceid.partition.worth import REACHED, SOUND, judged
 from forceid.records import Array, Verdict
-
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
 
 WEIGHTS = ("multiplicity", "stiffness")
 ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
@@ -53,7 +51,7 @@ class Statics:
     verdict: Verdict = field(default_factory=Verdict)
 
 
-def solve_direct(system: PartitionedSystem, load: Any, relief: bool = False) -> Statics:
+def solve_direct(system: Assembly, load: Any, relief: bool = False) -> Statics:
     """By the reduced saddle-point system; arguments as in `PartitionedSystem.solve`."""
 
     def solve(f: Array, gap: Array, _: float) -> tuple[Array, Array]:
@@ -68,7 +66,7 @@ def solve_direct(system: PartitionedSystem, load: Any, relief: bool = False) -> 
 
 
 def solve_iteratively(
-    system: PartitionedSystem,
+    system: Assembly,
     load: Any,
     preconditioner: str,
     weights: str,
@@ -120,7 +118,7 @@ def solve_iteratively(
     return completed(system, f, best, acceleration, runs[0], tolerance)
 
 
-def relieved(system: PartitionedSystem, f: Array, relief: bool) -> tuple[Array, Array]:
+def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
     """Loads in equilibrium, and the acceleration (mode,) of the whole that its inertia takes for it.
 
     Raises EstimationError where the whole is not held, the loads are not in equilibrium, and no relief is
@@ -154,19 +152,19 @@ def relieved(system: PartitionedSystem, f: Array, relief: bool) -> tuple[Array, 
     return in_balance(system, f - top.shared(top.assembled(carried @ acceleration))), acceleration
 
 
-def out_of_balance(system: PartitionedSystem, f: Array, acceleration: Array) -> float:
+def out_of_balance(system: Assembly, f: Array, acceleration: Array) -> float:
     """The share of loads (dof,) that moves the whole and is carried by no acceleration."""
     return 0.0 if acceleration.any() else share(length(system.free_motions.T @ f), length(f))
 
 
-def moved(system: PartitionedSystem, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
+def moved(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
     """The multipliers, and the motions u (dof,) that they and alpha amount to: none of the whole."""
     u = system.inverse(f - system.topology.B @ lam) + system.modes @ alpha
     return lam, in_balance(system, u)
 
 
 def completed(
-    system: PartitionedSystem,
+    system: Assembly,
     f: Array,
     best: Improved,
     acceleration: Array,
@@ -186,5 +184,5 @@ def completed(
         iterations=iterations,
         error=best.error,
         lam_error=best.lam_error,
-        verdict=judged(system, f, best, tolerance),
+        verdict=condition_verdict(system, f, best, tolerance),
     )

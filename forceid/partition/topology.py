@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from forceid.errors import DataError
-from forceid.partition.given import real_matrix, real_positions
+from forceid.partition.validation import real_matrix, real_positions
 from forceid.records import Array, Indices
 
 

@@ -1,20 +1,16 @@
-"""What a solution in parts is worth: ok, degraded or refused, with what in the body or its loads costs it.
+"""The verdict on a solution in parts by its error bound, with what in the body or its loads costs digits.
 
 Source: principal equations 6, which asks for 1e-8 of conjugate gradients.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.partition.accuracy import Improved, length, share
+from forceid.partition.assembly import Assembly
 from forceid.records import Array, Verdict
-
-if TYPE_CHECKING:
-    from forceid.partition.system import PartitionedSystem
 
 SOUND = 1e-8  # error up to which a solution is ok
 USELESS = 1e-3  # error from which it is refused, or ten times the tolerance that was asked for
@@ -23,7 +19,7 @@ JUMP = 1e4  # ratio of the stiffnesses of parts, that is told
 CANCELED = 1e4  # ratio of the loads on the parts and of what they add up to, that is told
 
 
-def judged(system: PartitionedSystem, f: Array, best: Improved, tolerance: float) -> Verdict:
+def condition_verdict(system: Assembly, f: Array, best: Improved, tolerance: float) -> Verdict:
     """The verdict on the best solution under loads f (dof,); tolerance: of conjugate gradients, else zero.
 
     Raises EstimationError where it is off by more than `USELESS`.
@@ -39,7 +35,7 @@ def judged(system: PartitionedSystem, f: Array, best: Improved, tolerance: float
     return Verdict("degraded", (f"{off}; {step}",))
 
 
-def reason(system: PartitionedSystem, f: Array, best: Improved, tolerance: float) -> tuple[str, str]:
+def reason(system: Assembly, f: Array, best: Improved, tolerance: float) -> tuple[str, str]:
     """What costs a solution its digits, and what to do about it."""
     doubt = best.doubt
     rounding, strain = length(doubt.rounding), length(doubt.strain)
@@ -77,7 +73,7 @@ def reason(system: PartitionedSystem, f: Array, best: Improved, tolerance: float
     )
 
 
-def stiffness_jump(system: PartitionedSystem) -> float:
+def stiffness_jump(system: Assembly) -> float:
     """Ratio of the largest to the least mean stiffness of partitions."""
     mean = np.array([K.diagonal().mean() for K in system.stiffness])
     some = mean[mean > 0]
