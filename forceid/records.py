@@ -5,6 +5,7 @@ Shapes are written with the dimension names of the motion file. A wrench is orde
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -170,11 +171,42 @@ class Interface:
 
 
 @dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or to be known, and the verdict that it leads to by itself.
+
+    code: of the catalogue; values: the numbers and names in the sentence, by name, None for what is not
+    finite; text: the sentence, with a next step.
+    """
+
+    code: str
+    level: Level
+    values: Mapping[str, str | float | None]
+    text: str
+
+    @property
+    def cause(self) -> tuple[str, ...]:
+        """What findings of one cause have in common: the code, and what it is about, without numbers.
+
+        >>> Finding("joint-apart", "degraded", {"joint": "hip", "off_mm": 3.0}, "...").cause
+        ('joint-apart', 'hip')
+        """
+        return (self.code, *(str(self.values[name]) for name in ABOUT if name in self.values))
+
+
+ABOUT = ("part", "joint", "load", "variable", "sensors")  # values that say what a finding is about
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Accurate (`ok`), degraded or refused, and why: each reason is one sentence with a next step."""
 
     level: Level = "ok"
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The sentences of the findings."""
+        return tuple(finding.text for finding in self.findings)
 
 
 @dataclass(frozen=True)

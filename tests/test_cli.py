@@ -235,7 +235,9 @@ def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, capsys):
 
 def test_inspect_json_is_one_object(shelf, capsys):
     assert main(["inspect", str(shelf / "one.h5"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["file"].endswith("one.h5")
+    found = json.loads(capsys.readouterr().out)
+    assert found["file"].endswith("one.h5")
+    assert len(found["warnings"]) == len(found["reason_codes"]) == len(found["reason_values"])
 
 
 def test_estimate_writes_beside_the_input_and_report_beside_the_result(shelf, tmp_path, capsys):

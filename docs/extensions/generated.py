@@ -1,7 +1,7 @@
 """Pages written from the code: commands from what `--help` says, files from the schema, names from modules.
 
-A page asks for them by a line of its own: `@commands`, `@schema`, `@api MODULE` for what a package exports,
-and `@api MODULE.*` for everything public in its modules.
+A page asks for them by a line of its own: `@commands`, `@schema`, `@findings`, `@api MODULE` for what a
+package exports, and `@api MODULE.*` for everything public in its modules.
 """
 
 import inspect
@@ -22,7 +22,7 @@ from sphinx.environment import BuildEnvironment
 SAID = re.compile(r"^ *>>>|\bSource:|\bRaises\b", re.M)
 BRACED = re.compile(r"\{([^}]*)\}(?:\.\.\.)?")
 IMPORTED = re.compile(r"^ *from (forceid(?:\.\w+){2,}) import (\([^)]*\)|[^\n(]+)", re.M)
-REQUEST = re.compile(r"^@(commands|schema|api)(?: (\S+))?$", re.M)
+REQUEST = re.compile(r"^@(commands|schema|findings|api)(?: (\S+))?$", re.M)
 
 
 def commands() -> str:
@@ -85,6 +85,24 @@ def schema() -> str:
         ]
         head = ["| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
         page.append("\n".join([f"## `/{group.lower()}`", "", *head, *rows]))
+    return "\n\n".join(page)
+
+
+def findings() -> str:
+    """Every finding of the catalogue: code, what it costs, what it means, what to do, and its sentence."""
+    from forceid.estimation.verdict.catalogue import GROUPS
+
+    page = []
+    for title, entries in GROUPS.items():
+        page.append(f"## {title}")
+        for entry in entries:
+            said = re.sub(r"\{(\w+)[^}]*\}", r"`\1`", entry.sentence)
+            page += [
+                f"### {entry.code}",
+                f"*Verdict: {entry.level}.* {entry.meaning}",
+                f"**What to do.** {entry.action}",
+                f"> {said}",
+            ]
     return "\n\n".join(page)
 
 
@@ -193,8 +211,8 @@ def told(thing: str | tuple[str, ...] | dict[str, Any]) -> str:
 
 def write(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what a page asks for in the place of the line that asks."""
-    makers = {"commands": lambda _: commands(), "schema": lambda _: schema(), "api": api}
-    source[0] = REQUEST.sub(lambda found: makers[found[1]](found[2]), source[0])
+    makers = {"commands": commands, "schema": schema, "findings": findings}
+    source[0] = REQUEST.sub(lambda found: makers.get(found[1], lambda: api(found[2]))(), source[0])
 
 
 def always(app: Sphinx, env: BuildEnvironment, *_: Any) -> list[str]:

@@ -88,7 +88,7 @@ def main() -> None:
             result = run.estimate_recording(record, load_settings(method=method))
             shares.append(sum(spent) / (process_time() - began))
             witness: Any = result.witness
-            objects += any("by the plain route" in reason for reason in result.verdict.reasons)
+            objects += any(finding.code == "off-plain-route" for finding in result.verdict.findings)
             ratios += over_best(record, witness)
             for name in ("force", "moment"):
                 std = np.sqrt(np.mean(central(getattr(witness, f"{name}_std")) ** 2, axis=0))

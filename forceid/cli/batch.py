@@ -122,7 +122,7 @@ def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractCont
 
 def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
     """What would become of a file: skipped, planned, left out, failed, or exists, which ends the batch."""
-    from forceid.cli.pool import LEFT_OUT, failure
+    from forceid.cli.pool import LEFT_OUT, cause_of, failure
     from forceid.cli.resume import current
     from forceid.files.hdf5 import stamp
     from forceid.files.result import is_result
@@ -130,7 +130,7 @@ def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
     try:
         stamp(job[0])
     except DataError as e:
-        return failure(*job, str(e))
+        return failure(*job, str(e), cause_of(e, job[0]))
     if is_result(job[0]):
         return {"status": LEFT_OUT, "file": str(job[0])}
     known = current(*job, settings) if keep else None

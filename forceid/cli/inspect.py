@@ -32,8 +32,7 @@ def run(
     with naming(file):
         recording, left_out = read_recording(file, settings, progress=progress)
         inspection = inspect_recording(recording, settings)
-    if left_out is not None:
-        inspection = replace(inspection, warnings=(*inspection.warnings, left_out))
+    inspection = replace(inspection, findings=(*inspection.findings, *left_out))
     if json:
         print(to_json({"file": str(file), **inspection.as_dict()}))
     else:

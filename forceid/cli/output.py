@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate, HiddenLoad, Interface, Witness
+    from forceid.records import Array, Estimate, HiddenLoad, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
 
@@ -47,8 +47,7 @@ def describe(
     return {
         "file": str(source),
         "output": str(output),
-        "verdict": estimate.verdict.level,
-        "reasons": list(estimate.verdict.reasons),
+        **verdict_of(estimate.verdict),
         "method": estimate.method,
         "model": estimate.model,
         "engine": estimate.engine,
@@ -66,6 +65,17 @@ def describe(
         **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
         **witness_of(estimate.witness),
         **summarize(estimate, truth).as_dict(),
+    }
+
+
+def verdict_of(verdict: Verdict) -> dict[str, Any]:
+    """A verdict, and what it rests on: sentences, codes, levels and the values in them, in one order."""
+    return {
+        "verdict": verdict.level,
+        "reasons": list(verdict.reasons),
+        "reason_codes": [finding.code for finding in verdict.findings],
+        "reason_levels": [finding.level for finding in verdict.findings],
+        "reason_values": [dict(finding.values) for finding in verdict.findings],
     }
 
 
@@ -132,8 +142,7 @@ def joints_of(interface: Interface) -> dict[str, Any]:
 
     columns = {name: getattr(interface, name) for kind in UNITS for name in (kind, f"{kind}_std")}
     return {
-        "verdict": interface.verdict.level,
-        "reasons": list(interface.verdict.reasons),
+        **verdict_of(interface.verdict),
         "consistency": interface.consistency,
         "joint": [
             {"name": name, "parts": list(pair), **{key: rms(a[:, k]) for key, a in columns.items()}}

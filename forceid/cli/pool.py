@@ -123,7 +123,7 @@ def hand_out(
             except crew.gone:
                 lost.append(job)
             except Exception as error:  # a worker that cannot even begin
-                yield failure(*job, f"unexpected {type(error).__name__}: {error}")
+                yield failure(*job, f"unexpected {type(error).__name__}: {error}", type(error).__name__)
         if not done and crew.deserted():
             waiting.extend(under_way.values())
             yield from left(waiting)
@@ -150,13 +150,14 @@ def run_job(source: Path, output: Path, settings: Settings) -> Record:
         record = estimate_file(source, output, settings)
         return {"status": record["verdict"], **record, "nis_mean": nis_mean(output)}
     except ForceIdError as error:
-        failed = failure(source, output, str(error))
+        failed = failure(source, output, str(error), cause_of(error, source))
         return failed | {"status": LEFT_OUT} if is_result(source) else failed
     except MemoryError:
         return failure(source, output, "not enough memory; give fewer processes, -j, or split the recording")
     except Exception as error:
         hint = f"forceid estimate {source} --debug shows where"
-        return failure(source, output, f"unexpected {type(error).__name__}: {error} ({hint})")
+        what = f"unexpected {type(error).__name__}: {error} ({hint})"
+        return failure(source, output, what, type(error).__name__)
 
 
 def nis_mean(output: Path) -> float:
@@ -170,9 +171,16 @@ def nis_mean(output: Path) -> float:
     return float(nis[seen].mean()) if seen.any() else float("nan")
 
 
-def failure(source: Path, output: Path, error: str) -> Record:
-    """The record of a file that has no result."""
-    return {"status": "failed", "file": str(source), "output": str(output), "error": " ".join(error.split())}
+def failure(source: Path, output: Path, error: str, cause: str = "") -> Record:
+    """The record of a file that has no result; cause: the same for all files of one, by default the error."""
+    record = {"status": "failed", "file": str(source), "output": str(output)}
+    return record | {"error": " ".join(error.split()), "error_cause": cause or error}
+
+
+def cause_of(error: ForceIdError, source: Path) -> str:
+    """What errors of one cause have in common, whichever file: kind, place in the file, and next step."""
+    told = (type(error).__name__, error.where, error.next_step)
+    return " ".join(text.replace(str(source), "") for text in told).strip()
 
 
 @contextmanager

@@ -7,10 +7,11 @@ import numpy as np
 from forceid.config import LoadSetting, Settings, Vector
 from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import Inertia
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.principal.loads import solve_loads
 from forceid.principal.wrench import transport, transport_cov
-from forceid.records import Array, Body, Loads
+from forceid.records import Array, Body, Finding, Loads
 
 SPLIT = 0.06  # of unit loads, what is left of one beside the others: below, they are alike
 SAME = 1e-6  # below, they are the same
@@ -45,8 +46,8 @@ def about_point(
 
 def applied_loads(
     settings: Settings, body: Body, inertia: Inertia, state: FlightState, shape: Array, wrench: Array
-) -> tuple[Loads | None, tuple[str, ...]]:
-    """Least-squares loads of the pattern in the settings, None without one; and sentences on those alike."""
+) -> tuple[Loads | None, tuple[Finding, ...]]:
+    """Least-squares loads of the pattern in the settings, None without one; and findings on those alike."""
     if not settings.load:
         return None, ()
     columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
@@ -64,15 +65,15 @@ def applied_loads(
     return solve_loads(wrench, cov, G, gyration, names), same
 
 
-def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[str, ...]:
-    """A sentence on loads that do all but the same to the body, so that small errors go far in their split.
+def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]:
+    """Loads that do all but the same to the body, so that small errors go far in their split.
 
     G (time, 6, load): wrench of a unit of each; length m: by which moments are divided. Those that do just
     the same are for the rank test.
 
     >>> lean = np.radians(1.0)
     >>> G = np.array([[1.0, np.cos(lean)], [0.0, np.sin(lean)], *np.zeros((4, 2))])[None]
-    >>> alike(G, 0.1, ("bow", "stern"))[0][:53]
+    >>> alike(G, 0.1, ("bow", "stern"))[0].text[:53]
     'the loads bow, stern do nearly the same to the body: '
     """
     scaled = G[np.isfinite(G).all((1, 2))] / np.repeat([1.0, length], 3)[:, None]
@@ -84,10 +85,7 @@ def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[str, ...]:
     if not SAME < s[k, -1] < SPLIT:
         return ()
     pair = ", ".join(n for n, part in zip(name, np.abs(V[k, -1]), strict=True) if part > SPLIT)
-    return (
-        f"the loads {pair} do nearly the same to the body: an error of the wrench comes out "
-        f"{1 / s[k, -1]:.0f} times as large in their split; ask for fewer loads",
-    )
+    return (note("loads-alike", names=pair, times=1 / s[k, -1]),)
 
 
 def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, shape: Array) -> Array:

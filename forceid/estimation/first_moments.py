@@ -16,22 +16,23 @@ from forceid.errors import ForceIdError
 from forceid.estimation.affine.loads import MOMENT, AffineLoads, affine_loads
 from forceid.estimation.body.cleaning import cleaned, without_frames
 from forceid.estimation.methods.smoother import Solution
-from forceid.records import Array, Recording
+from forceid.estimation.verdict.catalogue import note
+from forceid.records import Array, Finding, Recording
 
 UNCLEAR = 0.2  # of F, in a frame
 
 
 def told_first_moments(
     recording: Recording, settings: Settings, solution: Solution
-) -> tuple[AffineLoads | None, tuple[str, ...]]:
+) -> tuple[AffineLoads | None, tuple[Finding, ...]]:
     """First moments of a flight smoothed at the affine level, or None and, where some were due, why not."""
     if solution.kinematics.model != "affine" or solution.smoothing is None:
         return None, ()
     try:
         loads = flight_first_moments(recording, settings, solution)
-        return loads, (*loads.reasons, *unclear_map(recording, solution, loads))
+        return loads, (*loads.findings, *unclear_map(recording, solution, loads))
     except ForceIdError as e:
-        return None, (f"first moments of force are not told: {e}",)
+        return None, (note("no-first-moments", error=str(e)),)
 
 
 def flight_first_moments(recording: Recording, settings: Settings, solution: Solution) -> AffineLoads:
@@ -50,7 +51,7 @@ def flight_first_moments(recording: Recording, settings: Settings, solution: Sol
     return with_moment(loads, state.moment, state.wrench_cov[:, 3:, 3:])
 
 
-def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) -> tuple[str, ...]:
+def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) -> tuple[Finding, ...]:
     """What to say where the markers of a frame hardly show F, so that nothing stands out of their noise."""
     x, noise = recording.body.position, solution.kinematics.noise["position"]
     assert x is not None
@@ -58,10 +59,7 @@ def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) ->
     off = noise / float(np.linalg.svd(x - x.mean(0), compute_uv=False)[shown - 1])
     if off < UNCLEAR:
         return ()
-    return (
-        f"a frame shows the stretch to {off:.2g} only: markers are as noisy as the body is thick, and loads "
-        f"may be lost in that; look at the noise of {noise:.2g} m, or spread the markers",
-    )
+    return (note("stretch-in-noise", stretch=off, noise_m=noise),)
 
 
 def with_moment(loads: AffineLoads, moment: Array, cov: Array) -> AffineLoads:

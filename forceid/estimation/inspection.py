@@ -23,7 +23,7 @@ from forceid.estimation.methods.imu_only import (
     unmarked_kinematics,
 )
 from forceid.estimation.run import check_stiffness, with_stated
-from forceid.estimation.verdict.finding import judge_leakage, judge_recording
+from forceid.estimation.verdict.finding import judge_leakage, judge_recording, refusing
 from forceid.estimation.verdict.leakage import Leakage, leakage
 from forceid.estimation.verdict.sensitivity import Budget, sensitivity
 from forceid.estimation.verdict.shape import judge_shape, judge_size
@@ -32,7 +32,7 @@ from forceid.kalman.engines import engine
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
-from forceid.records import Body, Motion, Recording
+from forceid.records import Body, Finding, Motion, Recording
 
 ROUNDED = 1e-9  # percent that rounding leaves of nothing
 UNITS = {"orientation": "rad", "angular_velocity": "rad/s", "specific_force": "m/s2"}
@@ -46,7 +46,7 @@ class Inspection:
     load of the size seen in a rough look is followed to a tenth, None where nothing of it is seen; shapes:
     that stand out of the noise; leakage: between rigid motion and deformation, on the markers and by the
     fit, None where no marker is seen; sensitivity: to errors of the body, from a rough estimate, None where
-    no force is; linkage: of a body in parts; warnings: sentences that the verdict will hold.
+    no force is; linkage: of a body in parts; findings: that the verdict will hold.
     """
 
     title: str
@@ -72,7 +72,12 @@ class Inspection:
     leakage: Leakage | None
     sensitivity: Budget | None
     linkage: JointProspects | None
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The sentences of the findings."""
+        return tuple(finding.text for finding in self.findings)
 
     @property
     def summary(self) -> list[str]:
@@ -100,13 +105,27 @@ class Inspection:
 
     def as_dict(self) -> dict[str, Any]:
         """The same for machines: plain numbers and lists."""
-        found = asdict(self)
+        found = asdict(self) | worded(self.findings)
+        if self.linkage is not None:
+            found["linkage"] |= worded(self.linkage.findings)
+            del found["linkage"]["findings"]
+        del found["findings"]
         if self.leakage is not None:
             found["leakage"] = {
                 k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found["leakage"].items()
             } | {"worst": self.leakage.numbers()}
         found["sensitivity"] = {} if self.sensitivity is None else self.sensitivity.numbers()
         return found
+
+
+def worded(findings: tuple[Finding, ...]) -> dict[str, list[Any]]:
+    """Findings as lists of plain values: sentences, codes, levels and what they hold, in one order."""
+    return {
+        "warnings": [finding.text for finding in findings],
+        "reason_codes": [finding.code for finding in findings],
+        "reason_levels": [finding.level for finding in findings],
+        "reason_values": [dict(finding.values) for finding in findings],
+    }
 
 
 def leaking(found: Leakage | None) -> list[str]:
@@ -161,7 +180,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     step = np.diff(motion.time)
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
-    force = np.isfinite(kin.pose.center).any() and not any(f.refuses for f in findings)
+    force = np.isfinite(kin.pose.center).any() and not refusing(findings)
     reach = bandwidths(kin, motion.gravity, bool(force))
     rank = pose_rank(summation_operator(kin.shape[kin.seen])) if kin.seen.any() else 6 * kin.attitude
     return Inspection(
@@ -176,7 +195,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
         has_truth="force" in recording.truth, leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
-        warnings=tuple(f.text for f in findings),
+        findings=tuple(findings),
     )  # fmt: skip
 
 
@@ -185,7 +204,7 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
     body, motion = recording.body, recording.motion
     kin, findings = unmarked_kinematics(body, motion, settings), judge_unmarked(body, motion, settings)
     flight = unmarked_flight(body, motion, settings, kin)
-    moment = not any(f.refuses for f in findings)
+    moment = not refusing(findings)
     read = [a for a in (motion.angular_velocity, motion.specific_force) if a is not None]
     force = moment and motion.specific_force is not None and bool(np.isfinite(motion.specific_force).any())
     missing = float(100 * np.mean([np.isnan(a).mean() for a in read]))
@@ -200,7 +219,7 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
         noise_stated=kin.stated, rank=0, turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force,
         moment=moment, force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
         has_truth="force" in recording.truth, leakage=None, sensitivity=None, linkage=None,
-        warnings=tuple(f.text for f in findings),
+        findings=tuple(findings),
     )  # fmt: skip
 
 

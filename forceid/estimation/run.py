@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
-from forceid.estimation.body.cleaning import prepared
+from forceid.estimation.body.cleaning import Mended, prepared
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import told_first_moments
@@ -24,14 +24,15 @@ from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, 
 from forceid.estimation.methods.smoother import Solution, estimate_flight
 from forceid.estimation.model_choice.ladder import climb
 from forceid.estimation.model_choice.words import Choice, without_choice
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import (
-    Finding,
     judge,
     judge_clipping,
     judge_leakage,
     judge_recording,
     judge_rounding,
     judge_tuning,
+    refusing,
 )
 from forceid.estimation.verdict.innovations import judge_innovations
 from forceid.estimation.verdict.leakage import leakage
@@ -44,13 +45,14 @@ from forceid.estimation.verdict.loads import (
 )
 from forceid.estimation.verdict.sensitivity import sensitivity
 from forceid.estimation.verdict.shape import judge_common, judge_reference, judge_shape, judge_size
+from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
 from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation
 from forceid.principal.objectivity import objectivity
-from forceid.records import Array, Body, Estimate, Motion, Recording
+from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +84,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     except EstimationError as e:
         if not settings.part:
             raise
-        result = refused(recording, settings, [Finding(f"the whole body {e}", refuses=True)])
+        result = refused(recording, settings, [note("whole-body-fails", error=str(e))])
     if settings.part or settings.joint:
         result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
@@ -104,11 +106,11 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         kin = kinematics(recording.body, recording.motion, settings)
         rounded = judge_rounding(recording.motion, kin.noise)
         findings = [*judge_recording(kin, recording.motion), *(rounded or judge_clipping(recording.motion))]
-    if any(f.refuses for f in findings):
+    if refusing(findings):
         return refused(recording, settings, findings), None
     solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     solve = estimate_unmarked if unmarked else solve
-    motion, told = (recording.motion, ()) if unmarked else prepared(recording.body, recording.motion)
+    motion, mended = (recording.motion, Mended()) if unmarked else prepared(recording.body, recording.motion)
     try:
         solution, choice = solved_at_level(recording.body, motion, settings, solve, unmarked)
     except EstimationError as e:
@@ -116,7 +118,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         if plain is None:
             raise
         solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
-    solution = replace(solution, reasons=(*told, *solution.reasons))
+    solution = replace(solution, findings=(*judge_mending(mended), *solution.findings))
     if solution.growth is not None:
         solution = replace(solution, state=grown(solution.state, solution.growth))
     if not unmarked:
@@ -194,7 +196,7 @@ def assemble(
     affine, untold = told_first_moments(recording, settings, solution)
     costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
-    wild_said = any("innovations reach" in reason for reason in solution.reasons)
+    wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     findings = [
         *findings,
         *judge_leakage(leaks),
@@ -209,8 +211,9 @@ def assemble(
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
         *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
-        *(Finding(text) for text in same),
-        *(Finding(text) for text in (*solution.reasons, *untold)),
+        *same,
+        *solution.findings,
+        *untold,
         *told,
     ]
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,17 @@ from forceid.files.schema import (
     WITNESS_ATTRS,
     estimate_groups,
 )
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict, Witness
+from forceid.records import (
+    Array,
+    Estimate,
+    Finding,
+    HiddenLoad,
+    Interface,
+    Loads,
+    Recording,
+    Verdict,
+    Witness,
+)
 
 _DERIVED = ("force_std", "moment_std")
 _AFFINE = ("stretch", "first_moment", "first_moment_cov")
@@ -61,7 +73,6 @@ def read_result(path: str | Path) -> Estimate:
         stated: dict[str, Any] = {name: text(group.attrs[name]) for name in ESTIMATE_ATTRS}
         stated |= {name: real_attr(group.attrs[name], where, name) for name in _NUMBERS}
         stated["gravity"] = read_gravity(group.attrs, where, None)
-        reasons = text(group.attrs["reasons"])
         numbers: dict[str, Any] = {
             kind: {
                 k.removeprefix(f"{kind}_"): real_attr(v, where, k)
@@ -74,7 +85,7 @@ def read_result(path: str | Path) -> Estimate:
             **{k: v for k, v in (empty | values).items() if k not in _DERIVED},
             **stated,
             node=node,
-            verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
+            verdict=read_verdict(group.attrs),
             loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
             interface=read_interface(f, n, path) if "interface" in f else None,
             witness=read_witness(f, n, path) if "witness" in f else None,
@@ -147,16 +158,30 @@ def read_interface(file: Any, samples: int, path: str | Path) -> Interface:
     names = read_names(group, "joint")
     sizes = {"time": samples, "joint": len(names), "axis": 3, "wrench": 6}
     values, _ = read_variables(group, INTERFACE, sizes, where)
-    reasons = text(group.attrs["reasons"])
     kept = {k: v for k, v in values.items() if k not in (*_DERIVED, "determined")}
     return Interface(
         name=names,
         parts=tuple((a, b) for a, b in (p.split("\t") for p in text(group.attrs["joint_parts"]).split("\n"))),
         determined=values["determined"] > 0.5,
         dof=int(real_attr(group.attrs["dof"], where, "dof")),
-        verdict=Verdict(text(group.attrs["verdict"]), tuple(reasons.split("\n")) if reasons else ()),  # type: ignore[arg-type]
+        verdict=read_verdict(group.attrs),
         **({"null_space": np.zeros((len(names), 6, 0))} | kept),
     )
+
+
+def read_verdict(attrs: Mapping[str, Any]) -> Verdict:
+    """The verdict in the attributes of a group; a file from before findings had codes has sentences alone."""
+    level: Any = text(attrs["verdict"])
+    told, codes, levels, values = (
+        text(attrs.get(name, "")).split("\n")
+        for name in ("reasons", "reason_codes", "reason_levels", "reason_values")
+    )
+    if told == [""]:
+        return Verdict(level)
+    if not len(told) == len(codes) == len(levels) == len(values) or codes == [""]:
+        return Verdict(level, tuple(Finding("", level, {}, line) for line in told))
+    lines: Any = zip(codes, levels, map(json.loads, values), told, strict=True)
+    return Verdict(level, tuple(Finding(*line) for line in lines))
 
 
 def read_names(group: Source, dim: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Witness
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict, Witness
 
 SCHEMA = "1"
 CONVENTIONS = "CF-1.11"
@@ -252,8 +253,7 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
             ),
             {
                 **{name: getattr(estimate, name) for name in ESTIMATE_ATTRS},
-                "verdict": estimate.verdict.level,
-                "reasons": "\n".join(estimate.verdict.reasons),
+                **verdict_attrs(estimate.verdict),
                 "model_choice": estimate.model_choice,
                 **{
                     f"{kind}_{name}": float(value)
@@ -270,6 +270,18 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     if estimate.interface is not None:
         groups["interface"] = interface_group(estimate.time, estimate.interface)
     return groups | (truth_group(recording) if recording else {})
+
+
+def verdict_attrs(verdict: Verdict) -> dict[str, str]:
+    """A verdict as attributes: its level, and of its findings a line each, all in one order."""
+    found = verdict.findings
+    return {
+        "verdict": verdict.level,
+        "reasons": "\n".join(f.text for f in found),
+        "reason_codes": "\n".join(f.code for f in found),
+        "reason_levels": "\n".join(f.level for f in found),
+        "reason_values": "\n".join(json.dumps(dict(f.values), allow_nan=False) for f in found),
+    }
 
 
 def hidden_values(hidden: HiddenLoad | None) -> dict[str, Array]:
@@ -305,8 +317,7 @@ def interface_group(time: Array, interface: Interface) -> Group:
         "joint_parts": "\n".join("\t".join(pair) for pair in interface.parts),
         "dof": interface.dof,
         "consistency": interface.consistency,
-        "verdict": interface.verdict.level,
-        "reasons": "\n".join(interface.verdict.reasons),
+        **verdict_attrs(interface.verdict),
     }
     return Group(fields(table, values, {"joint": interface.name}), attrs)
 

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.partition.accuracy import Improved, length, share
 from forceid.partition.assembly import Assembly
-from forceid.records import Array, Verdict
+from forceid.records import Array, Finding, Verdict
 
 SOUND = 1e-8  # error up to which a solution is ok
 USELESS = 1e-3  # error from which it is refused, or ten times the tolerance that was asked for
@@ -32,7 +32,8 @@ def condition_verdict(system: Assembly, f: Array, best: Improved, tolerance: flo
     )
     if not best.worse <= max(USELESS, 10 * tolerance):
         raise EstimationError(off, "", step)
-    return Verdict("degraded", (f"{off}; {step}",))
+    errors = {"error": best.error, "lam_error": best.lam_error}
+    return Verdict("degraded", (Finding("inaccurate-solution", "degraded", errors, f"{off}; {step}"),))
 
 
 def reason(system: Assembly, f: Array, best: Improved, tolerance: float) -> tuple[str, str]:

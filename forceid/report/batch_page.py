@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from forceid.records import Finding
 from forceid.report.numbers import digits, plus_minus, typeset
 from forceid.report.outliers import Outlier, find_outliers, size
 from forceid.report.picture import Picture, pictured
@@ -127,24 +127,28 @@ def number(record: Mapping[str, Any], name: str) -> float:
 
 def causes(records: Sequence[Mapping[str, Any]]) -> list[Cause]:
     """Reasons for failures and verdicts, worst and most frequent first; the first wording stands for all."""
-    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    found: dict[tuple[str, ...], list[tuple[str, str]]] = {}
     for record in records:
         name = os.path.basename(str(record["file"]))
-        for level, reason in reasons_of(record):
+        for level, cause, reason in reasons_of(record):
             plain = reason.replace(str(record["file"]), name)
-            mask = re.sub(r"[-+]?\d[\d.e+-]*", "#", plain.replace(name, "@"))
-            found.setdefault((level, mask), []).append((name, plain))
-    listed = [Cause(level, told[0][1], tuple(n for n, _ in told)) for (level, _), told in found.items()]
+            found.setdefault((level, *cause), []).append((name, plain))
+    listed = [
+        Cause(level, told[0][1], tuple(dict.fromkeys(n for n, _ in told)))
+        for (level, *_), told in found.items()
+    ]
     return sorted(listed, key=lambda cause: (ORDER.index(cause.level), -len(cause.files)))
 
 
-def reasons_of(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Level and text of every reason that a record gives."""
+def reasons_of(record: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, ...], str]]:
+    """Level, cause and text of every reason that a record gives."""
     if "error" in record:
-        return [("failed", record["error"])]
-    joints = record.get("interface", {"verdict": "ok", "reasons": ()})
-    told = [(record["verdict"], reason) for reason in record.get("reasons", ())]
-    return told + [(joints["verdict"], f"joints: {reason}") for reason in joints["reasons"]]
+        yield "failed", (record["error_cause"],), record["error"]
+    for where, told in (("", record), ("joints: ", record.get("interface", {}))):
+        lines = zip(*(told.get(f"reason{name}", ()) for name in ("s", "_codes", "_values")), strict=True)
+        for text, code, values in lines:
+            cause = Finding(code, told["verdict"], values, text).cause
+            yield told["verdict"], (where, *cause), where + text
 
 
 def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -> Picture | None:

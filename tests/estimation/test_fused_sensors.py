@@ -13,7 +13,7 @@ from forceid.estimation.body.deformation import smooth_deformation
 from forceid.estimation.body.gaps import lost_frames
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.inspection import inspect_recording
-from forceid.estimation.instruments.on_flight import fused, sensor_reasons, sensors_of, with_sensors
+from forceid.estimation.instruments.on_flight import fused, judge_sensors, sensors_of, with_sensors
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.fused_tuning import climb
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
@@ -73,7 +73,7 @@ def test_sensors_beside_rare_markers_halve_the_error_and_more_and_say_how_large_
     assert (rms(error) < rms(alone) * [0.6, 0.3]).all(), rms(error) / rms(alone)
     assert (rms(error) / rms(claimed) > 0.6).all()
     assert (rms(error) / rms(claimed) < 1.25).all()
-    assert sensor_reasons(flight, state) == ()
+    assert judge_sensors(flight, state) == ()
 
 
 def test_noise_that_nobody_stated_is_found():
@@ -88,9 +88,8 @@ def test_a_sensor_that_stands_elsewhere_than_stated_is_named():
     recording = recorded(seed=4, marker_every=4)
     shifted = recording.body.sensor_position + np.array([[0.02, 0.0, 0.0], [0.0, 0.0, 0.0]])
     flight, state = with_all(replace(recording, body=replace(recording.body, sensor_position=shifted)))
-    assert any(
-        "the accelerometers" in said and "stand or point" in said for said in sensor_reasons(flight, state)
-    )
+    found = judge_sensors(flight, state)
+    assert ("sensor-innovations", "accelerometers") in [finding.cause for finding in found]
 
 
 def test_without_sensors_or_rotation_nothing_changes():
@@ -138,7 +137,7 @@ def test_without_markers_force_and_moment_in_body_axes_are_right_and_the_rest_is
     assert is_unmarked(motion)
     told = load_settings(noise_std={"specific_force_bias": 0.3, "angular_velocity_bias": 0.05})
     (finding,) = judge_unmarked(body, motion, told)
-    assert not finding.refuses
+    assert finding.level == "degraded"
     assert "place, speed and the attitude at the start are not observable" in finding.text
     state = (solution := estimate_unmarked(body, motion, told, ENGINE)).state
     into = Rotation.from_quat(truth["orientation"])
@@ -149,13 +148,13 @@ def test_without_markers_force_and_moment_in_body_axes_are_right_and_the_rest_is
     assert np.isnan(state.center).all()
     assert np.isnan(state.velocity).all()
     np.testing.assert_allclose(state.rotation[0], np.eye(3), atol=1e-3)
-    assert any("drifted by" in reason for reason in solution.reasons)
+    assert "attitude-drifts" in [finding.code for finding in solution.findings]
 
 
 def test_sensors_that_cannot_say_how_the_body_turns_are_refused():
     recording = recorded(markers=False)
     (finding,) = judge_unmarked(recording.body, replace(recording.motion, angular_velocity=None), PLAIN)
-    assert finding.refuses
+    assert finding.level == "refused"
     assert "add a gyro" in finding.text
 
 

@@ -18,9 +18,11 @@ from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.linked_flight import stretches
 from forceid.estimation.run import estimate_recording, estimate_whole
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import judge
 from forceid.files.result import read_result, read_truth, write_result
 from forceid.files.tree import tree_from_recording
-from forceid.records import Motion, Recording, Verdict
+from forceid.records import Motion, Recording
 from forceid.scenes import hinged
 
 ROOT = Path(__file__).parents[2]
@@ -265,11 +267,12 @@ def test_a_part_that_is_refused_takes_the_joints_with_it():
         estimate, solution = estimate_whole(recording, settings)
         if recording.title == "a":
             return estimate, solution
-        return replace(estimate, verdict=Verdict("refused", ("nothing is seen",))), None
+        return replace(estimate, verdict=judge([note("no-mass-center")])), None
 
     found = joint_forces(seen(parameters, 0), jointed(parameters, method="difference"), solve)
     assert found.verdict.level == "refused"
-    assert found.verdict.reasons[-1] == "part b: nothing is seen"
+    assert found.verdict.findings[-1].cause == ("no-mass-center", "b")
+    assert found.verdict.reasons[-1].startswith("part b: no frame shows the mass center")
     assert np.isnan(found.force).all()
     assert not found.determined.any()
 

@@ -16,7 +16,6 @@ from forceid.errors import DataError
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import (
-    Finding,
     judge,
     judge_clipping,
     judge_leakage,
@@ -36,6 +35,7 @@ from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_ove
 from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
 from forceid.motion.free_turn import largest_turn
 from forceid.principal.loads import solve_loads
+from forceid.records import Finding
 
 TIME = cf.clock(400)
 
@@ -53,8 +53,9 @@ def innovations_judged(v, reach=1.0):
 
 
 def test_worst_finding_sets_the_level():
-    small, large = Finding("a"), Finding("b", refuses=True)
+    small, large = Finding("one", "degraded", {}, "a"), Finding("two", "refused", {}, "b")
     assert judge([]).level == "ok"
+    assert judge([Finding("none", "ok", {}, "c")]).level == "ok"
     assert judge([small, small]).level == "degraded"
     assert judge([small, large]).level == "refused"
     assert judge([small, large]).reasons == ("a", "b")
@@ -80,7 +81,7 @@ def test_markers_that_do_not_fix_the_rotation_are_named_with_a_next_step(body, w
     (found,) = judge_recording(seen(cf.toss(body=body)))
     assert words in found.text
     assert "; add " in found.text
-    assert not found.refuses
+    assert found.level == "degraded"
 
 
 def test_unseen_mass_center_is_refused():
@@ -88,7 +89,7 @@ def test_unseen_mass_center_is_refused():
     x = recording.motion.position.copy()
     x[:, 2] = np.nan
     (found,) = judge_recording(seen(cf.seen_as(recording, x)))
-    assert found.refuses
+    assert found.level == "refused"
     assert "do not span" in found.text
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from forceid.records import Body, Estimate, Loads, Motion, Recording, Verdict
+from forceid.records import Body, Estimate, Finding, Loads, Motion, Recording, Verdict
 
 
 def markers(n=20, nodes=4, seed=0):
@@ -84,7 +84,11 @@ def estimate(n=20, nodes=4, modes=2, loads=True, seed=2):
         log_likelihood=12.5,
         moment_about="mass_center",
         verdict=Verdict(
-            "degraded", ("noise is not white; state noise_std", "marker_1 is lost for 2 s; film again")
+            "degraded",
+            (
+                Finding("color", "degraded", {"variable": "position", "noise": 1e-3}, "noise is not white"),
+                Finding("lost", "ok", {"time_s": None}, "marker_1 is lost for 2 s; film again"),
+            ),
         ),
         mode_amplitude=r(n, modes) if modes else None,
         stretch=r(n, 3, 3),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from forceid.records import Estimate, Verdict
+from forceid.records import Estimate, Finding, Verdict
 
 TRUE_STD = np.array([0.05, 0.04, 0.06, 0.002, 0.003, 0.002])
 
@@ -62,7 +62,15 @@ def make_estimate(
         "log_likelihood": 12345.6,
         "moment_about": "mass_center",
         "verdict": Verdict(
-            "degraded", ("The moment about x has no defense above 12 Hz; add markers off that axis.",)
+            "degraded",
+            (
+                Finding(
+                    "band",
+                    "degraded",
+                    {},
+                    "The moment about x has no defense above 12 Hz; add markers off that axis.",
+                ),
+            ),
         ),
         "mode_amplitude": 2e-3 * np.stack([np.sin(50 * t), 0.4 * np.cos(90 * t)], axis=-1),
         "runtime_s": 0.42,

@@ -13,17 +13,24 @@ from forceid.report.outliers import FEW, find_outliers
 def record(k, status="ok", **more):
     verdict = {"status": status, "file": f"in/m{k:02d}.h5", "output": f"out/m{k:02d}.result.h5"}
     if status == "failed":
-        return {**verdict, "error": f"in/m{k:02d}.h5 is cut short at byte {k}; copy it again", **more}
-    known = {"verdict": "ok" if status == "skipped" else status, "reasons": [], "nis_mean": 1 + 0.01 * k}
+        error = f"in/m{k:02d}.h5 is cut short at byte {k}; copy it again"
+        return {**verdict, "error": error, "error_cause": "DataError copy it again", **more}
+    known = {"verdict": "ok" if status == "skipped" else status, "nis_mean": 1 + 0.01 * k}
     size = {"force_rms": [1.0, 2.0, 3.0], "force_std": [0.1, 0.1, 0.1], "moment_rms": [None] * 3}
     return {**verdict, **known, **size, "moment_std": [None] * 3, "runtime_s": 0.5, "samples": 40, **more}
 
 
+def said(code, text, **values):
+    return {"reasons": [text], "reason_codes": [code], "reason_values": [values]}
+
+
 BATCH = [
     *(record(k) for k in range(10)),
-    record(10, "degraded", reasons=["noise is 3.0 times that stated"], nis_mean=9.0),
-    record(11, "degraded", reasons=["noise is 2.5 times that stated"]),
-    record(12, "refused", reasons=["the markers lie on a <line>"], nis_mean=None, force_rms=[None] * 3),
+    record(10, "degraded", **said("noise", "noise is 3.0 times that stated"), nis_mean=9.0),
+    record(11, "degraded", **said("noise", "noise is 2.5 times that stated")),
+    record(
+        12, "refused", **said("on-line", "the markers lie on a <line>"), nis_mean=None, force_rms=[None] * 3
+    ),
     record(13, "skipped"),
     record(14, "failed"),
     record(15, "failed"),
@@ -86,6 +93,14 @@ def test_one_reason_in_two_wordings_is_one_cause():
     ]  # fmt: skip
     assert found[0].text == "m14.h5 is cut short at byte 14; copy it again"
     assert found[2].files == ("m10.h5", "m11.h5")
+
+
+def test_one_finding_on_two_things_is_two_causes():
+    both = [said("joint-apart", f"apart at {name}", joint=name, off_mm=3.0) for name in ("hip", "knee")]
+    found = causes([record(k, "degraded", interface={"verdict": "degraded"} | both[k % 2]) for k in range(4)])
+    assert [(cause.text, cause.files) for cause in found] == [
+        ("joints: apart at hip", ("m00.h5", "m02.h5")), ("joints: apart at knee", ("m01.h5", "m03.h5")),
+    ]  # fmt: skip
 
 
 def test_what_a_file_says_is_shown_as_text(page):

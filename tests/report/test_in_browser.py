@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_batch_page import BATCH
 
-from forceid.records import Interface, Verdict
+from forceid.records import Finding, Interface, Verdict
 from forceid.report.batch_page import render_batch
 from forceid.report.page import render_page
 
@@ -63,7 +63,9 @@ def page(request, throw, tmp_path_factory):
         html = render_batch(batch, folder)
     elif request.param == "refused":
         estimate, _ = throw(
-            60, verdict=Verdict("refused", ("Nothing is seen.",)), force=np.full((60, 3), np.nan)
+            60,
+            verdict=Verdict("refused", (Finding("code", "refused", {}, "Nothing is seen."),)),
+            force=np.full((60, 3), np.nan),
         )
         html = render_page(estimate, None, "A record of nothing")
     else:

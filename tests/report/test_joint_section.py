@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from forceid.records import Interface, Verdict
+from forceid.records import Finding, Interface, Verdict
 from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.joint_section import joint_section
 from forceid.report.page import render_page
@@ -55,7 +55,14 @@ def looped(two):
         values[:, 0] = np.nan
     null = np.zeros((2, 6, 4))
     null[0] = np.eye(6)[:, :4]
-    verdict = Verdict("degraded", ("the motion does not tell what passes through hip; see null_space",))
+    verdict = Verdict(
+        "degraded",
+        (
+            Finding(
+                "code", "degraded", {}, "the motion does not tell what passes through hip; see null_space"
+            ),
+        ),
+    )
     return jointed(whole, **hidden, determined=np.array([False, True]), null_space=null, verdict=verdict)
 
 
@@ -131,7 +138,7 @@ def test_joints_that_are_refused_say_why_on_the_page(two):
     nothing = {
         name: np.full_like(getattr(whole.interface, name), np.nan) for name in (*FIELDS, "point", "gap")
     }
-    reasons = ("part shank: three samples cannot show a force",)
+    reasons = (Finding("code", "refused", {}, "part shank: three samples cannot show a force"),)
     chi = np.full(len(whole.time), np.nan)
     estimate, truth = jointed(
         whole,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from forceid.records import Verdict
+from forceid.records import Finding, Verdict
 from forceid.report.page import render_page
 
 
@@ -60,7 +60,9 @@ def test_page_of_a_refused_estimate_says_why_and_draws_nothing(throw):
         nis=np.full(50, np.nan),
         log_likelihood=np.nan,
         mass=np.nan,
-        verdict=Verdict("refused", ("Three samples cannot show a force; record more.",)),
+        verdict=Verdict(
+            "refused", (Finding("code", "refused", {}, "Three samples cannot show a force; record more."),)
+        ),
     )
     html = render_page(refused)
     assert "Refused" in html

@@ -18,10 +18,11 @@ from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.affine_fit import AffineFit, fit_affine
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.kinematics import marker_noise
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.load import LoadPrior
 from forceid.pseudorigid.decomposition import polar
-from forceid.records import Array, Flags, Recording
+from forceid.records import Array, Finding, Flags, Recording
 
 FEWEST = 12  # frames that a load on a turning body needs
 THIN = 1e-8  # of the largest: a second moment so small is none
@@ -37,7 +38,7 @@ class AffineChannels:
     directions in which their errors are independent while all markers are seen; second_moment E (3, 3) kg m2;
     span (3, column): orthonormal directions of E V, along which F is known. rotation (time, 3, 3): a smooth
     path of the body's own axes, exact by definition; noise (time, channel, channel): of all channels, group
-    by group; linked: their largest correlation between groups. reasons: sentences on what is open; whole:
+    by group; linked: their largest correlation between groups. findings: on what is open; whole:
     whether the columns hold all of the first moments.
     """
 
@@ -50,7 +51,7 @@ class AffineChannels:
     rotation: Array
     noise: Array
     linked: float
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     whole: bool = True
 
     @property
@@ -107,7 +108,7 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
     noise = np.einsum("tBC,ab->tBaCb", cov, eye).reshape(len(time), 3 * len(std[0]), -1)
     return AffineChannels(
         time, None if fit.off else center, tuple(columns), V, E, aligned(E @ V),
-        smooth_axes(time, completed(fit)), noise, float(linked), open_reasons(fit, n, whole), whole,
+        smooth_axes(time, completed(fit)), noise, float(linked), judge_open(fit, n, whole), whole,
     )  # fmt: skip
 
 
@@ -147,21 +148,18 @@ def along_axes(span: Array) -> Flags:
     return np.asarray(np.linalg.norm(np.eye(3) - span @ span.T, axis=0) < LEVEL)
 
 
-def open_reasons(fit: AffineFit, shown: int, whole: bool) -> tuple[str, ...]:
-    """Sentences on what markers and mass leave open of stretch, force and first moments."""
-    reasons = []
+def judge_open(fit: AffineFit, shown: int, whole: bool) -> tuple[Finding, ...]:
+    """What markers and mass leave open of stretch, force and first moments."""
+    found = []
     if fit.plane:
-        reasons.append("the markers lie in a plane: the stretch across it is open")
+        found.append(note("stretch-open"))
     elif shown < 3:
-        reasons.append("the body has no breadth across a plane: its stretch across is not told")
+        found.append(note("stretch-without-breadth"))
     if fit.off:
-        reasons.append("the mass center lies off the plane of the markers: the force is open")
+        found.append(note("affine-force-open"))
     if not whole:
-        reasons.append(
-            "the markers lie in a plane and the body has breadth across it: first moments are told for arms "
-            f"along {shown} reference directions, the others are open; give a marker off the plane"
-        )
-    return tuple(reasons)
+        found.append(note("first-moments-open", directions=shown))
+    return tuple(found)
 
 
 def completed(fit: AffineFit) -> Array:

@@ -16,12 +16,11 @@ from forceid.config import Settings, load_settings
 from forceid.estimation.affine.channels import AffineChannels, affine_channels, aligned, along_axes
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.affine.smoothing import smoothed
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.load import LoadPrior
 from forceid.kalman.engines import Engine, engine
 from forceid.pseudorigid.materials import Material
-from forceid.records import Array, Flags, Recording
-
-NO_STRESS = "the stretch of the body is open in part: so is the stress in it, and the first moments applied"
+from forceid.records import Array, Finding, Flags, Recording
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class AffineLoads:
     body, those in it too, row: of the force, column: of its arm; first_moment_cov (time, 9, 9).
     applied_first_moment and its covariance: of the forces applied alone, where the material is known.
 
-    What markers leave open is NaN, and `reasons` says which and why. What is known then of the first moments:
+    What markers leave open is NaN, and `findings` say which and why. What is known then of the first moments:
     arm_moment (time, 3, arm) N m = F'' E arms, of the force along world axes and its arm along reference
     directions arms (3, arm), where the arm was in the reference; arm_moment_cov (time, 3 arm, 3 arm).
     span (3, arm): orthonormal reference directions along which F is known, spanned (time, 3, arm) = F span.
@@ -54,12 +53,17 @@ class AffineLoads:
     log_likelihood: float
     applied_first_moment: Array | None = None
     applied_first_moment_cov: Array | None = None
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     arms: Array | None = None
     arm_moment: Array | None = None
     arm_moment_cov: Array | None = None
     span: Array | None = None
     spanned: Array | None = None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The sentences of the findings."""
+        return tuple(finding.text for finding in self.findings)
 
     @property
     def moment(self) -> Array:
@@ -109,9 +113,9 @@ def smooth_affine(
     F_cov = by_F @ cov[:, 3 * n :, 3 * n :] @ by_F.T
     N, N_cov, by_k, by_z = first_moments(k, z, cov, np.asarray(np.linalg.inv(V.T @ E @ V)))
     N, N_cov = (N, N_cov) if channels.whole else (np.full_like(N, np.nan), np.full_like(N_cov, np.nan))
-    applied, applied_cov, reasons = None, None, channels.reasons
+    applied, applied_cov, found = None, None, channels.findings
     if material is not None and not (known.all() and channels.whole):
-        reasons = (*reasons, NO_STRESS)
+        found = (*found, note("stress-open"))
     elif material is not None:
         gradient = material.gradient(F)
         applied = N + gradient @ F.mT
@@ -124,7 +128,7 @@ def smooth_affine(
     return AffineLoads(
         channels.time, center, force, force_cov, F, told_cov(F_cov, known), dF, ddF,
         told(told(stretch_of(z @ to_span, span), known).mT, known).mT,
-        N, N_cov, s.log_likelihood, applied, applied_cov, reasons,
+        N, N_cov, s.log_likelihood, applied, applied_cov, found,
         arms, k @ V.T @ arms, by_arm @ cov[:, : 3 * n, : 3 * n] @ by_arm.T, span, z @ to_span,
     )  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,48 +12,54 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import mass_center, with_center, without_gaps
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
-from forceid.kalman.robust import WILD, drop_wild, runs, unswap
+from forceid.kalman.robust import drop_wild, unswap
 from forceid.motion.spikes import spikes
 from forceid.records import Array, Body, Flags, Motion
 
-TRADED = (
-    "markers traded places ({}): exchanged back {} times, first at {:.4g} s; look at the labels, and at what "
-    "the exchange leaves"
-)
-NAMED = 4  # markers in a sentence
-SPIKES = (
-    "{} of {} marker readings rejected as spikes ({}), the first at {:.4g} s; look at these markers there"
-)
+
+@dataclass(frozen=True)
+class Mended:
+    """What was done about the readings of a motion.
+
+    exchanged: markers that had traded places, exchanges: how often they were put back, exchanged_s: when
+    first; spikes: readings taken out, by marker, the most first, spikes_s: the first of them; readings: all.
+    """
+
+    exchanged: tuple[str, ...] = ()
+    exchanges: int = 0
+    exchanged_s: float = np.nan
+    spikes: Mapping[str, int] = field(default_factory=dict)
+    spikes_s: float = np.nan
+    readings: int = 0
 
 
-def prepared(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+def prepared(body: Body, motion: Motion) -> tuple[Motion, Mended]:
     """The motion cleaned, with lost nodes that carry mass bridged, and what was done about it."""
-    motion, told = cleaned(body, motion)
-    return without_gaps(body, motion), told
+    motion, mended = cleaned(body, motion)
+    return without_gaps(body, motion), mended
 
 
-def cleaned(body: Body, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
     """The motion with markers in their places and without spikes, and what was done about it.
 
     >>> from forceid.records import Motion
-    >>> cleaned(Body(), Motion(time=np.arange(3.0)))[1]
-    ()
+    >>> cleaned(Body(), Motion(time=np.arange(3.0)))[1].exchanges
+    0
     """
     if motion.position is None or motion.bridged is not None:
-        return motion, ()
-    told = []
+        return motion, Mended()
+    mended = Mended()
     position, traded = unswap(motion.position)
     if traded:
-        names = sorted({body.node[t.channel] for t in traded})
-        told.append(TRADED.format(", ".join(names), len(traded) // 2, motion.time[traded[0].sample]))
+        names = tuple(sorted({body.node[t.channel] for t in traded}))
+        mended = Mended(names, len(traded) // 2, float(motion.time[traded[0].sample]))
     off = spikes(position)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
-        worst = [f"{body.node[k]} {off[:, k].sum()}" for k in np.argsort(-off.sum(0)) if off[:, k].any()]
-        several = ", ".join(worst[:NAMED]) + (" and others" if len(worst) > NAMED else "")
-        seen = np.isfinite(motion.position).all(2).sum()
-        told.append(SPIKES.format(off.sum(), seen, several, motion.time[off.any(1).argmax()]))
-    return (replace(motion, position=position), tuple(told)) if told else (motion, ())
+        by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}
+        seen, first = int(np.isfinite(motion.position).all(2).sum()), motion.time[off.any(1).argmax()]
+        mended = replace(mended, spikes=by_marker, spikes_s=float(first), readings=seen)
+    return (replace(motion, position=position), mended) if traded or off.any() else (motion, mended)
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,18 @@ class Dropped:
     def beside(self, more: Dropped) -> Dropped:
         """These frames and more."""
         return more if not self.any else Dropped(self.center | more.center, self.rotation | more.rotation)
+
+
+@dataclass(frozen=True)
+class Wild:
+    """Frames (time,) with wild innovations: their largest size (sigma), the first time, and whether the
+    wildness ends when these frames are taken out.
+    """
+
+    frames: Flags
+    sigma: float
+    time_s: float
+    ended: bool
 
 
 NONE_DROPPED = Dropped(np.zeros(0, bool), np.zeros(0, bool))
@@ -95,23 +113,25 @@ def kinematics_without(
 
 def wild_frames(
     flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState], apart: bool
-) -> tuple[Dropped, str]:
-    """Frames that nothing else agrees with, and a sentence on them.
+) -> tuple[Dropped, Wild | None]:
+    """Frames to be taken out since nothing else agrees with them, and what is to say of such frames.
 
     apart: whether mass center and rotation are smoothed by themselves, and are judged so.
     """
+    none = np.zeros(len(flight.time), bool)
     if not apart:
-        dropped, sentence = wild_among(slice(None), flight, first, solve)
-        return Dropped(dropped, dropped), sentence
-    center, of_center = wild_among(slice(0, 3), flight, first, solve)
-    rotation, of_rotation = wild_among(slice(3, 6), flight, first, solve)
-    return Dropped(center, rotation), of_center or of_rotation
+        wild = wild_among(slice(None), flight, first, solve)
+        dropped = wild.frames if wild is not None and wild.ended else none
+        return Dropped(dropped, dropped), wild
+    each = [wild_among(channels, flight, first, solve) for channels in (slice(0, 3), slice(3, 6))]
+    center, rotation = (w.frames if w is not None and w.ended else none for w in each)
+    return Dropped(center, rotation), each[0] or each[1]
 
 
 def wild_among(
     channels: slice, flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
-) -> tuple[Flags, str]:
-    """Frames (time,) that nothing else agrees with in some channels of a pose, and a sentence on them.
+) -> Wild | None:
+    """Frames that nothing else agrees with in some channels of a pose; None where there are none.
 
     A frame is dropped if its innovation is wild and, without such frames, no other one is. Where the
     wildness stays, it is not the frames but the motion: then none is dropped.
@@ -124,21 +144,10 @@ def wild_among(
 
     every = wildest(first, channels)
     wild, ended = drop_wild(every, again)
-    dropped, size = wild[:, 0], float(every.max())
-    if not dropped.any():
-        return dropped, ""
-    when = flight.time[dropped][0]
-    if not ended:
-        return np.zeros_like(dropped), (
-            f"innovations reach {size:.0f} sigma, first past {WILD:.0f} at {when:.4g} s: an impact "
-            "faster than the prior follows, or markers that changed places; force and moment are blurred "
-            "around such times"
-        )
-    alone = sum(length == 1 for _, length in runs(dropped))
-    return dropped, (
-        f"frames rejected as outliers: {dropped.sum()} ({alone} alone, {dropped.sum() - alone} in bursts), "
-        f"the first at {when:.4g} s, up to {size:.0f} sigma off; look at the markers there"
-    )
+    frames = wild[:, 0]
+    if not frames.any():
+        return None
+    return Wild(frames, float(every.max()), float(flight.time[frames][0]), bool(ended))
 
 
 def wildest(state: FlightState, channels: slice = slice(None)) -> Array:

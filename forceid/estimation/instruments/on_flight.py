@@ -18,6 +18,7 @@ from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
 from forceid.estimation.instruments.clock_offset import aligned
 from forceid.estimation.loads.fused_tuning import FAMILIES, tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.imu import Sensors
 from forceid.flight.model import Flight
@@ -29,7 +30,7 @@ from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Finding, Motion
 
 AMISS = 1.3  # mean squared innovation of a family of sensors, over its covariance
 NAMES, SHORT = ("gyros", "accelerometers"), ("gyro", "accelerometer")
@@ -120,9 +121,9 @@ def turn_a_frame(flight: Flight) -> float:
     return float(np.linalg.norm(rate, axis=1).max() * np.median(np.diff(flight.time[seen])))
 
 
-def sensor_reasons(flight: Flight, state: FlightState, stated: Set[str] = frozenset()) -> tuple[str, ...]:
-    """Sentences on clocks that are off, on biases that wander though none is `stated` to (by the name of its
-    noise_std), and on the family that reads most of what nothing explains.
+def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozenset()) -> tuple[Finding, ...]:
+    """Clocks that are off, biases that wander though none is `stated` to (by the name of its noise_std), and
+    the family that reads most of what nothing explains.
     """
     if flight.sensors is None:
         return ()
@@ -135,22 +136,14 @@ def sensor_reasons(flight: Flight, state: FlightState, stated: Set[str] = frozen
         if i in sensors.clocked and abs(off) > max(SURE * error, EARLY * step):
             sense = "later" if off > 0 else "earlier"
             found.append(
-                f"the {name} read {1e3 * abs(off):.3g} ms {sense} than their samples say, with a standard "
-                f"error of {1e3 * error:.2g} ms: taken into account; set the clocks"
+                note("clock-off", sensors=name, offset_ms=1e3 * abs(off), sense=sense, error_ms=1e3 * error)
             )
         if sensors.bias_walk[i] and f"{FAMILIES[i]}_walk" not in stated:
-            found.append(
-                f"the biases of the {name} wander, by {sensors.bias_walk[i]:.2g} {UNITS[i]} in a second, or "
-                "what passes for it: they stand or point elsewhere than stated, or the body bends; look at "
-                f"their places, or state noise_std.{FAMILIES[i]}_walk"
-            )
+            walk = sensors.bias_walk[i]
+            found.append(note("bias-wanders", sensors=name, walk=walk, unit=UNITS[i], variable=FAMILIES[i]))
     worst = max(level, key=level.__getitem__)
     if level[worst] > AMISS:
-        found.append(
-            f"the innovations of the {worst} are {np.sqrt(level[worst]):.2f} times as large as predicted: "
-            "they stand or point elsewhere than stated, their clock drifts, or the body bends under them; "
-            "claimed errors are too small"
-        )
+        found.append(note("sensor-innovations", sensors=worst, times=np.sqrt(level[worst])))
     return tuple(found)
 
 

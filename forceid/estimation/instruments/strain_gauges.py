@@ -8,14 +8,14 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight
 from forceid.flight.modes import Gauges
 from forceid.flight.smoother import FlightState
 from forceid.motion.window import ORDER, noise_variance
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Finding, Motion
 
 AMISS = 1.3  # mean squared innovation of the gauges, over its covariance
-UNUSED = "strain was read, but {}: the gauges tell nothing"
 
 
 def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
@@ -52,19 +52,13 @@ def gauge_noise(time: Array, z: Array) -> float:
     return float(np.sqrt(noise_variance(time, z[:, None])))
 
 
-def gauge_reasons(flight: Flight, state: FlightState, body: Body, motion: Motion) -> tuple[str, ...]:
-    """A sentence where gauges are of no use, or read what the modes do not explain."""
+def judge_gauges(flight: Flight, state: FlightState, body: Body, motion: Motion) -> tuple[Finding, ...]:
+    """Gauges that are of no use, or that read what the modes do not explain."""
     if motion.strain is None or not np.isfinite(motion.strain).any():
         return ()
     if body.strain_shape is None:
-        return (UNUSED.format("/body/strain_shape, what each gauge reads of the nodes, is missing"),)
+        return (note("strain-shape-missing"),)
     if flight.modes is None:
-        return (UNUSED.format("the body is taken for one without modes"),)
+        return (note("strain-without-modes"),)
     level = float(np.nanmean(state.gauge_innovation**2))
-    if level < AMISS:
-        return ()
-    return (
-        f"the innovations of the strain gauges are {np.sqrt(level):.2f} times as large as predicted: the "
-        "body bends in more modes than the model has, or /body/strain_shape is not what they read; claimed "
-        "errors are too small",
-    )
+    return () if level < AMISS else (note("strain-innovations", times=np.sqrt(level)),)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import chdtri
 
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.verdict.finding import Finding, judge
-from forceid.records import Array, Interface, Recording
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import judge
+from forceid.records import Array, Finding, Interface, Level, Recording
 
 SURE = 0.001  # chance that noise alone leaves as much of the balances
 GROSS = 25.0  # times the claims, that balances may be off and the joint forces still be worth a number
@@ -24,11 +27,7 @@ def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Findin
     if not found.determined.all():
         names = ", ".join(n for n, told in zip(found.name, found.determined, strict=True) if not told)
         findings.append(
-            Finding(
-                f"the motion does not tell what passes through {names}: the joints close a loop, or loads "
-                "from outside act on too many parts; see null_space, or state what a joint cannot pass",
-                refuses=not found.determined.any(),
-            )
+            note("joint-undetermined", None if found.determined.any() else "refused", names=names)
         )
     seen = np.isfinite(found.chi_square)
     if found.dof and seen.any():
@@ -36,25 +35,24 @@ def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Findin
         independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
         limit = chdtri(found.dof * independent, SURE) / (found.dof * independent)
         if found.consistency > limit:
-            findings.append(
-                Finding(
-                    f"the balances of the parts do not close: what is left is {found.consistency:.3g} times "
-                    f"what the claims allow, at most {limit:.2g} by chance; check masses and joints, or mark "
-                    "the part that a load from outside acts on with external = true",
-                    refuses=found.consistency > GROSS,
-                )
-            )
+            level: Level = "refused" if found.consistency > GROSS else "degraded"
+            findings.append(note("balances-open", level, left=found.consistency, limit=float(limit)))
     apart = np.sqrt((found.gap**2).sum(2).mean(0))
     noise = np.sqrt(np.einsum("tjaa->tj", gap_cov).mean(0))
     for name, off, size in zip(found.name, apart, noise, strict=True):
         if off > APART * size:
-            findings.append(
-                Finding(
-                    f"the parts are {1e3 * off:.2g} mm apart at joint {name}, where noise explains "
-                    f"{1e3 * size:.2g} mm: the joint is not there, and its moment is off; correct `at`"
-                )
-            )
+            findings.append(note("joint-apart", joint=name, off_mm=1e3 * off, noise_mm=1e3 * size))
     return findings
+
+
+def of_part(finding: Finding, part: str, verdict: Level) -> Finding:
+    """A finding on a part, by its name, as one on the joints: refused where the verdict on the part is."""
+    return replace(
+        finding,
+        level="refused" if verdict == "refused" else "degraded",
+        values={**finding.values, "part": part},
+        text=f"part {part}: {finding.text}",
+    )
 
 
 def refused(

@@ -14,12 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.checks import GROSS, judge_joints, refused
+from forceid.estimation.joints.checks import GROSS, judge_joints, of_part, refused
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.joints.together import together
 from forceid.estimation.methods.smoother import Solution
-from forceid.estimation.verdict.finding import Finding, judge
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition.resultants import link_resultants
 from forceid.records import Estimate, Interface, Recording
 
@@ -35,16 +36,15 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
     alone = settings.model_copy(update={"part": (), "joint": (), "load": (), "moment_about": "mass_center"})
     solved = [solve(part.recording, alone) for part in parts]
     findings = [
-        Finding(f"part {part.name}: {reason}", refuses=estimate.verdict.level == "refused")
+        of_part(finding, part.name, estimate.verdict.level)
         for part, (estimate, _) in zip(parts, solved, strict=True)
-        for reason in estimate.verdict.reasons
+        for finding in estimate.verdict.findings
     ]
-    if any(f.refuses for f in findings):
+    if refusing(findings):
         return refused(recording, joints, parts, findings)
     estimates = [estimate for estimate, _ in solved]
     if blind := [p.name for p, e in zip(parts, estimates, strict=True) if not np.isfinite(e.moment).any()]:
-        text = f"part {blind[0]}: its markers show no moment, and without it no joint force follows"
-        return refused(recording, joints, parts, [*findings, Finding(text, refuses=True)])
+        return refused(recording, joints, parts, [*findings, note("part-without-moment", part=blind[0])])
     linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
     wrench, cov = about_center(linkage, estimates)
     found = link_resultants(linkage.links, -wrench, cov, linkage.passes)

@@ -12,13 +12,14 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.joints.checks import judge_joints
+from forceid.estimation.joints.checks import judge_joints, of_part
 from forceid.estimation.joints.linkage import passed
 from forceid.estimation.joints.null_space import column_space, open_components, trading_joints
 from forceid.estimation.joints.parts import Joint, Part, parts_of
 from forceid.estimation.joints.prospects import JointProspect, JointProspects, PartProspect
 from forceid.estimation.loads.bandwidth import bandwidths
-from forceid.estimation.verdict.finding import Finding, judge_recording
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import judge_recording, refusing
 from forceid.partition.resultants import (
     GROUND,
     incidence,
@@ -28,7 +29,7 @@ from forceid.partition.resultants import (
 )
 from forceid.principal.operator import cross_matrix
 from forceid.principal.wrench import transport_matrix
-from forceid.records import Array, Flags, Interface, Recording, Verdict
+from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 
 FRAMES = 40  # looked at
 SURE = 5.0  # times the noise of the poses, at which what they say of a balance counts as told
@@ -75,7 +76,7 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
     kins = [kinematics(p.recording.body, p.recording.motion, alone) for p in parts]
     judged = [judge_recording(kin) for kin in kins]
     findings = [
-        Finding(f"part {part.name}: {f.text}", f.refuses)
+        of_part(f, part.name, f.level)
         for part, found in zip(parts, judged, strict=True)
         for f in found
     ]
@@ -94,11 +95,11 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
             np.zeros((len(point), len(parts), 6)),
         )
         findings += judge_hidden(joints, determined, own)
-    elif not any(f.refuses for f in findings):
-        findings.append(Finding("no frame shows the poses of all parts: no joint force follows"))
+    elif not refusing(findings):
+        findings.append(note("no-common-frame"))
     return JointProspects(
         part=tuple(
-            part_prospect(part, kin, not any(f.refuses for f in found))
+            part_prospect(part, kin, not refusing(found))
             for part, kin, found in zip(parts, kins, judged, strict=True)
         ),
         joint=tuple(
@@ -113,7 +114,7 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
         spare=6 * len(parts) - told if len(poses.center) else 0,
         loops=loop_count([(j.before, j.behind) for j in joints], len(parts)),
         trading=tuple(tuple(joints[k].name for k in group) for group in trading_joints(null)),
-        warnings=tuple(f.text for f in findings),
+        findings=tuple(findings),
     )  # fmt: skip
 
 
@@ -212,12 +213,7 @@ def in_part_axes(
 def judge_hidden(joints: tuple[Joint, ...], determined: Flags, own: list[Array]) -> list[Finding]:
     """Joints that the estimate tells, with errors without bound, since noise alone opens a loop."""
     names = [j.name for j, told, block in zip(joints, determined, own, strict=True) if told and block.size]
-    return [
-        Finding(
-            f"the motion all but hides what passes through {', '.join(names)}: the joints close a loop but "
-            "for the noise of the poses; state what a joint cannot pass"
-        )
-    ] * bool(names)
+    return [note("joint-nearly-undetermined", names=", ".join(names))] if names else []
 
 
 def as_interface(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from forceid.estimation.joints.null_space import listed
+from forceid.records import Finding
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class JointProspect:
 class JointProspects:
     """Parts and joints; resultants: components that joints and loads from outside can pass, of which `told`
     are; spare: balances beyond these, which test masses and joints; loops: independent ones of the joints;
-    trading: joints that trade wrenches unseen. warnings: sentences that the verdict of the joints will hold.
+    trading: joints that trade wrenches unseen. findings: that the verdict of the joints will hold.
     """
 
     part: tuple[PartProspect, ...]
@@ -55,7 +56,12 @@ class JointProspects:
     spare: int
     loops: int
     trading: tuple[tuple[str, ...], ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The sentences of the findings."""
+        return tuple(finding.text for finding in self.findings)
 
     @property
     def summary(self) -> list[str]:

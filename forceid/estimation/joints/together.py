@@ -22,11 +22,11 @@ from forceid.estimation.joints.linked_flight import (
 )
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.smoother import Solution
-from forceid.estimation.verdict.finding import Finding
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.load import along_world
 from forceid.kalman.engines import engine
 from forceid.principal.wrench import transport, transport_matrix
-from forceid.records import Array, Estimate
+from forceid.records import Array, Estimate, Finding
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
@@ -123,12 +123,7 @@ def ties_of(
             continue
         kept = held(joint, parts, rotation, frame)
         if (off := changed(kept, centers, spread)) > TURNED:
-            findings.append(
-                Finding(
-                    f"the parts move against each other at joint {joint.name} by {off:.2g} times what noise "
-                    f"explains, as a {joint.kind} does not let; correct kind, axis or at"
-                )
-            )
+            findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
         ties += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
     return ties, findings

@@ -6,33 +6,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import Line, excite, near, whiten
-from forceid.records import Array
+from forceid.records import Array, Finding
 
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 MATTERS = 1.1  # growth of the claimed error of a load that is worth a sentence
-RINGS = (
-    "a free oscillation at {:.3g} Hz, as of a nutation, shows in the {}; what it does to the rest of the "
-    "wrench is below the noise: claimed errors allow for all that could hide there; reduce the noise, or "
-    "record at a higher rate"
-)
 
 
 def allow_for_ringing(
     state: FlightState, flight: Flight, priors: dict[str, LoadPrior], engine: Engine
-) -> tuple[FlightState, str]:
-    """The same state, with claims that allow for ringing where none was found; a sentence if that matters.
+) -> tuple[FlightState, tuple[Finding, ...]]:
+    """The same state, with claims that allow for ringing where none was found; said if that matters.
 
     A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
     one component is in the others too. Where the record does not show it, its two amplitudes are as unknown
     there as the noise leaves them. A driven line has a direction of its own, and says nothing of others.
     """
     lines = [line for prior in priors.values() for line in prior.lines]
-    cov, where, span = state.wrench_cov.copy(), "", float(np.ptp(flight.time))
+    cov, span = state.wrench_cov.copy(), float(np.ptp(flight.time))
+    rings: tuple[Finding, ...] = ()
     for frequency in sorted({line.frequency for line in lines}):
         same = [line for line in lines if near(frequency, [line.frequency], flight.time)]
         if any(line.driven or line.bandwidth * span < DECAYED for line in same):
@@ -44,9 +41,9 @@ def allow_for_ringing(
                 cov[:, first + axis, first + axis] += var
         shown = " and ".join(n for n, p in priors.items() if near(frequency, freq_of(p), flight.time))
         before, after = (np.trace(np.nanmean(a, 0)[:3, :3]) for a in (state.wrench_cov, cov))
-        if not where and after > MATTERS**2 * before:
-            where = RINGS.format(frequency, shown)
-    return replace(state, wrench_cov=cov), where
+        if not rings and after > MATTERS**2 * before:
+            rings = (note("free-oscillation", frequency_hz=frequency, load=shown),)
+    return replace(state, wrench_cov=cov), rings
 
 
 def freq_of(prior: LoadPrior) -> list[float]:

@@ -12,13 +12,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.lines import PATIENCE, REACH, near
 from forceid.kalman.process import matern
-from forceid.records import Array, HiddenLoad, deviation
+from forceid.records import Array, Finding, HiddenLoad, deviation
 
 POINTS = 64  # frequencies of the curve
 FINE = 512  # frequencies at which the edge of the band is looked for
@@ -78,8 +79,8 @@ def lines_at_spin(
     state: FlightState,
     mass: float,
     gravity: Array,
-) -> list[str]:
-    """Sentences on a line at the spin that would hide, where it would be much of the load, and of the claim.
+) -> list[Finding]:
+    """A line at the spin that would hide, where it would be much of the load, and of the claim.
 
     Much: of the load, or of weight, and of what turns the spin around in a radian, where no load shows. Less
     what the smooth prior follows of it; none where such a line is found, or is not to be seen at this rate.
@@ -104,9 +105,7 @@ def lines_at_spin(
             hides = float((least * (1 - share)).max())
             if hides > MUCH * claimed and hides > PART * scale:
                 told.append(
-                    f"a {name} of up to {hides:.2g} {unit} at {times} the spin would hide in the noise, and "
-                    f"the claim of {claimed:.2g} {unit} leaves it out; if one may act, record faster, or use "
-                    "more markers"
+                    note("line-at-spin", load=name, hidden=hides, unit=unit, times=times, claim=claimed)
                 )
     return told
 

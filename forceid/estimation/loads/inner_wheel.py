@@ -15,21 +15,16 @@ import numpy as np
 
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.loads.whitened import Whitened
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.kalman.lines import PATIENCE
-from forceid.records import Array
+from forceid.records import Array, Finding
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
 LEAST = 0.1  # times the claim, of the moment of a wheel: a smaller one widens it by half a percent
 BEYOND = 2.0  # times the claim, which a claim promises to hold: a wheel that makes more is said
 EXCLUDED = 0.05  # probability, of a wheel that is not said: that of an error beyond twice its claim
-WHEEL = (
-    "an angular momentum inside the body, ({h}) kg m2/s in body axes, would make {made} of the {all} N m of "
-    "moment found: {whether}; state it as internal_momentum, or [0, 0, 0] where nothing turns inside"
-)
-LIKELY = "a wheel, a rotor or a liquid turns in it, or else a load turns with it"
-OPEN = "the record does not tell a moment from a wheel, a rotor or a liquid that turns in it"
 
 
 @dataclass(frozen=True)
@@ -52,8 +47,8 @@ def signals(time: Array, rotation: Array) -> Array:
     return -np.concatenate([np.zeros((1, 3, 3)), turned])
 
 
-def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, str]:
-    """Growth (6, 6) of claimed errors that allows for wheels as well, and a sentence on those beyond it.
+def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """Growth (6, 6) of claimed errors that allows for wheels as well, and a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
     look: at the channel of the moment, beside `signals`.
@@ -70,15 +65,16 @@ def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, 
     own[3:, 3:] = axes * np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within)) @ axes.T
     growth = np.asarray(own @ growth)
     if sum(wheel.odds for wheel in beyond) <= EXCLUDED * total:
-        return growth, ""
+        return growth, ()
     first = max(beyond, key=lambda wheel: wheel.odds)
-    said = WHEEL.format(
-        h=", ".join(f"{v:.2g}" for v in first.h),
-        made=f"{np.linalg.norm(first.off):.2g}",
-        all=f"{length(state.moment[inner]):.2g}",
-        whether=LIKELY if sum(wheel.odds for wheel in beyond) > np.exp(PATIENCE) else OPEN,
+    likely = sum(wheel.odds for wheel in beyond) > np.exp(PATIENCE)
+    wheel = note(
+        "inner-wheel" if likely else "inner-wheel-possible",
+        momentum=", ".join(f"{v:.2g}" for v in first.h),
+        made=float(np.linalg.norm(first.off)),
+        moment=length(state.moment[inner]),
     )
-    return growth, said
+    return growth, (wheel,)
 
 
 def largest(state: FlightState) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import colored
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, seen_part
@@ -23,38 +24,17 @@ from forceid.kalman.lines import PATIENCE
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
 from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
-from forceid.records import Array
+from forceid.records import Array, Finding
 
 SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
-SHARED = (
-    "the tracks are smoother than independent errors of the stated size allow: {1:.1e} is taken, as the "
-    "spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow errors "
-    "of that size; markers that slide together, or a wrong body, cost more"
-)
-SMOOTHED = (
-    "the tracks are smoother than independent errors of the stated size allow: slow errors pass for force, "
-    "and the claimed errors are too small where markers slide or were smoothed"
-)
-HIDDEN = (
-    "the noise of {0} was not stated, and the record does not show it: it was smoothed before, or its errors "
-    "are not white; {1:.1e} is taken, as the spectrum of the mass center shows where the motion ends, and "
-    "the claimed errors allow for slow errors of that size; state noise_std.{0}"
-)
-
-
-LEVER = (
-    "the moment is about the mass center of the model: where that is {0:.0f} mm off, as in bodies of parts "
-    "that are known by tables, the force makes {1:.2g} N m of it, and the claim of {2:.2g} N m leaves that "
-    "out; check masses and their places"
-)
 OFF = 0.01  # m: the unit in which a wrong lever is told
 
 
-def lever(state: FlightState) -> str:
-    """A sentence on what a wrong mass center does to the moment, in numbers of this record."""
+def lever(state: FlightState) -> Finding:
+    """What a wrong mass center does to the moment, in numbers of this record."""
     force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
     claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
-    return LEVER.format(1e3 * OFF, OFF * force, claim)
+    return note("moment-lever", off_mm=1e3 * OFF, moment=OFF * force, claim=claim)
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:

@@ -23,13 +23,15 @@ from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitened
 from forceid.estimation.long.windows import Progress, estimate_stretches, unwatched
 from forceid.estimation.run import estimate_recording
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import judge
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
 from forceid.files.hdf5 import read_checked, stamp
 from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
 from forceid.motion.window import noise_variance
-from forceid.records import Array, Estimate, Level, Recording, Verdict
+from forceid.records import Array, Estimate, Finding, Recording
 
 REDUCED = "first moments of"  # in the history of a recording that was reduced here
 SUMS = "sums.npz"
@@ -55,12 +57,12 @@ def estimate_source(
     if whole and REDUCED not in recording.history:
         return estimate_recording(recording, settings), recording
     estimate = estimate_stretches(recording, settings, made(kept), progress)
-    return with_left_out(estimate, left_out), recording
+    return replace(estimate, verdict=judge([*estimate.verdict.findings, *left_out])), recording
 
 
 def read_recording(
     path: Path, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
-) -> tuple[Recording, str | None]:
+) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording in a motion file, and what is left out of it, if that matters.
 
     One too large to hold comes as four markers; the pass over it goes on from what an earlier one left in
@@ -71,7 +73,7 @@ def read_recording(
     with (progress if gigabytes else unwatched)(gigabytes, "GB checked") as advance:
         sha256 = fingerprint(path, advance)
     if not is_large(path):
-        return read_checked(path, before, sha256, settings.gravity), None
+        return read_checked(path, before, sha256, settings.gravity), ()
     if settings.model == "modal" or settings.part or settings.joint:
         what = "is too large to be held as single nodes, expected model auto, rigid or affine, and no parts"
         raise ConfigError(what, str(path), "leave out nodes or frames")
@@ -96,7 +98,7 @@ def reduced(
     settings: Settings,
     kept: Path | None = None,
     progress: Progress = unwatched,
-) -> tuple[Recording, str | None]:
+) -> tuple[Recording, tuple[Finding, ...]]:
     """A motion file as a recording of four markers, and what its nodes do beside them.
 
     The file is that of the stamp `before`, and of the fingerprint.
@@ -129,7 +131,7 @@ def reduced(
     history = "\n".join(filter(None, (recording.history, line)))
     four = four_nodes(body, inertia, corners[:, 1:])
     found = replace(recording, body=four, motion=motion, truth=truth, sha256=sha256, history=history)
-    return found, said(positions.noise_std or noise, beside)
+    return found, judge_beside(positions.noise_std or noise, beside)
 
 
 def summed(
@@ -190,23 +192,11 @@ def compared(positions: Positions, time: Array, maps: Array, Z: Array) -> tuple[
     return noise, float(np.sqrt(np.nanmean((x[at] - Z[nodes] @ maps[at]) ** 2)))
 
 
-def said(noise: float, beside: float) -> str | None:
-    """What the verdict says of nodes that do more than an affine body and noise; nothing if they do not."""
+def judge_beside(noise: float, beside: float) -> tuple[Finding, ...]:
+    """Nodes that do more than an affine body and noise."""
     if not beside > BESIDE * noise:
-        return None
-    return (
-        f"the nodes are {1e3 * beside:.2g} mm rms beside an affine body, with noise of {1e3 * noise:.2g} mm; "
-        "of so large a file mean motion and first moments are exact, modes are left out; check with fewer "
-        "frames"
-    )
-
-
-def with_left_out(estimate: Estimate, left_out: str | None) -> Estimate:
-    """The estimate with what the reduction leaves out among its reasons, which degrades it."""
-    if left_out is None:
-        return estimate
-    level: Level = "degraded" if estimate.verdict.level == "ok" else estimate.verdict.level
-    return replace(estimate, verdict=Verdict(level, (*estimate.verdict.reasons, left_out)))
+        return ()
+    return (note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise),)
 
 
 def keep(checkpoint: Path, key: str, done: int, sums: Sums) -> None:

@@ -7,7 +7,6 @@ the way is followed.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, replace
@@ -21,10 +20,11 @@ from forceid import __version__
 from forceid.config import Settings, to_toml
 from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.verdict.innovations import BY_CHANCE, chance_limit, wildest
+from forceid.estimation.verdict.finding import judge
+from forceid.estimation.verdict.innovations import chance_limit, wildest
 from forceid.files.result import read_result, read_version, write_result
 from forceid.files.schema import WITNESSED
-from forceid.records import Estimate, HiddenLoad, Loads, Recording, Verdict, Witness
+from forceid.records import Estimate, Finding, HiddenLoad, Loads, Recording, Verdict, Witness
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
@@ -157,9 +157,8 @@ def is_wild(whole: Estimate) -> bool:
 
 def without_chance(piece: Estimate) -> Estimate:
     """A stretch without what chance does in one of a hundred, of which a long record has many."""
-    reasons = tuple(reason for reason in piece.verdict.reasons if BY_CHANCE not in reason)
-    level = piece.verdict.level if reasons or piece.verdict.level == "refused" else "ok"
-    return replace(piece, verdict=Verdict(level, reasons))
+    kept = [f for f in piece.verdict.findings if f.code != "innovation-wild"]
+    return replace(piece, verdict=judge(kept))
 
 
 def chained(records: Sequence[Any]) -> Any:
@@ -207,17 +206,21 @@ def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def worst_of(pieces: Sequence[Estimate]) -> Verdict:
-    """The worst verdict; a reason that several stretches give is told once, since when and how often."""
-    told: dict[str, list[tuple[float, str]]] = {}
+    """The worst verdict; a cause that several stretches give is told once, since when and how often."""
+    told: dict[tuple[str, ...], list[tuple[float, Finding]]] = {}
     for piece in pieces:
-        for reason in piece.verdict.reasons:
-            told.setdefault(re.sub(r"[-+]?\d[\d.e+-]*", "#", reason), []).append((piece.time[0], reason))
-    reasons = tuple(
-        f"from {times[0][0]:.6g} s on, {times[0][1]}"
-        + (f" (so do {len(times) - 1} more of {len(pieces)} stretches)" if len(times) > 1 else "")
-        for times in told.values()
+        for finding in piece.verdict.findings:
+            told.setdefault(finding.cause, []).append((float(piece.time[0]), finding))
+    return judge([in_stretches(times, len(pieces)) for times in told.values()])
+
+
+def in_stretches(times: Sequence[tuple[float, Finding]], count: int) -> Finding:
+    """The findings of one cause, with the starts of their stretches, as one of all `count` stretches."""
+    start, first = times[0]
+    several = f" (so do {len(times) - 1} more of {count} stretches)" if len(times) > 1 else ""
+    return replace(
+        first,
+        level=judge([finding for _, finding in times]).level,
+        values={**first.values, "from_s": start},
+        text=f"from {start:.6g} s on, {first.text}{several}",
     )
-    return Verdict(max((p.verdict.level for p in pieces), key=LEVELS.index), reasons)
-
-
-LEVELS = ("ok", "degraded", "refused")

@@ -7,8 +7,9 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.loads.noise import SMOOTHED, slow_and_small
+from forceid.estimation.loads.noise import slow_and_small
 from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -60,8 +61,8 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
         innovation, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    reasons = (SMOOTHED,) if shared else ()
-    return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), reasons)
+    found = (note("slow-errors"),) if shared else ()
+    return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
 
 
 def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> Choice:

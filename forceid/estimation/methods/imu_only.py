@@ -24,19 +24,19 @@ from forceid.estimation.instruments.fine_clock import (
     refined,
     refined_reference,
 )
-from forceid.estimation.instruments.on_flight import named_sensors, sensor_reasons, sensors_of
+from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
 from forceid.estimation.loads.fused_tuning import FAMILIES
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.left_over import LEFT, mixed
 from forceid.estimation.methods.smoother import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives, slow
-from forceid.estimation.verdict.finding import Finding
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import Pose
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Finding, Motion
 
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
 # rad/s, m/s2: the most that data sheets of the cheapest parts allow a gyro and an accelerometer at rest, 20
@@ -55,27 +55,12 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     inertia = inertia_of(body)
     sensors = sensors_of(body, motion, settings, inertia.center)
     if gyro_rate(motion.time, sensors) is None:
-        text = (
-            "no marker, no mean motion and no gyro of three axes: how the body turns is not observable, and "
-            "so neither is the direction of what the other sensors read; add a gyro, or markers"
-        )
-        return [Finding(text, refuses=True)]
+        return [note("no-gyro")]
     if not np.isfinite(inertia.tensor).all():
-        text = "the inertia tensor is not given, and sensors alone need it; add /body/inertia"
-        return [Finding(text, refuses=True)]
-    text = (
-        "no marker and no mean motion was measured: place, speed and the attitude at the start are not "
-        "observable; force and moment stand in the axes of the body at the first sample, and place and speed "
-        "are left out; add markers, or a measured pose"
-    )
-    found = [Finding(text)]
+        return [note("no-inertia-for-sensors")]
+    found = [note("no-place")]
     if sensors is not None and 1 in sensors.family and f"{FAMILIES[1]}_bias" not in known(motion, settings):
-        text = (
-            "biases of the accelerometers are not stated, and one that all of them share reads as a force "
-            "does that turns with the body: such a force is not told apart from one; state "
-            "noise_std.specific_force_bias from a record at rest"
-        )
-        found.append(Finding(text))
+        found.append(note("bias-not-stated"))
     return found
 
 
@@ -99,46 +84,29 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     best = every[int(share.argmax())]
     state = at_samples(mixed([alternative.state for alternative in every], share), at)
     with_body = [float(share @ [a.turning[i] for a in every]) for i in (0, 1)]
-    reasons = list(sensor_reasons(best.flight, state, stated))
+    findings = list(judge_sensors(best.flight, state, stated))
     var = np.diagonal(state.pose_cov[-1], axis1=0, axis2=1)[3:]
     off = float(np.degrees(np.sqrt(var.max())))
-    reasons.append(
-        f"attitude is reckoned from the gyros: by the end it has drifted by {off:.2g} degrees of standard "
-        "error, and turns force and moment in the axes of the start by as much; in body axes they are right"
-    )
+    findings.append(note("attitude-drifts", drift_deg=off))
     turn = largest_step(flight, fine.time)
     if turn > (1 + 1e-9) * TURN:
-        reasons.append(
-            f"the body turns by {turn:.2g} rad in a step of the model: what a load that turns with it does "
-            "in between is not resolved, and claimed errors may be many times too small; raise the sample "
-            "rate"
-        )
+        findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > LEFT:
-        reasons.append(
-            "the path of the rotation does not come to rest: what it still moves by is "
-            f"{best.left:.2g} times the error claimed of it otherwise, and a part of the claim; raise the "
-            "sample rate, or state noise_std.angular_velocity_bias from a record at rest"
-        )
+        findings.append(note("path-not-at-rest", left=best.left))
     if motion.specific_force is None or not np.isfinite(motion.specific_force).any():
         gone = np.full_like(state.force, np.nan)
         cov = state.wrench_cov.copy()
         cov[:, :3], cov[:, :, :3] = np.nan, np.nan
         state = replace(state, force=gone, wrench_cov=cov)
-        reasons.append("no accelerometer reads: no force; add one, or markers")
+        findings.append(note("no-accelerometer"))
     else:
         claimed = float(np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3].mean()))
         size = float(np.sqrt(np.mean(state.force**2)))
         if claimed > LOOSE * size:
-            reasons.append(
-                f"biases of the accelerometers pass for force: its claimed error is {claimed:.2g} N beside "
-                f"{size:.2g} N; state noise_std.specific_force_bias from a record at rest"
-            )
+            findings.append(note("bias-as-force", claim=claimed, force=size))
         elif "specific_force_bias" not in stated and with_body[0] < 0.5:
             turning = float(np.linalg.norm(common_bias(best.flight, state)) * flight.mass)
-            reasons.append(
-                f"a force of up to {turning:.2g} N that turns with the body may be among the biases of the "
-                "accelerometers, and is not in the claimed error"
-            )
+            findings.append(note("force-in-bias", force=turning))
     if kin.inertia.point:
         state = with_known_moment(state, kin.inertia, None)
     elif kin.inertia.line is not None:
@@ -153,7 +121,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     priors = {"force": best.force, "moment": best.moment}
     tuned = named(kin, priors) | named_sensors(best.flight, state)
     tuned |= {f"{name}_turns_with_body": p for name, p in zip(("force", "moment"), with_body, strict=True)}
-    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(reasons))
+    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(findings))
 
 
 def common_bias(flight: Flight, state: FlightState) -> Array:

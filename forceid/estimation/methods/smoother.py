@@ -20,32 +20,27 @@ from forceid.estimation.body.deformation import Deformation, as_smoothed, undefo
 from forceid.estimation.body.deformation_residual import noise_beyond
 from forceid.estimation.body.kinematics import Kinematics, scaled
 from forceid.estimation.body.spin import turning
-from forceid.estimation.instruments.on_flight import fused, named_sensors, sensor_reasons
-from forceid.estimation.instruments.strain_gauges import gauge_reasons, with_gauges
+from forceid.estimation.instruments.on_flight import fused, judge_sensors, named_sensors
+from forceid.estimation.instruments.strain_gauges import judge_gauges, with_gauges
 from forceid.estimation.loads.body_axes import on_body
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.free_oscillation import allow_for_ringing
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
 from forceid.estimation.loads.inner_wheel import allowing, signals, with_momentum
 from forceid.estimation.loads.lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
-from forceid.estimation.loads.noise import (
-    HIDDEN,
-    SHARED,
-    errors_shared,
-    lever,
-    noise_beyond_motion,
-    widened,
-)
+from forceid.estimation.loads.noise import errors_shared, lever, noise_beyond_motion, widened
 from forceid.estimation.loads.order_uncertainty import growth_along_world
 from forceid.estimation.loads.whitened import whitened
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
+from forceid.estimation.verdict.tracks import judge_mending, judge_wild
 from forceid.flight.model import Flight
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.robust import WILD
 from forceid.motion.window import noise_growth
-from forceid.records import Array, Body, Flags, HiddenLoad, Motion
+from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Motion
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
@@ -68,7 +63,7 @@ class Solution:
     """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
-    less noise than it was allowed; reasons: sentences for the verdict; smoothing: of a smoother's wrench;
+    less noise than it was allowed; findings: for the verdict; smoothing: of a smoother's wrench;
     hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for what the record
     does not tell of its priors, None for none. Levels are compared without it: it is alike at all of them.
     """
@@ -79,7 +74,7 @@ class Solution:
     engine: str
     tuned: dict[str, float]
     noise_at_limit: dict[str, bool]
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     smoothing: Smoothing | None = None
     hidden: HiddenLoad | None = None
     growth: Array | None = None
@@ -90,18 +85,18 @@ def estimate_flight(
     motion: Motion,
     settings: Settings,
     engine: Engine,
-    reasons: tuple[str, ...] = (),
+    findings: tuple[Finding, ...] = (),
     lines: Lines = NO_LINES,
     dropped: Dropped = NONE_DROPPED,
     slow: dict[str, Array] | None = None,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
-    reasons: sentences from a first pass that rejected frames, dropped: those frames; lines: of the loads,
+    findings: of a first pass that rejected frames, dropped: those frames; lines: of the loads,
     that a pass without them found; slow: noise of tracks whose errors follow each other, that it found.
     """
-    motion, told = prepared(body, motion)
-    reasons = (*reasons, *told)
+    motion, mended = prepared(body, motion)
+    findings = (*findings, *judge_mending(mended))
     look = partial(kinematics_without, dropped, body, motion, settings)
     kin = look(slow)
     source = "position" if motion.position is not None else "center"
@@ -123,7 +118,7 @@ def estimate_flight(
     if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
         kin = look(scaled(kin, {source: force.noise}))
         kin, deformation = at_rest(kin)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
     stated = kin.stated[source]
     if (
         not slow
@@ -139,7 +134,8 @@ def estimate_flight(
         kin, deformation = at_rest(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
     if slow:
-        notes = ((SHARED if stated else HIDDEN).format(source, kin.noise[source]),)
+        code = "slow-errors-allowed" if stated else "noise-hidden"
+        notes = (note(code, variable=source, noise=kin.noise[source]),)
         at_limit = {}  # said in the note
     priors = {"force": force}
     if kin.attitude:
@@ -169,10 +165,10 @@ def estimate_flight(
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
-    more_dropped, sentence = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
+    more_dropped, wild = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
     if more_dropped.any:
-        both = dropped.beside(more_dropped)
-        return estimate_flight(body, motion, settings, engine, (*reasons, sentence), lines, both, slow)
+        both, findings = dropped.beside(more_dropped), (*findings, *judge_wild(wild))
+        return estimate_flight(body, motion, settings, engine, findings, lines, both, slow)
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
     more = lines
@@ -180,15 +176,15 @@ def estimate_flight(
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        found = estimate_flight(body, motion, settings, engine, reasons, more, dropped, slow)
-        if not sentence or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
+        found = estimate_flight(body, motion, settings, engine, findings, more, dropped, slow)
+        if wild is None or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
             return found
-    told = sensor_reasons(flight, state, set(motion.noise_std | settings.noise_std))
-    told = (*told, *gauge_reasons(flight, state, body, motion))
-    reasons = (*reasons, *notes, *told, *([sentence] if sentence else []))
+    told = judge_sensors(flight, state, set(motion.noise_std | settings.noise_std))
+    told = (*told, *judge_gauges(flight, state, body, motion))
+    findings = (*findings, *notes, *told, *judge_wild(wild))
     plain = state.wrench_cov
     state, rings = allow_for_ringing(state, flight, priors, engine)
-    reasons = (*reasons, *([rings] if rings else []))
+    findings = (*findings, *rings)
     if slow:
         state = widened(state, flight, force, force_channel(kin, gravity), kin.noise[source], engine)
     told_by = {"force": force_channel(kin, gravity)}
@@ -201,9 +197,9 @@ def estimate_flight(
         plain = state.wrench_cov
         tuned = named(kin, priors) | named_sensors(flight, state) | gained
     elif state.reference is not None and flight.sensors is None:  # these would show what poses do not
-        reasons = (*reasons, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
+        findings = (*findings, *lines_at_spin(told_by, priors, state, kin.inertia.mass, gravity))
     if slow and kin.attitude:
-        reasons = (*reasons, lever(state))
+        findings = (*findings, lever(state))
     smoothing = None if causal else Smoothing(flight, priors, state.wrench_cov - plain)
     if kin.inertia.line is not None:  # mass on a line or a point shows not every moment
         told_by.pop("moment", None)
@@ -216,13 +212,13 @@ def estimate_flight(
         growth = growth_along_world(state, looks)
         if inside:
             growth, wheel = allowing(looks["moment"], state, growth)
-            reasons = (*reasons, *([wheel] if wheel else []))
+            findings = (*findings, *wheel)
     deformation = as_smoothed(kin, deformation, state)
     hides = None
     if flight.sensors is None and not causal:  # these would show what poses do not
         turned = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
         hides = hidden_load(told_by, priors, turned)
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, reasons, smoothing, hides, growth)
+    return Solution(kin, deformation, state, engine.name, tuned, at_limit, findings, smoothing, hides, growth)
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from forceid.estimation.body.gaps import longest_run, lost_frames
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.noise_axes import at_rest
 from forceid.motion.window import noise_growth
-from forceid.records import Motion, Verdict
+from forceid.records import Finding, Level, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 60  # frames below which correlation of errors cannot be seen
@@ -25,24 +26,22 @@ NEARLY_RIGID = 0.15  # sine of its angle with rigid motion below which a shape p
 NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One sentence, and whether it costs everything, or the verdict `ok`, or nothing."""
-
-    text: str
-    refuses: bool = False
-    costs: bool = True
+LEVELS: tuple[Level, ...] = ("ok", "degraded", "refused")
 
 
-def judge(findings: list[Finding]) -> Verdict:
-    """The verdict that findings add up to.
+def judge(findings: Sequence[Finding]) -> Verdict:
+    """The verdict that findings add up to: that of the worst.
 
-    >>> judge([Finding("the markers lie on a line")]).level
+    >>> judge([note("one-marker")]).level
     'degraded'
     """
-    costly = any(f.costs for f in findings)
-    level = "refused" if any(f.refuses for f in findings) else "degraded" if costly else "ok"
-    return Verdict(level, tuple(f.text for f in findings))  # type: ignore[arg-type]
+    worst = max((LEVELS.index(f.level) for f in findings), default=0)
+    return Verdict(LEVELS[worst], tuple(findings))
+
+
+def refusing(findings: Sequence[Finding]) -> bool:
+    """Whether a finding leaves no estimate."""
+    return any(f.level == "refused" for f in findings)
 
 
 def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
@@ -51,23 +50,13 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     motion: where it may hold gyros and accelerometers beside what shows a pose.
     """
     if not np.isfinite(kin.pose.center).any():
-        text = (
-            "no frame shows the mass center, and so no force and no moment: the markers seen do not span it; "
-            "mark every node with mass, or add markers off their line"
-        )
-        return [Finding(text, refuses=True)]
-    found = [Finding(text, costs=False) for text in known_beforehand(kin)]
-    found += [Finding(text) for text in unseen(kin, motion)]
+        return [note("no-mass-center")]
+    found = [*known_beforehand(kin), *unseen(kin, motion)]
     turn = largest_turn(kin.time, kin.pose.rotation)
     if turn > FAST and not (motion is not None and reads_turn(motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
         taken, other = turn / (2 * np.pi * step), (2 * np.pi - turn) / (2 * np.pi * step)
-        text = (
-            f"the body turns {np.degrees(turn):.0f} degrees between frames, near or past the half turn at "
-            f"which the sense and number of turns are lost: what is read as {taken:.3g} rev/s may be "
-            f"{other:.3g} rev/s the other way; record faster or add a gyro"
-        )
-        found.append(Finding(text))
+        found.append(note("fast-turn", degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other))
     return found
 
 
@@ -80,13 +69,7 @@ def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
     step = float(np.diff(values).min(initial=np.inf)) if len(values) > 1 else 0.0
     if step / np.sqrt(12) < noise["position"] or len(values) > 0.5 * x.size:
         return []
-    return [
-        Finding(
-            f"coordinates are rounded to steps of {1e3 * step:.2g} mm, more than their noise of "
-            f"{1e3 * noise['position']:.2g} mm: errors follow the motion, and force and moment with them; "
-            "export more digits"
-        )
-    ]
+    return [note("rounded-coordinates", step_mm=1e3 * step, noise_mm=1e3 * noise["position"])]
 
 
 def judge_clipping(motion: Motion) -> list[Finding]:
@@ -99,14 +82,8 @@ def judge_clipping(motion: Motion) -> list[Finding]:
         for edge in (np.nanmin(values), np.nanmax(values)):
             stuck = (values == edge) & ~rest[:, axis]
             if stuck.sum() > max(STUCK, STUCK_PART * np.isfinite(values).sum()):
-                frames = int(stuck.any(1).sum())
-                return [
-                    Finding(
-                        f"markers stick at {name} = {edge:.4g} m in {frames} of {len(x)} frames, the edge of "
-                        "the volume or of a limit: they were not there, and pull the pose with them; write "
-                        "NaN in these frames"
-                    )
-                ]
+                count = int(stuck.any(1).sum())
+                return [note("markers-stuck", axis=name, edge_m=edge, count=count, frames=len(x))]
     return []
 
 
@@ -115,58 +92,40 @@ def reads_turn(motion: Motion) -> bool:
     return motion.angular_velocity is not None and bool(np.isfinite(motion.angular_velocity).all(2).any())
 
 
-def known_beforehand(kin: Kinematics) -> list[str]:
-    """Sentences on components of the moment that the mass distribution alone settles."""
+def known_beforehand(kin: Kinematics) -> list[Finding]:
+    """Components of the moment that the mass distribution alone settles."""
     if kin.inertia.point:
-        return ["all mass lies on a point: no moment acts about it, and the moment is zero by construction"]
+        return [note("mass-on-point")]
     if kin.inertia.line is None or not kin.attitude or (kin.spin is not None and kin.spin.moment.any()):
         return []
-    return [
-        "all mass lies on a line: no moment acts along it, and that component is zero by construction; the "
-        "two across follow from the direction of the line"
-    ]
+    return [note("mass-on-line")]
 
 
-def unseen(kin: Kinematics, motion: Motion | None = None) -> list[str]:
-    """Sentences on motions that the markers do not show."""
+def unseen(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
+    """Motions that the markers do not show."""
     found = []
     marked = int(kin.seen.sum())
     if kin.inertia.point:
         pass
     elif not kin.attitude and kin.inertia.on_line and marked:
-        found.append(
-            "the mass lies on a line whose direction no marker shows: the moment is not seen, force only; "
-            "mark a second point of that line"
-        )
+        found.append(note("line-direction-unseen"))
     elif not kin.attitude and np.isfinite(kin.pose.rotation).any():
-        found.append("the inertia tensor is not given: force only; add /body/inertia for the moment")
+        found.append(note("no-inertia"))
     elif not kin.attitude and marked == 0:
-        found.append("no orientation was measured: force only; add /motion/orientation for the moment")
+        found.append(note("no-orientation"))
     elif not kin.attitude and marked == 1:
-        found.append("one marker is a particle: rotation and moment are not seen; add two markers off a line")
+        found.append(note("one-marker"))
     elif not kin.attitude:
-        found.append(
-            f"the {marked} markers lie on a line, and a turn about it is not seen: force only; "
-            "add a marker off the line"
-        )
+        found.append(note("markers-on-line", count=marked))
     thin = kin.inertia.point or kin.inertia.line is not None
     if thin and motion is not None and (reads_turn(motion) or motion.specific_force is not None):
-        found.append(
-            "gyros and accelerometers are left out: of a body whose mass lies near a line or on a point they "
-            "do not go together with markers; take the markers out to see what the sensors say"
-        )
+        found.append(note("sensors-left-out"))
     hidden = int(kin.unfollowed.sum())
     if marked and hidden and len(kin.shapes):
-        found.append(
-            f"{hidden} nodes carry mass but no marker, and the body deforms: their share of force and moment "
-            "is that of the undeformed shape; mark them, or give mode shapes"
-        )
+        found.append(note("unmarked-mass", count=hidden))
     lost = lost_frames(kin, motion)
     if (span := longest_run(lost)) > BRIDGED or lost.mean() > SCATTERED:
-        found.append(
-            f"{lost.sum()} of {len(lost)} frames show no pose, the longest run {span} frames: there the "
-            "estimate is bridged or missing; expect detail only outside"
-        )
+        found.append(note("frames-lost", lost=lost.sum(), frames=len(lost), longest=span))
     return found
 
 
@@ -174,47 +133,28 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
     """Noise that nobody stated, and that the record cannot tell from motion: at its floor, or too short."""
     found = []
     if len(kin.time) < SHORT:
-        found.append(
-            f"{len(kin.time)} frames are too few to tell how force and moment vary: claimed errors may be "
-            "too small by a factor of two; record longer"
-        )
+        found.append(note("few-frames", frames=len(kin.time)))
     for name, limit in noise_at_limit.items():
         if kin.stated[name]:
             continue
         if limit:
-            found.append(
-                f"the likelihood drove the noise of {name} to its floor ({kin.noise[name]:.1e}): the record "
-                "was smoothed before, or its errors are not white, and the claimed errors are too small; "
-                f"state noise_std.{name}"
-            )
+            found.append(note("noise-at-floor", variable=name, noise=kin.noise[name]))
         elif (growth := noise_growth(kin.time, kin.pose.center)) > GROWTH:
-            found.append(
-                f"the noise of {name} was not stated, and the record does not resolve it: it looks "
-                f"{growth:.1f} times larger in every second frame; claimed errors are too small; "
-                f"state noise_std.{name}, or record faster"
-            )
+            found.append(note("noise-unresolved", variable=name, growth=growth))
         elif len(kin.time) < FEW:
-            found.append(
-                f"{len(kin.time)} frames are too few to tell whether the errors of {name} are white, as the "
-                f"claimed errors assume; state noise_std.{name}, or record longer"
-            )
-    return [Finding(text) for text in found]
+            found.append(note("noise-color-unseen", variable=name, frames=len(kin.time)))
+    return found
 
 
 def judge_leakage(found: Leakage | None) -> list[Finding]:
     """Markers that barely fix a turn, and shapes that look like rigid motion from where the markers are."""
     if found is None:
         return []
-    texts = []
+    told = []
     if NEARLY_LINE < found.condition < np.inf:
-        texts.append(
-            f"the markers lie almost on a line, condition {found.condition:.0f}: 1 mm of noise turns the "
-            f"body by {found.rotation_sigma.max():.2g} degrees; add a marker off the line"
-        )
+        turn = found.rotation_sigma.max()
+        told.append(note("markers-nearly-on-line", condition=found.condition, turn_deg=turn))
     for k in np.flatnonzero(found.sine < NEARLY_RIGID):
-        texts.append(
-            f"{found.name[k]} moves the markers almost as a rigid motion does, sine of the angle "
-            f"{found.sine[k]:.2g}: {found.to_rigid[k]:.2g} % of it is taken for rigid motion, and force and "
-            "moment trade with it; spread the markers, or add strain gauges"
-        )
-    return [Finding(text) for text in texts]
+        part = found.to_rigid[k]
+        told.append(note("shape-looks-rigid", shape=found.name[k], sine=found.sine[k], percent=part))
+    return told

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from forceid.estimation.verdict.finding import Finding
-from forceid.records import Array
+from forceid.estimation.verdict.catalogue import note
+from forceid.records import Array, Finding
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 RARE = 0.01  # records in which the largest innovation is called wild by chance
-BY_CHANCE = "as by chance in one record of a hundred"
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
 MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
@@ -29,30 +28,17 @@ def judge_innovations(
     found = []
     level = float(np.nanmean(nis))
     if not NIS_BAND[0] < level < NIS_BAND[1]:
-        meaning = "claimed errors are too small by about that; check noise_std and the model"
-        if level < 1:
-            meaning = "the tracks are smoother than the noise they are said to have; check noise_std"
-        found.append(f"the innovations are {np.sqrt(level):.2f} times as large as predicted: {meaning}")
+        found.append(note("innovations-small" if level < 1 else "innovations-large", times=np.sqrt(level)))
     size, when = wildest(time, innovation)
     if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
-        found.append(
-            f"an innovation reaches {size:.1f} sigma, at {when:.4g} s, {BY_CHANCE}: there the load "
-            "changes faster than the prior, or a marker is off, and claimed errors are too small"
-        )
+        found.append(note("innovation-wild", sigma=size, time_s=when))
     color, channel = colored(innovation)
     if color:
-        found.append(
-            f"the innovations of {channel} are correlated ({color:+.2f} from one frame to the next): "
-            "the errors of the markers are not white, or the load changes faster than the prior; "
-            "claimed errors are too small"
-        )
+        found.append(note("innovations-correlated", channel=channel, correlation=color))
     line, channel = strongest_line(time, innovation, reach)
     if line:
-        found.append(
-            f"the innovations of {channel} hold a line at {line:.3g} Hz: a load there, often at the spin or "
-            "twice the spin, is followed only in part; take its amplitude as a lower bound"
-        )
-    return [Finding(text) for text in found]
+        found.append(note("innovations-line", channel=channel, frequency_hz=line))
+    return found
 
 
 CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")

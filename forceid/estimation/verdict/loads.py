@@ -6,14 +6,14 @@ import numpy as np
 from scipy.special import chdtri
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.verdict.finding import Finding
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import marker_cov
 from forceid.estimation.verdict.sensitivity import follows
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
 from forceid.principal.loads import undetermined
 from forceid.principal.operator import summation_operator
-from forceid.records import Array, Loads
+from forceid.records import Array, Finding, Loads
 
 COARSE = 0.5  # rad a frame, of a body that spins fast
 KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
@@ -44,12 +44,7 @@ def judge_overlap(
     false = kin.inertia.mass * at**2 * leak * q.std(0)
     claimed = float(np.sqrt(np.nanmean(force_std**2)))
     return [
-        Finding(
-            f"shape {k + 1} of the deformation vibrates at {at[k] / (2 * np.pi):.3g} Hz, inside the band of "
-            f"the force, followed up to {band:.2g} Hz, and leaks into the mean motion: up to "
-            f"{false[k]:.2g} N may be vibration and not load; mark the nodes that carry the mass, or give "
-            "mode shapes"
-        )
+        note("vibration-in-band", shape=k + 1, frequency_hz=at[k] / (2 * np.pi), band_hz=band, force=false[k])
         for k in range(len(kin.shapes))
         if at[k] < 2 * np.pi * band and false[k] > claimed
     ]
@@ -61,25 +56,12 @@ def judge_haste(kin: Kinematics, force: Array) -> list[Finding]:
     typical = float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else 0.0
     if not typical > HASTE:
         return []
-    return [
-        Finding(
-            f"half of the record shows a force of over {typical / 9.81:.0f} times the weight: positions, "
-            "times or mass are in other units than they say, unless it is a blow; check the attribute units"
-        )
-    ]
+    return [note("many-weights", times=typical / 9.81)]
 
 
 def judge_roughness(tuned: dict[str, float]) -> list[Finding]:
     """Loads that kink: under blows, or where what the model does not follow passes for load."""
-    return [
-        Finding(
-            f"the {load} found kinks from frame to frame, as under blows, or where markers share slow "
-            "errors, noise_std is too small, or the body deforms in ways that the model does not follow; its "
-            "claim is several times wider for it; look at the tracks, and state noise_std as it is"
-        )
-        for load in ("force", "moment")
-        if tuned.get(f"{load}_order") == 1
-    ]
+    return [note("load-kinks", load=load) for load in ("force", "moment") if tuned.get(f"{load}_order") == 1]
 
 
 def judge_loads(loads: Loads | None) -> list[Finding]:
@@ -88,17 +70,11 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
         return []
     found = []
     if hidden := undetermined(loads):
-        found.append(
-            f"the loads {', '.join(hidden)} are determined in combination only, and their split is the one "
-            "of least norm; read null_space and estimable, or ask for fewer loads"
-        )
+        found.append(note("loads-in-combination", names=", ".join(hidden)))
     misfit = float(np.nanmean(loads.chi_square))
     if loads.dof and misfit > chdtri(loads.dof, CHANCE):
-        found.append(
-            f"the loads leave a part of the wrench unexplained, chi-square {misfit / loads.dof:.1f} per "
-            "degree of freedom: other loads act; add them"
-        )
-    return [Finding(text) for text in found]
+        found.append(note("loads-unexplained", chi_square=misfit / loads.dof))
+    return found
 
 
 def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
@@ -108,10 +84,5 @@ def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
     known = np.isfinite(size) & np.isfinite(kick)
     if turn < COARSE or not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
         return []
-    return [
-        Finding(
-            f"the body turns up to {np.degrees(turn):.0f} degrees a frame, and the moment found changes its "
-            f"angular momentum by {np.median(kick[known]) / np.median(size[known]):.0%} in each: as turns "
-            "past half a revolution do that are taken for shorter ones; record faster or add a gyro"
-        )
-    ]
+    part = np.median(kick[known]) / np.median(size[known])
+    return [note("turn-by-moment", degrees=np.degrees(turn), part=part)]

@@ -10,8 +10,8 @@ from scipy.special import chdtri
 
 from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.verdict.finding import Finding
-from forceid.records import Body, Motion
+from forceid.estimation.verdict.catalogue import note
+from forceid.records import Body, Finding, Motion
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
 AGREE, SURE = 0.85, 5.0  # chi-square of a shape quieter than stated, and standard deviations below one
@@ -29,13 +29,7 @@ def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
     k = int(off.argmax())
     if off[k] < ELSEWHERE * size:
         return []
-    return [
-        Finding(
-            f"the mean shape leaves the reference shape by {1e3 * off[k]:.2g} mm at {body.node[k]}, on a "
-            f"body of {1e3 * size:.2g} mm: labels or /body/position are wrong, and with them mass center and "
-            "inertia, or the body bends that far; check both"
-        )
-    ]
+    return [note("reference-differs", off_mm=1e3 * off[k], marker=body.node[k], size_mm=1e3 * size)]
 
 
 def judge_size(kin: Kinematics) -> list[Finding]:
@@ -45,13 +39,7 @@ def judge_size(kin: Kinematics) -> list[Finding]:
     length, mass = float(np.ptp(kin.shape[kin.seen], axis=0).max()), kin.inertia.mass
     if not mass < AIRY * length**3:
         return []
-    return [
-        Finding(
-            f"a body of {mass:.3g} kg that is {length:.3g} m long is lighter than any: positions are in "
-            "other units than they say, or the mass is wrong; set the attribute units of the positions and "
-            "of /body/position"
-        )
-    ]
+    return [note("too-light", mass_kg=mass, length_m=length)]
 
 
 def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None = None) -> list[Finding]:
@@ -69,12 +57,7 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
         return []
     hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
     if kin.model == "affine" and hidden and (body.mode_shape is not None or body.stiffness is not None):
-        return [
-            Finding(
-                f"{hidden} nodes carry mass but no marker, and an affine strain moves them otherwise than "
-                "the modes of the file do: force and moment are limited by the model; use --model modal"
-            )
-        ]
+        return [note("unmarked-mass-in-modes", count=hidden)]
     if len(kin.shapes):
         ratio, size = beyond_shapes(kin, motion)
     else:
@@ -82,12 +65,7 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
         size = float(np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)))
     if ratio < LIMIT:
         return []
-    return [
-        Finding(
-            f"the markers leave the {kin.model} shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
-            "degree of freedom: force and moment are limited by the model; use --model auto"
-        )
-    ]
+    return [note("shape-left", model=kin.model, off_mm=1e3 * size, chi_square=ratio)]
 
 
 def judge_whole(kin: Kinematics, motion: Motion, left: float | None) -> list[Finding]:
@@ -96,14 +74,7 @@ def judge_whole(kin: Kinematics, motion: Motion, left: float | None) -> list[Fin
     ratio = max(ratio, left or 0.0)
     if ratio < LIMIT:
         return []
-    return [
-        Finding(
-            f"the markers leave the rigid shape by {1e3 * size:.2g} mm rms, chi-square {ratio:.1f} per "
-            "degree of freedom, and total mass and inertia do not say where the mass goes: force and moment "
-            "are those of a body that keeps its shape, and limited by that; give /body/mass with markers on "
-            "it, or mode shapes"
-        )
-    ]
+    return [note("rigid-shape-left", off_mm=1e3 * size, chi_square=ratio)]
 
 
 def judge_common(kin: Kinematics) -> list[Finding]:
@@ -122,13 +93,7 @@ def judge_common(kin: Kinematics) -> list[Finding]:
     if ratio > min(AGREE, 1 - SURE * np.sqrt(2 / count)):
         return []
     noise = 1e3 * kin.noise["position"]
-    return [
-        Finding(
-            f"the markers agree with each other to {noise * np.sqrt(ratio):.2g} mm, better than the "
-            f"{noise:.2g} mm by which their mass center errs: noise_std is too large, or they share slow "
-            "errors, which pass for force; look at the calibration of the cameras"
-        )
-    ]
+    return [note("errors-shared", agree_mm=noise * np.sqrt(ratio), noise_mm=noise)]
 
 
 def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:

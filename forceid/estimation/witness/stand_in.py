@@ -8,6 +8,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts
 from forceid.flight.smoother import FlightState
@@ -33,12 +34,9 @@ def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError
         kin.pose.center, rate(motion.time, kin.pose.center), kin.pose.rotation, none, none, loads[:, :3],
         loads[:, 3:], var[:, :, None] * np.eye(6), kin.pose.cov, np.zeros((T, 0)), np.full(T, np.nan), np.nan,
     )  # fmt: skip
-    reason = (
-        f"{error.where} {error.what}: force and moment are those of the plain route, low-passed second "
-        f"derivatives, and are followed up to its cut-off alone (/witness); {error.next_step}"
-    )
+    found = note("plain-route-instead", where=error.where, what=error.what, next_step=error.next_step)
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
-    return Solution(kin, deformation, state, "scipy", {}, {}, (reason,))
+    return Solution(kin, deformation, state, "scipy", {}, {}, (found,))
 
 
 def rate(time: Array, center: Array) -> Array:

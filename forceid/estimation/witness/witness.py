@@ -14,12 +14,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import fdtri
 
-from forceid.estimation.verdict.finding import Finding
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.witness.plain_route import FEWEST, Channel, plain_route
 from forceid.flight.smoother import FlightState
 from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
 from forceid.motion.smoothing_spline import SmoothingSpline
-from forceid.records import Array, Body, Flags, Indices, Motion, Witness
+from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
 
 CHANCE = 1e-4  # of saying of an honest recording that both differ: one in ten thousand loses its `ok`
 LOWEST = 3  # bin up to which the lowest band goes: the taper spreads a constant so far
@@ -161,10 +161,10 @@ def central(time: Array) -> Flags:
 
 
 def judge_witness(witness: Witness | None, state: FlightState) -> list[Finding]:
-    """A sentence on force and on moment, where witness and estimate differ by more than both allow."""
+    """Force and moment, where witness and estimate differ by more than both allow."""
     if witness is None:
         return []
-    texts = []
+    told = []
     for (name, unit), load in zip(UNITS.items(), (state.force, state.moment), strict=True):
         off = np.flatnonzero(differs(witness, name))
         if not len(off):
@@ -173,13 +173,13 @@ def judge_witness(witness: Witness | None, state: FlightState) -> list[Finding]:
         a = off[np.argmax(errors[off])]
         own, plain = (rms(v[:, a]) for v in (load, getattr(witness, name)))
         others = "".join(f", and so along {'xyz'[k]}" for k in off if k != a)
-        texts.append(
-            f"the {name} along {'xyz'[a]} is {own:.2g} {unit} rms, {plain:.2g} {unit} by the plain route, "
-            f"the low-passed second derivative: up to {band[a]:.2g} Hz they are {apart[a]:.2g} {unit} apart, "
-            f"{errors[a]:.1f} joint errors{others}; the claim is widened by what they are apart; compare "
-            "both (/witness), and look at the body, the model and the tracks"
-        )
-    return [Finding(text) for text in texts]
+        told.append(
+            note(
+                "off-plain-route", load=name, axis="xyz"[a], own=own, unit=unit, plain=plain,
+                band_hz=band[a], apart=apart[a], errors=errors[a], others=others,
+            )
+        )  # fmt: skip
+    return told
 
 
 def rms(values: Array) -> float:
