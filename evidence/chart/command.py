@@ -40,37 +40,33 @@ def run(
 
     Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
     """
+    from evidence.chart.page import overview
     from evidence.chart.run import FULL, SHORT
     from evidence.chart.run import run as chart
+    from evidence.chart.subjects import CHARTED
     from evidence.subjects.affine.cases import CASES
     from evidence.subjects.flights.cases import sources
     from evidence.subjects.parts.cases import GRIDS
 
     words = scenes or []
-    found = sources(words, [*GRIDS, *CASES])
-    bodies, affine = ([name for name in words or names if name in names] for names in (GRIDS, CASES))
+    asked: list[tuple[Any, Any]] = [(CHARTED["flights"], path) for path in sources(words, [*GRIDS, *CASES])]
+    for subject, names in (("parts", GRIDS), ("affine", CASES)):
+        asked += [(CHARTED[subject], name) for name in words or names if name in names]
     command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
     output.mkdir(parents=True, exist_ok=True)
     with progress() as bar:
         task = bar.add_task("", total=1.0)
         result = chart(
-            found, output, SHORT if short else FULL, command,
-            lambda what, part: bar.update(task, description=what, completed=part), bodies, affine,
+            asked, output, SHORT if short else FULL, command,
+            lambda what, part: bar.update(task, description=what, completed=part),
         )  # fmt: skip
     written, pictures = write(output, result)
     if json:
         print(to_json(result))
         return
-    from evidence.chart import page as chart_page
-    from evidence.subjects.affine import page as chart_affine_page
-    from evidence.subjects.parts import page as chart_partition_page
-
-    if result["cases"]:
-        print(chart_page.overview(result["cases"]), end="\n\n")
-    if result["bodies_in_parts"]:
-        print(chart_partition_page.overview(result["bodies_in_parts"]), end="\n\n")
-    if result["affine_bodies"]:
-        print(chart_affine_page.overview(result["affine_bodies"]), end="\n\n")
+    for name, charted in CHARTED.items():
+        if cases := [case for case in result["cases"] if case["subject"] == name]:
+            print(overview(charted, cases), end="\n\n")
     print(f"{written} and {len(pictures)} pictures beside it")
 
 
@@ -80,22 +76,18 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
 
     from evidence.chart.figures import draw_case, draw_costs
     from evidence.chart.page import page
-    from evidence.subjects.parts.figures import draw_body
-    from forceid.files.atomic import atomic
+    from evidence.chart.subjects import CHARTED
+    from evidence.written import pictured, written
 
-    pictures = {f"chart_{case['name']}.png": draw_case(case) for case in result["cases"]}
-    lines = [*result["bodies_in_parts"], *result["affine_bodies"]]
-    pictures |= {f"chart_{body['name']}.png": draw_body(body) for body in lines}
+    pictures = {
+        f"chart_{case['name']}": draw_case(CHARTED[case["subject"]], case) for case in result["cases"]
+    }
     if result["cost"]:
-        pictures["chart_cost.png"] = draw_costs(result["cost"])
+        pictures["chart_cost"] = draw_costs(result["cost"])
     for name, figure in pictures.items():
-        with atomic(folder / name) as partial:
-            figure.savefig(partial, format="png", dpi=160)
-    with atomic(folder / "chart.json") as partial:
-        partial.write_text(json.dumps(finite(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    with atomic(folder / "chart.md") as partial:
-        partial.write_text(page(result), encoding="utf-8")
-    return folder / "chart.md", list(pictures)
+        pictured(folder, name, figure)
+    written(folder, "chart.json", json.dumps(finite(result), indent=1, allow_nan=False) + "\n")
+    return written(folder, "chart.md", page(result, CHARTED.values())), list(pictures)
 
 
 def progress() -> Progress:

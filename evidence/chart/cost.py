@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.chart.scoring import mean_seconds, seconds_of
 from evidence.chart.simplifications import pass_over
+from evidence.chart.timing import mean_seconds, seconds_of
 from evidence.journal import Journal, key
 from evidence.subjects.flights.cases import case_of, shipped
 from evidence.subjects.flights.methods import DEFAULT, asked, ours

@@ -1,26 +1,40 @@
-"""The front of a chart: who is beaten by nobody in both time and error, and sentences on it."""
+"""The front of a chart: who is beaten by nobody in both time and error, and who is ahead of whom."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-ALIKE = 1.02  # errors within this ratio are no difference
-ROUNDING = 1.001  # and within this one, the same answer
+ROUNDING = 1.001  # errors within this ratio are the same answer
 
 
 @dataclass(frozen=True)
 class Point:
-    """One contestant on one panel: seconds a sample, error, and who it is."""
+    """One contestant on one panel: seconds, error, and who it is."""
 
     name: str
     seconds: float
     error: float
     ours: bool
     told: bool
-    kind: str = "method"
+
+
+def points_of(case: Mapping[str, Any], quantity: str) -> list[Point]:
+    """Who has an error in a quantity, as the rows stand; errors below those of the truth are one."""
+    return [
+        Point(
+            r["name"],
+            r["seconds"],
+            max(r["error"][quantity], case["resolved"]),
+            r["kind"] != "peer",
+            r["told"],
+        )
+        for r in case["rows"]
+        if "failed" not in r and np.isfinite(r["error"][quantity])
+    ]
 
 
 def front(points: Sequence[Point]) -> list[Point]:
@@ -46,17 +60,13 @@ def most_accurate(points: Sequence[Point]) -> Point:
     return next(p for p in points if p.error <= ROUNDING * least)
 
 
-def ahead(points: Sequence[Point], told: bool) -> list[Point]:
-    """Peers, told the truth or not, that are faster and more accurate than our most accurate point."""
-    own = [p for p in points if p.ours and not p.told]
+def ahead(points: Sequence[Point], margin: float) -> list[Point]:
+    """Peers that are faster than our most accurate point and, by the margin, no less accurate."""
+    own = [p for p in points if p.ours]
     if not own:
         return []
     best = most_accurate(own)
-    return [
-        p
-        for p in points
-        if not p.ours and p.told == told and p.seconds < best.seconds and p.error * ALIKE < best.error
-    ]
+    return [p for p in points if not p.ours and p.seconds < best.seconds and p.error * margin <= best.error]
 
 
 def over_best(points: Sequence[Point], name: str) -> tuple[float, str]:

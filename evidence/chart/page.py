@@ -2,73 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from evidence.chart.charted import Charted
 from evidence.chart.front import Point, ahead, front, most_accurate, over_best
-from evidence.subjects.affine import page as chart_affine_page
-from evidence.subjects.flights.methods import DEFAULT
-from evidence.subjects.parts.page import section
+from evidence.chart.front import points_of as points_in_order
 
-UNITS = {"force": "N", "moment": "N m"}
 NEAR = 1.25  # times the error of the best point: where default settings are to be
-READING = (
-    "Errors are rms per axis over the central three quarters of the record{seeds}. Time is process CPU time "
-    "from raw markers to the wrench, {timing}. *Told* methods chose their "
-    "parameters on the truth: nobody can do that on a record of his own, and they do not count for the "
-    "front. The bound is the posterior deviation of the smoother under a Matern prior fitted to the true "
-    "load, with the noise as stated: on one smooth record an error may be below it, and where the load "
-    "holds a line it is too large. *Covered* is the share of the truth inside the 95 % interval claimed. "
-    "Memory is the peak of what Python and numpy allocate."
-)
+MEMORY = "Memory is the peak of what Python and numpy allocate."
+SIMPLER = (
+    "", "on", "CPU ms", "simpler, ms", "saved", "force error (N)", "simpler", "moment error (N m)", "simpler"
+)  # fmt: skip
+
+Case = Mapping[str, Any]
 
 
-def points_of(case: Mapping[str, Any], load: str) -> list[Point]:
-    """The contestants of a case that have an error in a load, as points."""
-    return [
-        Point(r["name"], r["seconds_a_sample"], r["error"][load], r["kind"] != "peer", r["told"], r["kind"])
-        for r in case["rows"]
-        if "failed" not in r and np.isfinite(r["error"][load])
-    ]
-
-
-def page(result: Mapping[str, Any]) -> str:
+def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
     """The page in markdown."""
-    parts = ["# Accuracy against speed", preamble(result)]
-    if result["cases"]:
-        parts += ["## What the charts say", overview(result["cases"])]
-    for case in result["cases"]:
-        parts += [
-            f"## {case['title'] or case['name']}",
-            facts(case),
-            f"![{case['name']}](chart_{case['name']}.png)",
-        ]
-        parts += [*sentences(case), table(case), *remarks(case)]
+    extent = result["extent"]
+    versions = ", ".join(f"{name} {number}" for name, number in result["versions"].items())
+    parts = [
+        "# Accuracy against speed",
+        f"`{result['command']}`, {result['date']}: forceid {result['forceid']}, engine {result['engine']}, "
+        f"Python {result['python']}, {versions}; {result['processor']}.",
+    ]
+    if result["missing"]:
+        parts.append(f"Not installed here, and left out: {', '.join(result['missing'])}.")
+    for subject in subjects:
+        if cases := [case for case in result["cases"] if case["subject"] == subject.name]:
+            reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
+            parts += [f"## {subject.title}", reading, overview(subject, cases)]
+            parts += [part for case in cases for part in of_case(subject, case)]
     if result["simplifications"]:
         parts += ["## What simplifications save and lose", simpler(result["simplifications"])]
     if result["cost"]:
         parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
-    parts += section(result.get("bodies_in_parts", []), timing(result["extent"]))
-    parts += chart_affine_page.section(result.get("affine_bodies", []), timing(result["extent"]))
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def preamble(result: Mapping[str, Any]) -> str:
-    """What was run, where, and how to read it."""
-    extent = result["extent"]
-    versions = ", ".join(f"{name} {number}" for name, number in result["versions"].items())
-    lines = [
-        f"`{result['command']}`, {result['date']}: forceid {result['forceid']}, engine {result['engine']}, "
-        f"Python {result['python']}, {versions}; {result['processor']}."
-    ]
-    if result["cases"]:
-        seeds = f", over {extent['seeds']} seeds of the noise" if extent["seeds"] > 1 else ""
-        lines.append(READING.format(seeds=seeds, timing=timing(extent)))
-    if result["missing"]:
-        lines.append(f"Not installed here, and left out: {', '.join(result['missing'])}.")
-    return "\n\n".join(lines)
 
 
 def timing(extent: Mapping[str, Any]) -> str:
@@ -80,150 +52,163 @@ def timing(extent: Mapping[str, Any]) -> str:
     )
 
 
-def overview(cases: Sequence[Mapping[str, Any]]) -> str:
-    """One line a case and load: who is best, who is ahead, and where the default is."""
-    rows = [
-        "| case | | best of ours | best peer | peers faster and more accurate than our best "
-        "| default over best point |",
-        "|---|---|---|---|---|---|",
-    ]
-    clear, near, count = 0, 0, 0
+def of_case(subject: Charted, case: Case) -> list[str]:
+    """A case: what it is, its picture, what that says, and everyone in a table."""
+    picture = f"![{case['name']}](chart_{case['name']}.png)"
+    said = subject.described(case), picture, *sentences(subject, case)
+    return [f"### {case['title']}", *said, table(subject, case)]
+
+
+def overview(subject: Charted, cases: Sequence[Case]) -> str:
+    """What the cases of a subject say together: who is fastest to an error, or who is most accurate."""
+    return to_levels(subject, cases) if subject.levels(cases[0]) else most(subject, cases)
+
+
+def points_of(subject: Charted, case: Case, what: str) -> list[Point]:
+    """Points of a case, our default first, or by time where rounding is the end."""
+    found = points_in_order(case, what)
+    return sorted(found, key=lambda p: p.seconds) if subject.levels(case) else found
+
+
+def to_levels(subject: Charted, cases: Sequence[Case]) -> str:
+    """One line a case, quantity and error: who is fastest to it, of ours and of peers."""
+    rows = []
     for case in cases:
-        for load, unit in UNITS.items():
-            points = points_of(case, load)
+        for what in case["quantities"]:
+            points = points_of(subject, case, what)
+            for level in subject.levels(case):
+                own, peer = (fastest([p for p in points if p.ours is ours], level) for ours in (True, False))
+                over = f"{peer.seconds / own.seconds:.3g}" if own and peer else "-"
+                named = ["none" if p is None else told(subject, case, what, p) for p in (own, peer)]
+                rows.append([case["name"], what, f"{level:.0e}", *named, over])
+    return tabled(("case", "error of", "at most", "fastest of ours", "fastest peer", "peer over ours"), rows)
+
+
+def fastest(points: Sequence[Point], level: float) -> Point | None:
+    """The fastest whose error is small enough."""
+    return min((p for p in points if p.error <= level), key=lambda p: p.seconds, default=None)
+
+
+def most(subject: Charted, cases: Sequence[Case]) -> str:
+    """One line a case and quantity: who is most accurate, who is ahead, and where the default is."""
+    rows, clear, near = [], 0, 0
+    for case in cases:
+        for what in case["quantities"]:
+            points = points_of(subject, case, what)
             honest = [p for p in points if not p.told]
             own, peer = [p for p in honest if p.ours], [p for p in honest if not p.ours]
-            if not own or not peer or DEFAULT not in {p.name for p in own}:
+            if not own or not peer or subject.default not in {p.name for p in own}:
                 continue
-            best, other = most_accurate(own), most_accurate(peer)
-            faster = ahead(points, told=False)
-            ratio, who = over_best(points, DEFAULT)
-            count, clear, near = count + 1, clear + (not faster), near + (ratio <= NEAR)
-            rows.append(
-                f"| {case['name']} | {load} | {best.name} {best.error:.3g} {unit} "
-                f"| {other.name} {other.error:.3g} {unit} | {', '.join(p.name for p in faster) or 'none'} "
-                f"| {ratio:.2f} ({who}) |"
-            )
+            faster = ", ".join(p.name for p in ahead(honest, subject.margin)) or "none"
+            ratio, who = over_best(points, subject.default)
+            clear, near = clear + (faster == "none"), near + (ratio <= NEAR)
+            named = [f"{p.name} {error(case, what, p)}" for p in map(most_accurate, (own, peer))]
+            rows.append([case["name"], what, *named, faster, f"{ratio:.2f} ({who})"])
     said = (
-        f"In {clear} of {count} charts no peer that is told nothing is both faster and more accurate than "
-        f"our best point. Default settings are within {NEAR:g} times the error of the best point in {near} "
-        f"of {count}."
+        f"In {clear} of {len(rows)} charts no peer that is told nothing is both faster and {subject.better} "
+        f"than our best point. Default settings are within {NEAR:g} times the error of the best point in "
+        f"{near} of {len(rows)}."
     )
-    return said + "\n\n" + "\n".join(rows)
+    heads = (
+        "case", "", "best of ours", "best peer", f"peers faster and {subject.better} than our best",
+        "default over best point",
+    )  # fmt: skip
+    return said + "\n\n" + tabled(heads, rows)
 
 
-def facts(case: Mapping[str, Any]) -> str:
-    """What was recorded, and how large loads and bounds are."""
-    known = [
-        f"{load} {case['load'][load]:.3g} {unit} rms, bound {case['bound'][load]:.3g} {unit}"
-        for load, unit in UNITS.items()
-        if np.isfinite(case["load"][load])
-    ]
-    noise = ", ".join(f"{name} {value:g}" for name, value in case["noise_std"].items()) or "not stated"
-    kind = "measured, truth from an instrument" if case["measured"] else f"synthetic, {case['seeds']} seeds"
-    caution = (
-        " Errors of measured tracks are not white: the bound is what white noise of that size would allow."
-        if case["measured"]
-        else ""
-    )
-    return (
-        f"{case['samples']} samples at {case['rate_Hz']:.4g} Hz, {case['markers']} markers, noise {noise}; "
-        f"{kind}. {'; '.join(known)}.{caution}"
-    )
-
-
-def sentences(case: Mapping[str, Any]) -> list[str]:
-    """What the chart of a case says of each load."""
+def sentences(subject: Charted, case: Case) -> list[str]:
+    """What the picture of a case says of each quantity."""
     found = []
-    for load, unit in UNITS.items():
-        points = points_of(case, load)
-        own = [p for p in points if p.ours and not p.told]
-        if not own:
+    for what in case["quantities"]:
+        points = points_of(subject, case, what)
+        if not (own := [p for p in points if p.ours and not p.told]):
             continue
         best = most_accurate(own)
-        on = ", ".join(f"{p.name} ({p.error:.3g} {unit}, {micro(p.seconds)})" for p in front(points))
-        faster, told = ahead(points, told=False), ahead(points, told=True)
-        text = f"**{load.capitalize()}.** Front: {on}. "
-        if faster:
-            names = ", ".join(f"{p.name} ({p.error:.3g} {unit})" for p in faster)
-            mine = f"{best.name}, {best.error:.3g} {unit}"
-            text += f"Faster and more accurate than our best point ({mine}): {names}. "
+        mine, on = told(subject, case, what, best), (told(subject, case, what, p) for p in front(points))
+        text = f"**{what[0].upper()}{what[1:]}.** Front: {', '.join(on)}. "
+        if beaten := ahead([p for p in points if not p.told], subject.margin):
+            names = (
+                f"{p.name} ({error(case, what, p)}, {figures(best.seconds / p.seconds)} times as fast)"
+                for p in beaten
+            )
+            text += f"Faster and {subject.better} than our best point, {mine}: {', '.join(names)}."
         else:
-            text += f"No peer is both faster and more accurate than our best point, {best.name}. "
-        if told:
-            text += f"Only with the truth told: {', '.join(f'{p.name} {p.error:.3g} {unit}' for p in told)}. "
-        if DEFAULT in {p.name for p in own}:
-            ratio, who = over_best(points, DEFAULT)
-            text += f"Default settings: {ratio:.2f} times the error of the best point ({who})."
+            text += f"No peer is both faster and {subject.better} than our best point, {mine}."
+        if with_truth := ahead([best, *(p for p in points if p.told and not p.ours)], subject.margin):
+            names = (f"{p.name} {error(case, what, p)}" for p in with_truth)
+            text += f" Only with the truth told: {', '.join(names)}."
+        if not subject.levels(case) and subject.default in {p.name for p in own}:
+            ratio, who = over_best(points, subject.default)
+            text += f" Default settings: {ratio:.2f} times the error of the best point ({who})."
         found.append(text)
     return found
 
 
-def table(case: Mapping[str, Any]) -> str:
-    """Every contestant of a case."""
-    rows = [
-        "| | force error (N) | over bound | covered | moment error (N m) | over bound | covered "
-        "| us a sample | times default | peak MB | verdict | chose |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+def told(subject: Charted, case: Case, what: str, point: Point) -> str:
+    """A contestant with its error and its time."""
+    unit, many = subject.clock
+    return f"{point.name} ({error(case, what, point)}, {figures(many * point.seconds)} {unit})"
+
+
+def error(case: Case, what: str, point: Point) -> str:
+    """An error with its unit, or one that is relative, where that is more than rounding."""
+    if case["units"]:
+        return f"{point.error:.3g} {case['units'][case['quantities'].index(what)]}"
+    return f"{point.error:.1e}" if point.error > case["resolved"] else f"below {case['resolved']:.0e}"
+
+
+def table(subject: Charted, case: Case) -> str:
+    """Every contestant of a case; a column in which nobody has anything is left out."""
+    unit, many = subject.clock
+    heads = ["", *subject.heads(case), f"CPU {unit}", "range", "times default", "peak MB", "verdict"]
+    rows = []
     for r in case["rows"]:
         if "failed" in r:
-            rows.append(f"| {r['name']} | no answer: {r['failed']} |" + " |" * 10)
+            rows.append([r["name"], f"no answer: {r['failed']}"])
             continue
-        cells = [r["name"]]
-        for load in UNITS:
-            covered = r["coverage"][load]
-            cells += [
-                number(r["error"][load]),
-                number(r["over_bound"][load]),
-                f"{100 * covered:.0f} %" if np.isfinite(covered) else "-",
-            ]
-        peak = r["peak_MB"]
-        said = ", ".join(v if n == case["seeds"] else f"{v} {n}" for v, n in r["verdict"].items())
-        cells += [
-            f"{1e6 * r['seconds_a_sample']:.3g}",
-            f"{r['times_default']:.3g}",
-            number(peak),
-            said or "-",
-        ]
-        rows.append(f"| {' | '.join([*cells, r['chosen'] or '-'])} |")
-    return "\n".join(rows)
+        low, high = (figures(many * s) for s in r["seconds_range"])
+        said = ", ".join(v if n == case.get("seeds", 1) else f"{v} {n}" for v, n in r["verdict"].items())
+        time = figures(many * r["seconds"]), f"{low} to {high}" if low != high else "-"
+        cost = number(r["times_default"]), number(r["peak_MB"]), said or "-"
+        rows.append([r["name"] + ", of a part" * r["part"], *subject.cells(case, r), *time, *cost])
+    full = [row for row in rows if len(row) == len(heads)]
+    kept = [i for i in range(len(heads)) if i < 2 or any(row[i] != "-" for row in full)]
+    return tabled([heads[i] for i in kept], [[row[i] for i in kept if i < len(row)] for row in rows])
 
 
-def remarks(case: Mapping[str, Any]) -> list[str]:
-    """Why a verdict of the default settings is not `ok`."""
-    reasons: list[str] = next((r.get("reasons", []) for r in case["rows"] if r["name"] == DEFAULT), [])
-    return ["The default settings say: " + "; ".join(reasons) + "."] if reasons else []
+def tabled(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in markdown; a row that ends early is filled up.
+
+    >>> print(tabled(("", "b"), [["1"]]))
+    | | b |
+    |---|---|
+    | 1 | |
+    """
+    lines = [[*cells, *[""] * (len(heads) - len(cells))] for cells in (heads, *rows)]
+    text = ["|" + "".join(f" {cell} |" if cell else " |" for cell in cells) for cells in lines]
+    return "\n".join([text[0], "|" + "---|" * len(heads), *text[1:]])
 
 
 def simpler(rows: Sequence[Mapping[str, Any]]) -> str:
     """The simplifications."""
-    out = [
-        "Same flight, same prior (that of the true load), both in turns.\n",
-        "| | on | CPU ms | simpler, ms | saved | force error (N) | simpler | moment error (N m) | simpler |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    found = []
     for r in rows:
-        errors = [number(e) for load in UNITS for e in r["error"][load]]
-        times = f"{1e3 * r['exact_s']:.3g} | {1e3 * r['simple_s']:.3g} | {r['saved']:.2g} times"
-        out.append(f"| {r['name']}: {r['about']} | {r['case']} | {times} | {' | '.join(errors)} |")
-    return "\n".join(out)
+        errors = [number(e) for pair in r["error"].values() for e in pair]
+        times = f"{1e3 * r['exact_s']:.3g}", f"{1e3 * r['simple_s']:.3g}", f"{r['saved']:.2g} times"
+        found.append([f"{r['name']}: {r['about']}", r["case"], *times, *errors])
+    return f"Same flight, same prior (that of the true load), both in turns.\n\n{tabled(SIMPLER, found)}"
 
 
 def grown(costs: Sequence[Mapping[str, Any]]) -> str:
     """Exponents of cost."""
-    out = [
-        "Slope of log time over log size, over the larger half of the sizes.\n",
-        "| over | sizes | | exponent | CPU s at the largest |",
-        "|---|---|---|---|---|",
-    ]
+    rows = []
     for cost in costs:
         for name, exponent in cost["exponents"].items():
-            sizes = f"{cost['sizes'][0]} to {cost['sizes'][len(cost['seconds'][name]) - 1]}"
-            out.append(
-                f"| {cost['over']} | {sizes} | {name} | {exponent:.2f} | {cost['seconds'][name][-1]:.3g} |"
-            )
-    return "\n".join(out)
+            spent = cost["seconds"][name]
+            sizes = f"{cost['sizes'][0]} to {cost['sizes'][len(spent) - 1]}"
+            rows.append([cost["over"], sizes, name, f"{exponent:.2f}", f"{spent[-1]:.3g}"])
+    heads = ("over", "sizes", "", "exponent", "CPU s at the largest")
+    return f"Slope of log time over log size, over the larger half of the sizes.\n\n{tabled(heads, rows)}"
 
 
 def number(value: float | None) -> str:
@@ -235,10 +220,10 @@ def number(value: float | None) -> str:
     return f"{value:.3g}" if value is not None and np.isfinite(value) else "-"
 
 
-def micro(seconds: float) -> str:
-    """Seconds as microseconds.
+def figures(value: float) -> str:
+    """Three figures, without an exponent where that can be.
 
-    >>> micro(1.234e-3)
-    '1230 us'
+    >>> figures(1234.56), figures(0.00123456)
+    ('1230', '0.00123')
     """
-    return f"{float(f'{1e6 * seconds:.3g}'):g} us"
+    return f"{float(f'{value:.3g}'):g}"

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from evidence.chart.scoring import mean_seconds, rms, seconds_of
+from evidence.chart.timing import mean_seconds, seconds_of
 from evidence.journal import Journal, key
 from evidence.subjects.flights.cases import LOADS, Case, case_of, shipped
+from evidence.subjects.flights.chart import rms
 from evidence.subjects.flights.true_prior import Problem, problem_of
 from forceid import kalman
 from forceid.flight.channels import Channel, driven, load_chain

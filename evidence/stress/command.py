@@ -106,18 +106,13 @@ def write(maps: Sequence[Map], folder: Path, seeds: int, short: bool) -> None:
     from evidence.stress.figures import draw_map, draw_overview
     from evidence.stress.page import page_of
     from evidence.stress.run import as_plain
-    from forceid.files.atomic import atomic
+    from evidence.written import pictured, written
 
-    figures = {m.failure.name: draw_map(m) for m in maps} | {"overview": draw_overview(maps)}
-    for name, figure in figures.items():
-        with atomic(folder / f"{name}.png") as partial:
-            figure.savefig(partial, format="png", dpi=160, facecolor="white")
-    for name, text in (
-        ("stress.json", to_json(as_plain(maps, seeds, short)) + "\n"),
-        ("stress.md", page_of(maps, seeds)),
-    ):
-        with atomic(folder / name) as partial:
-            partial.write_text(text)
+    for m in maps:
+        pictured(folder, m.failure.name, draw_map(m))
+    pictured(folder, "overview", draw_overview(maps))
+    written(folder, "stress.json", to_json(as_plain(maps, seeds, short)) + "\n")
+    written(folder, "stress.md", page_of(maps, seeds))
 
 
 def summary(maps: Sequence[Map], folder: Path) -> str:

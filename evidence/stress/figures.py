@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from evidence.stress.cell import Cell
 from evidence.stress.run import Map, Row
-from evidence.subject import default_of, subject_of
+from evidence.stress.subjects import default_of, subject_of
 from forceid.report.style import INK, STYLE
 
 # told apart by lightness too, and by their marks

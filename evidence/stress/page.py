@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from evidence.stress.cell import Cell
 from evidence.stress.figures import MARKS, MEANING, ratio, row_of, short_number
 from evidence.stress.run import Map, Row, counts, leaves_green, needless, threshold
-from evidence.subject import SUBJECTS, default_of, subject_of
+from evidence.stress.subjects import SUBJECTS, default_of, subject_of
 
 INTRODUCTION = """# Where methods break
 

@@ -14,7 +14,7 @@ from evidence.journal import code_hash, sources_in
 from evidence.stress import cell
 from evidence.stress.cell import Cell, Trial, judge_cell
 from evidence.stress.failure_table import FAILURES
-from evidence.subject import Contender, subject_of
+from evidence.stress.subjects import Contender, subject_of
 from evidence.subjects.flights.failures.failure import Failure
 from forceid import __version__
 

@@ -1,12 +1,11 @@
 """Who factors many frames, or follows free bodies, on the chart: forceid, and numpy and scipy.
 
-A way is a line of points: steps, or tolerances, from coarse to fine.
+Points of one line: steps, or tolerances, from coarse to fine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,32 +13,17 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import polar as scipy_polar
 
+from evidence.subject import Answer, Contestant, Job
 from evidence.subjects.affine.bodies import Frames, Throw
 from evidence.subjects.affine.cases import FOLLOWED, AffineCase
 from evidence.subjects.affine.movers import material_of
 from forceid.pseudorigid import Body, left_reduced, polar, two_sided
 from forceid.records import Array
 
-Job = Callable[[], tuple[Array, Array]]
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 
 
-@dataclass(frozen=True)
-class Way:
-    """One point of a line: job(case) gives what is timed; about: one line on it, which is its key as well.
-
-    whole: by how much its time is multiplied, where it does a part of the case only.
-    """
-
-    name: str
-    line: str
-    kind: str
-    job: Callable[[AffineCase], Job]
-    about: str
-    whole: float = 1.0
-
-
-def ways(kind: str) -> list[Way]:
+def ways(kind: str) -> list[Contestant]:
     """Ours first, then peers, for a kind of case."""
     if kind == "factors":
         return FACTORS
@@ -59,28 +43,37 @@ def ways(kind: str) -> list[Way]:
         "held": {"verlet": (0.05, 0.01, 0.002), "suzuki_4": (0.1, 0.05), "kahan_li_8": (0.4, 0.2)},
     }  # fmt: skip
     own = stepped(steps[kind])
-    own.append(Way("reference", "reference", "method", simulated("dop853", None), "Body.simulate, dop853"))
+    own.append(Contestant("reference", simulated("dop853", None), about="Body.simulate, dop853"))
     if kind == "body":
         own += [
-            Way("left-reduced", "left-reduced", "method", partial(reduced, left_reduced), "left_reduced"),
-            Way("two-sided", "two-sided", "method", partial(reduced, two_sided), "two_sided"),
+            Contestant("left-reduced", partial(reduced, left_reduced), about="left_reduced"),
+            Contestant("two-sided", partial(reduced, two_sided), about="two_sided"),
         ]
     return [*own, *tolerated(("RK45", "DOP853", "LSODA", "Radau"), alone)]
 
 
-def stepped(steps: dict[str, Sequence[float]]) -> list[Way]:
+def stepped(steps: dict[str, Sequence[float]]) -> list[Contestant]:
     """Methods of `Body.simulate` at steps in s."""
     return [
-        Way(f"{method} {h:g}", method, "method", simulated(method, h), f"Body.simulate, {method}, {h:g} s")
+        Contestant(
+            f"{method} {h:g}", simulated(method, h), about=f"Body.simulate, {method}, {h:g} s", line=method
+        )
         for method, chosen in steps.items()
         for h in chosen
     ]
 
 
-def tolerated(methods: Sequence[str], how: Any, whole: float = 1.0) -> list[Way]:
+def tolerated(methods: Sequence[str], how: Any, whole: float = 1.0) -> list[Contestant]:
     """Methods of solve_ivp at relative tolerances, absolute ones a thousandth."""
     return [
-        Way(f"scipy {m} {t:.0e}", f"scipy {m}", "peer", partial(how, m, t), f"solve_ivp {m}, {t:.0e}", whole)
+        Contestant(
+            f"scipy {m} {t:.0e}",
+            partial(how, m, t),
+            "peer",
+            f"solve_ivp {m}, {t:.0e}",
+            f"scipy {m}",
+            whole=whole,
+        )
         for m in methods
         for t in TOLERANCES
         if not (m == "Radau" and t < 1e-6)
@@ -95,9 +88,10 @@ def simulated(method: str, step: float | None) -> Callable[[AffineCase], Job]:
         assert isinstance(throw, Throw)
         F0, V0 = case.starts or (throw.F0, throw.dF0)
 
-        def run() -> tuple[Array, Array]:
+        def run() -> Answer:
             found = Body(throw.E, material_of(throw)).simulate(F0, V0, throw.time, method, step)
-            return (found.F, found.dF) if F0.ndim == 2 else (found.F[:, :FOLLOWED], found.dF[:, :FOLLOWED])
+            one = F0.ndim == 2
+            return Answer((found.F, found.dF) if one else (found.F[:, :FOLLOWED], found.dF[:, :FOLLOWED]))
 
         return run
 
@@ -109,9 +103,9 @@ def reduced(form: Any, case: AffineCase) -> Job:
     throw = case.given
     assert isinstance(throw, Throw)
 
-    def run() -> tuple[Array, Array]:
+    def run() -> Answer:
         found = form.simulate(throw.E, material_of(throw), throw.F0, throw.dF0, throw.time)
-        return found.F, found.dF
+        return Answer((found.F, found.dF))
 
     return run
 
@@ -120,7 +114,7 @@ def alone(method: str, tolerance: float, case: AffineCase) -> Job:
     """solve_ivp on one body."""
     throw = case.given
     assert isinstance(throw, Throw)
-    return lambda: integrated(throw, throw.start, method, tolerance)
+    return lambda: Answer(integrated(throw, throw.start, method, tolerance))
 
 
 def one_by_one(method: str, tolerance: float, case: AffineCase) -> Job:
@@ -129,10 +123,10 @@ def one_by_one(method: str, tolerance: float, case: AffineCase) -> Job:
     assert isinstance(throw, Throw)
     assert starts is not None
 
-    def run() -> tuple[Array, Array]:
+    def run() -> Answer:
         each = [np.concatenate([F.ravel(), V.ravel()]) for F, V in zip(*starts, strict=True)][:FOLLOWED]
         paths = [integrated(throw, start, method, tolerance) for start in each]
-        return np.stack([F for F, _ in paths], 1), np.stack([V for _, V in paths], 1)
+        return Answer((np.stack([F for F, _ in paths], 1), np.stack([V for _, V in paths], 1)))
 
     return run
 
@@ -150,10 +144,10 @@ def factored(by: Callable[[Array], Array], case: AffineCase) -> Job:
     given = case.given
     assert isinstance(given, Frames)
 
-    def run() -> tuple[Array, Array]:
+    def run() -> Answer:
         L = by(given.F)
         U = L.swapaxes(1, 2) @ given.F
-        return L, 0.5 * (U + U.swapaxes(1, 2))
+        return Answer((L, 0.5 * (U + U.swapaxes(1, 2))))
 
     return run
 
@@ -162,7 +156,7 @@ def here(case: AffineCase) -> Job:
     """`polar`, which gives both."""
     given = case.given
     assert isinstance(given, Frames)
-    return lambda: polar(given.F)
+    return lambda: Answer(polar(given.F))
 
 
 def by_loop(F: Array) -> Array:
@@ -197,9 +191,9 @@ def by_newton(F: Array) -> Array:
 
 
 FACTORS = [
-    Way("polar", "polar", "method", here, "polar, all at once"),
+    Contestant("polar", here, about="polar, all at once"),
     *(
-        Way(name, name, "peer", partial(factored, by), about)
+        Contestant(name, partial(factored, by), "peer", about)
         for name, by, about in (
             ("scipy.linalg.polar", by_loop, "a loop over frames"),
             ("numpy svd", by_svd, "all at once"),

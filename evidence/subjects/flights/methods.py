@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import Case
-from evidence.subjects.flights.contestant import Answer, Contestant
 from forceid.config import load_settings, to_toml
 from forceid.estimation.run import estimate_recording
 from forceid.kalman.engines import engine
@@ -47,7 +47,7 @@ def asked(name: str, kind: Any, about: str, slow: bool = False, **settings: Any)
         return lambda: answer_of(estimate_recording(case.blind, merged))
 
     key = to_toml(merged) + engine(merged.engine).name
-    return Contestant(name, kind, prepare, about, key, slow=slow)
+    return Contestant(name, prepare, kind, about, key=key, slow=slow)
 
 
 def answer_of(estimate: Estimate) -> Answer:
@@ -58,24 +58,18 @@ def answer_of(estimate: Estimate) -> Answer:
         chosen += f", {estimate.mode_amplitude.shape[1]} modes"
     windows = {name.split("_")[0]: value for name, value in estimate.tuned.items() if "window" in name}
     chosen = ", ".join([chosen, *(f"{load} {1e3 * value:.3g} ms" for load, value in windows.items())])
+    verdict = estimate.verdict
     return Answer(
-        wrench_of(estimate),
-        std,
-        estimate.verdict.level,
-        estimate.verdict.reasons,
-        chosen,
+        (estimate.force, estimate.moment), halves(std), verdict.level, verdict.reasons, chosen=chosen
     )
 
 
-def wrench_of(state: Any) -> Array:
-    """Force and moment (time, 6) of an estimate or a state."""
-    return np.concatenate([state.force, state.moment], 1)
+def halves(wrench: Array) -> tuple[Array, Array]:
+    """Force and moment of wrenches (time, 6), or of their deviations."""
+    return wrench[:, :3], wrench[:, 3:]
 
 
-def worth_while(kind: str, modal: Sequence[str]) -> bool:
-    """Whether a contestant of a kind says anything new, after what the modal level chose, if it ran.
-
-    >>> worth_while("modes", ["modal, 0 modes"]), worth_while("modes", ["modal, 1 modes"])
-    (False, True)
-    """
-    return kind != "modes" or not any(chosen.endswith(NO_MODES) for chosen in modal)
+def worth_while(contestant: Contestant, answers: Mapping[str, Sequence[Mapping[str, Any]]]) -> bool:
+    """Whether a contestant says anything new: numbers of modes do not where the modal level chose none."""
+    chosen = [a["chosen"] for a in answers.get("modal", ())[:1]]
+    return contestant.kind != "modes" or not any(words.endswith(NO_MODES) for words in chosen)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import LOADS, Case
-from evidence.subjects.flights.contestant import Answer, Contestant
-from evidence.subjects.flights.methods import wrench_of
+from evidence.subjects.flights.methods import halves
 from forceid import kalman
 from forceid.config import load_settings
 from forceid.errors import ForceIdError
@@ -149,9 +149,9 @@ def told_the_prior() -> Contestant:
             state = problem.smoothed()
             std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
             order = ", ".join(f"{load} order {prior.tuned.order}" for load, prior in problem.priors.items())
-            return Answer(wrench_of(state), std, chosen=order)
+            return Answer((state.force, state.moment), halves(std), chosen=order)
 
         return job
 
     about = "smoother under the prior of the true load, from poses on"
-    return Contestant(NAME, "method", prepare, about, f"Matern {ORDERS} {EXACT} {PATIENCE}", told=True)
+    return Contestant(NAME, prepare, about=about, key=f"Matern {ORDERS} {EXACT} {PATIENCE}", told=True)

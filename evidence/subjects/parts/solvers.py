@@ -7,7 +7,7 @@ peers that solve for displacements alone get their interface forces as f_s - K_s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, cg, minres, splu, spsolve
 
+from evidence.subject import Answer, Contestant
 from evidence.subjects.parts.cases import PartsCase
 from forceid.errors import EstimationError
 from forceid.partition import PartitionedSystem, Statics
@@ -33,50 +34,33 @@ VARIANTS = (
 DEFAULT = "cg dirichlet 1e-10"  # what solve_cg does when nothing is said
 
 
-@dataclass(frozen=True)
-class Solved:
-    """u (dof,) m of all parts, lam (multiplier,) N, and iterations, None of a direct solution.
-
-    claimed: errors of u and of lam, relative, as the solver tells them, None where it tells none; verdict and
-    reasons: what it says of its answer.
-    """
-
-    u: Array
-    lam: Array
-    iterations: int | None = None
-    claimed: tuple[float, float] | None = None
-    verdict: str = ""
-    reasons: tuple[str, ...] = ()
+Solve = Callable[[], Answer]
 
 
-Solve = Callable[[], Solved]
+def solver(name: str, kind: str, build: Callable[[PartsCase], Solve], about: str, **more: Any) -> Contestant:
+    """One way to solve: build(case) does what every load shares, and gives the solution for the load."""
+
+    def prepare(case: PartsCase) -> Solve:
+        assert case.assembled.shape[0] == len(case.load)  # matrices are given, and not timed
+
+        def job() -> Answer:
+            solve = build(case)
+            return replace(solve(), again=solve)
+
+        return job
+
+    return Contestant(name, prepare, kind, about, **more)
 
 
-@dataclass(frozen=True)
-class Solver:
-    """One way to solve: build(case) does what every load shares, and gives the solution for the load.
-
-    line: what it is called without its tolerance; about: one line on it, which is its key as well; slow: left
-    out of the short chart.
-    """
-
-    name: str
-    line: str
-    kind: str
-    build: Callable[[PartsCase], Solve]
-    about: str
-    slow: bool = False
-
-
-def solvers() -> tuple[list[Solver], list[str]]:
+def solvers() -> tuple[list[Contestant], list[str]]:
     """Ours first, the peers whose library is installed, and the libraries that are not."""
-    found = [Solver("direct", "direct", "method", direct, "PartitionedSystem.solve, saddle point")]
+    found = [solver("direct", "method", direct, "PartitionedSystem.solve, saddle point")]
     for line, preconditioner, weights in VARIANTS:
         about = f"solve_cg, {preconditioner}, weights by {weights}"
         found += line_of(line, "method", partial(projected, preconditioner, weights), about)
     found += [
-        Solver("scipy spsolve", "scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
-        Solver("scipy splu", "scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
+        solver("scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
+        solver("scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
         *line_of("scipy cg Jacobi", "peer", jacobi, "cg, diagonal preconditioner, assembled"),
         *line_of("scipy MINRES", "peer", saddle_minres, "minres, saddle point, matrix-free", slow=1e-10),
     ]
@@ -89,10 +73,10 @@ def solvers() -> tuple[list[Solver], list[str]]:
 
 def line_of(
     line: str, kind: str, build: Callable[[float, PartsCase], Solve], about: str, slow: float = 0.0
-) -> list[Solver]:
+) -> list[Contestant]:
     """A solver at every tolerance; at those up to `slow` not in the short chart."""
     return [
-        Solver(f"{line} {t:.0e}", line, kind, partial(build, t), f"{about}, {t:.0e}", t <= slow)
+        solver(f"{line} {t:.0e}", kind, partial(build, t), f"{about}, {t:.0e}", line=line, slow=t <= slow)
         for t in TOLERANCES
     ]
 
@@ -106,7 +90,7 @@ def direct(case: PartsCase) -> Solve:
     """Ours, directly."""
     system = system_of(case)
 
-    def solve() -> Solved:
+    def solve() -> Answer:
         return told(system.solve(case.load))
 
     return solve
@@ -116,22 +100,22 @@ def projected(preconditioner: str, weights: str, tolerance: float, case: PartsCa
     """Ours, by projected conjugate gradients."""
     system = system_of(case)
 
-    def solve() -> Solved:
+    def solve() -> Answer:
         return told(system.solve_cg(case.load, preconditioner, weights, tolerance, most=MOST))
 
     return solve
 
 
-def told(done: Statics) -> Solved:
+def told(done: Statics) -> Answer:
     """What forceid answers."""
     steps = done.iterations.count if done.iterations else None
     claimed = done.error, done.lam_error
-    return Solved(done.u, done.lam, steps, claimed, done.verdict.level, done.verdict.reasons)
+    return Answer((done.u, done.lam), claimed, done.verdict.level, done.verdict.reasons, steps=steps)
 
 
-def parted(case: PartsCase, u: Array, iterations: int | None = None) -> Solved:
+def parted(case: PartsCase, u: Array, iterations: int | None = None) -> Answer:
     """The answer that assembled displacements (size,) are."""
-    return Solved(case.L @ u, case.residual(u)[case.shared], iterations)
+    return Answer((case.L @ u, case.residual(u)[case.shared]), steps=iterations)
 
 
 def assembled_direct(case: PartsCase) -> Solve:
@@ -152,7 +136,7 @@ def jacobi(tolerance: float, case: PartsCase) -> Solve:
     K, inverse = case.assembled, 1 / case.assembled.diagonal()
     M = LinearOperator(K.shape, matvec=lambda x: inverse * np.ravel(x), dtype=float)
 
-    def solve() -> Solved:
+    def solve() -> Answer:
         steps: list[None] = []
         u, short = cg(K, case.load, rtol=tolerance, maxiter=MOST, M=M, callback=lambda _: steps.append(None))
         return parted(case, arrived(u, short), len(steps))
@@ -176,7 +160,7 @@ def saddle_minres(tolerance: float, case: PartsCase) -> Solve:
 
     operator = LinearOperator((n + a + m,) * 2, matvec=apply, dtype=float)
 
-    def solve() -> Solved:
+    def solve() -> Answer:
         steps: list[None] = []
         f = system.loads(case.load)
         right = np.concatenate([B_T @ system.inverse(f), -system.resultant(f), np.zeros(m)])
@@ -184,7 +168,7 @@ def saddle_minres(tolerance: float, case: PartsCase) -> Solve:
             operator, right, rtol=tolerance, maxiter=MOST, callback=lambda _: steps.append(None)
         )
         lam, alpha, _ = np.split(arrived(x, short), [n, n + a])
-        return Solved(system.inverse(f - B @ lam) + R @ alpha, lam, len(steps))
+        return Answer((system.inverse(f - B @ lam) + R @ alpha, lam), steps=len(steps))
 
     return solve
 
@@ -194,7 +178,7 @@ def multigrid(tolerance: float, case: PartsCase) -> Solve:
     pyamg = import_module("pyamg")
     levels = pyamg.smoothed_aggregation_solver(sp.csr_matrix(case.assembled), B=case.rigid)
 
-    def solve() -> Solved:
+    def solve() -> Answer:
         left: list[float] = []
         # the seed of its estimates of spectral radii is numpy's own: iterations may differ by one or two
         u: Any = levels.solve(case.load, tol=tolerance, accel="cg", residuals=left, maxiter=MOST)

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 
 from evidence.chart import run as chart
+from evidence.chart.figures import draw_case
+from evidence.chart.front import points_of
+from evidence.chart.page import fastest, of_case, overview, sentences
+from evidence.chart.run import row
+from evidence.chart.subjects import CHARTED
+from evidence.subject import Answer
 from evidence.subjects.affine import cases as affine_cases
-from evidence.subjects.affine import chart as chart_affine
 from evidence.subjects.affine.cases import made
-from evidence.subjects.affine.chart import answered, errors, points_of, row
-from evidence.subjects.affine.page import fastest, overview, section, sentences
+from evidence.subjects.affine.chart import AFFINE, errors, facts
 from evidence.subjects.affine.ways import ways
-from evidence.subjects.parts.figures import draw_body
 from forceid.cli.app import main
+from forceid.errors import EstimationError
 
 
 @pytest.fixture(autouse=True)
@@ -26,11 +30,16 @@ def by_name(case, name):
     return next(way for way in ways(case.kind) if way.name == name)
 
 
+def error(case, way):
+    """Errors of what a way answers."""
+    return errors(case, way.prepare(case)())
+
+
 @pytest.mark.long
 def test_polar_keeps_its_digits_where_an_svd_loses_them():
     case = made("polar_1e6")
     off = {
-        name: answered(by_name(case, name), case, False)["error"]["rotation"]
+        name: error(case, by_name(case, name))["rotation"]
         for name in ("polar", "numpy svd", "scipy.linalg.polar", "numpy Newton")
     }
     assert off["polar"] < 1e-15
@@ -47,7 +56,7 @@ def test_polar_keeps_its_digits_where_an_svd_loses_them():
 )  # fmt: skip
 def test_ours_and_peers_arrive_at_the_same_motion(name, way, below):
     case = made(name)
-    found = answered(by_name(case, way), case, False)["error"]
+    found = error(case, by_name(case, way))
     assert found["F"] < below
     assert found["F'"] < 4 * below
 
@@ -56,74 +65,71 @@ def test_time_of_who_follows_a_part_of_the_bodies_is_that_of_all():
     case = made("ball")
     way = next(w for w in ways("bodies") if w.kind == "peer")
     assert way.whole == 50
-    found = row(way, {"error": dict.fromkeys(case.quantities, 1e-3), "seconds": 0.1, "peak_MB": None}, [0.2])
+    one = {"error": dict.fromkeys(case.quantities, 1e-3), "seconds": 0.1, "peak_MB": None, "again": None}
+    one |= {"verdict": "", "reasons": [], "chosen": "", "iterations": None}
+    found = row(AFFINE, facts([case], []), way, [one], [0.2], [])
     assert found["seconds"] == pytest.approx(10.0)
     assert found["part"]
 
 
 def test_what_ends_early_is_no_answer():
     case = made("ball")
-    way = by_name(case, "verlet 0.1")
-    cut = type(way)("cut", "cut", "peer", lambda c: lambda: tuple(x[:-1] for x in c.truth), "")
-    assert answered(cut, case, False) == {"failed": "does not get to the end"}
-    assert errors(case, case.truth) == {"F": 0.0, "F'": 0.0}
+    with pytest.raises(EstimationError, match="does not get to the end"):
+        errors(case, Answer(tuple(x[:-1] for x in case.truth)))
+    assert errors(case, Answer(case.truth)) == {"F": 0.0, "F'": 0.0}
 
 
 def case_of(*rows):
     return {
         "name": "b", "title": "B", "kind": "body", "quantities": ["F", "F'"], "resolved": 1e-11,
-        "time": "s", "lines": "l", "rows": list(rows),
+        "units": None, "rows": list(rows),
     }  # fmt: skip
 
 
 def point(name, kind, seconds, error):
     return {
         "name": name, "line": name.split()[0], "kind": kind, "about": "", "part": False, "peak_MB": None,
+        "told": False, "times_default": None, "verdict": {},
         "error": {"F": error, "F'": error}, "seconds": seconds, "seconds_range": [seconds, seconds],
     }  # fmt: skip
 
 
 def test_the_fastest_to_an_error_are_compared():
     case = case_of(point("verlet 0.1", "method", 0.01, 1e-4), point("scipy 1e-3", "peer", 0.5, 1e-5))
-    assert "verlet 0.1 (1.0e-04, 10 ms) | scipy 1e-3 (1.0e-05, 500 ms) | 50 |" in overview([case])
+    assert "verlet 0.1 (1.0e-04, 10 ms) | scipy 1e-3 (1.0e-05, 500 ms) | 50 |" in overview(AFFINE, [case])
     assert fastest(points_of(case, "F"), 1e-9) is None
-    assert "No peer is faster" not in sentences(case)[0] or "verlet" in sentences(case)[0]
+    assert "No peer is faster" not in sentences(AFFINE, case)[0] or "verlet" in sentences(AFFINE, case)[0]
 
 
 def test_a_peer_that_is_faster_and_as_accurate_is_named_and_one_without_answer_told():
     case = case_of(
         point("verlet 0.1", "method", 1.0, 1e-4), point("scipy 1e-3", "peer", 0.1, 1e-5),
-        {"name": "lost", "line": "lost", "kind": "peer", "about": "", "failed": "no way"},
+        {"name": "lost", "line": "lost", "kind": "peer", "about": "", "told": False, "failed": "no way"},
     )  # fmt: skip
-    assert "scipy 1e-3 (10 times as fast)" in sentences(case)[0]
-    text = "\n".join(section([case], "one run each"))
+    assert "scipy 1e-3 (1.0e-05, 10 times as fast)" in sentences(AFFINE, case)[0]
+    text = "\n".join(of_case(AFFINE, case))
     assert "| lost | no answer: no way |" in text
-    said = [t.get_text() for t in draw_body(case).axes[0].texts]
+    said = [t.get_text() for t in draw_case(AFFINE, case).axes[0].texts]
     assert "no answer: lost" in said
 
 
 @pytest.mark.long
-def test_a_case_is_charted_and_found_again(tmp_path, monkeypatch):
-    asked, once = [], chart_affine.answered
-
-    def counted(way, *rest):
-        asked.append(way.name)
-        return once(way, *rest)
-
-    monkeypatch.setattr(chart_affine, "answered", counted)
-    monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
+def test_a_case_is_charted_and_found_again(tmp_path, charting):
+    asked = charting("affine", ways("factors"))
     for _ in range(2):
-        result = chart.run([], tmp_path, chart.SHORT, "x", lambda what, part: None, (), ["polar_1e2"])
+        result = chart.run(
+            [(CHARTED["affine"], "polar_1e2")], tmp_path, chart.SHORT, "x", lambda what, part: None
+        )
     assert asked == [way.name for way in ways("factors")]
-    (case,) = result["affine_bodies"]
+    (case,) = result["cases"]
     assert case["rows"][0]["error"]["rotation"] < 1e-15
-    assert result["cases"] == result["bodies_in_parts"] == result["cost"] == []
+    assert result["cost"] == []
 
 
 @pytest.mark.long
 def test_the_command_charts_affine_bodies(tmp_path, capsys):
     assert main(["chart", "polar_1e2", "-o", str(tmp_path), "--short"]) == 0
-    (case,) = json.loads((tmp_path / "chart.json").read_text())["affine_bodies"]
+    (case,) = json.loads((tmp_path / "chart.json").read_text())["cases"]
     assert np.isfinite([r["seconds"] for r in case["rows"]]).all()
     assert "## Affine bodies" in (tmp_path / "chart.md").read_text()
     assert (tmp_path / "chart_polar_1e2.png").stat().st_size > 10_000

@@ -1,11 +1,13 @@
 """`forceid chart` end to end on a few contestants, interrupted and taken up again."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from evidence.chart import run as chart
 from evidence.chart.cost import spinning
+from evidence.chart.subjects import CHARTED
 from evidence.subjects.flights.methods import ours
 from evidence.subjects.flights.peers.entrants import peers
 from forceid.cli.app import main
@@ -13,23 +15,13 @@ from forceid.files.hdf5 import write_motion
 
 
 @pytest.fixture
-def few(monkeypatch):
+def few(monkeypatch, charting):
     """Three contestants, no sweeps; the answers that were worked out."""
-    asked = []
     chosen = [c for c in [*ours(), *peers()[0]] if c.name in ("smoother", "savgol", "scipy savgol")]
-    answered = chart.answered
-
-    def counted(c, *rest):
-        asked.append(c.name)
-        return answered(c, *rest)
-
-    monkeypatch.setattr(chart, "contestants", lambda extent: (chosen, ["statsmodels"]))
-    monkeypatch.setattr(chart, "answered", counted)
     sweep = {"over": "samples", "sizes": [10, 100], "seconds": {"smoother": [0.1, 1.0]}}
     monkeypatch.setattr(chart, "costs", lambda *a: [sweep | {"exponents": {"smoother": 1.0}}])
     monkeypatch.setattr(chart, "simplifications", lambda *a: [])
-    monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
-    return asked
+    return charting("flights", chosen, ["statsmodels"])
 
 
 @pytest.fixture
@@ -62,7 +54,7 @@ def test_a_chart_goes_on_where_it_was_interrupted(few, recording, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(chart, "bound", interrupted)
+        patch.setitem(CHARTED, "flights", replace(CHARTED["flights"], bound=interrupted))
         assert main(["chart", str(recording), *out]) == 130
     assert few == ["smoother", "savgol", "scipy savgol"]
     assert main(["chart", str(recording), *out]) == 0

@@ -9,10 +9,12 @@ from evidence.chart.cost import spinning
 from evidence.chart.front import Point, ahead, front, over_best
 from evidence.chart.labels import free_place, overlap
 from evidence.chart.page import overview, page, sentences
-from evidence.chart.scoring import score
+from evidence.chart.subjects import CHARTED
 from evidence.journal import Journal, code_hash, key, sources_in
+from evidence.subject import Answer
 from evidence.subjects.flights.cases import case_of
-from evidence.subjects.flights.contestant import Answer
+from evidence.subjects.flights.chart import ALIKE, FLIGHTS, score
+from evidence.subjects.flights.methods import halves
 
 OURS = Point("smoother", 1e-3, 1.0, True, False)
 SLOW_PEER = Point("slow peer", 1e-2, 0.5, False, False)
@@ -25,14 +27,16 @@ def row(point, load=1.0):
     one = {"force": point.error, "moment": float("nan")}
     return {
         "name": point.name, "kind": "method" if point.ours else "peer", "told": point.told, "error": one,
-        "seconds_a_sample": point.seconds, "over_bound": one, "coverage": one, "times_default": 1.0,
-        "peak_MB": None, "verdict": {}, "chosen": "", "reasons": [], "about": "",
+        "seconds": point.seconds, "seconds_range": [point.seconds] * 2, "over_bound": one, "coverage": one,
+        "times_default": 1.0, "peak_MB": None, "verdict": {}, "chosen": "", "reasons": [], "about": "",
+        "part": False,
     }  # fmt: skip
 
 
 def chart_of(*points):
     return {
-        "name": "case", "title": "", "seeds": 1, "measured": False, "samples": 100, "rate_Hz": 100.0,
+        "subject": "flights", "quantities": ["force", "moment"], "units": ["N", "N m"], "resolved": 0.0,
+        "name": "case", "title": "case", "seeds": 1, "measured": False, "samples": 100, "rate_Hz": 100.0,
         "markers": 3,
         "noise_std": {}, "load": {"force": 1.0, "moment": float("nan")},
         "bound": {"force": 0.5, "moment": float("nan")}, "rows": [row(p) for p in points],
@@ -40,25 +44,36 @@ def chart_of(*points):
 
 
 def test_a_peer_that_beats_us_in_both_is_named():
-    (said,) = sentences(chart_of(OURS, FAST_PEER))
-    assert "Faster and more accurate than our best point (smoother, 1 N): fast peer (0.5 N)" in said
+    (said,) = sentences(FLIGHTS, chart_of(OURS, FAST_PEER))
+    assert (
+        "Faster and more accurate than our best point, smoother (1 N, 1000 us): fast peer (0.5 N, 100 times"
+        in said
+    )
     assert "2.00 times the error of the best point (fast peer)" in said
-    assert "In 0 of 1 charts no peer" in overview([chart_of(OURS, FAST_PEER)])
+    assert "In 0 of 1 charts no peer" in overview(FLIGHTS, [chart_of(OURS, FAST_PEER)])
 
 
 @pytest.mark.parametrize("peer", [SLOW_PEER, COARSE_PEER])
 def test_a_peer_that_is_slower_or_coarser_is_not(peer):
-    (said,) = sentences(chart_of(OURS, peer))
-    assert "No peer is both faster and more accurate than our best point, smoother." in said
+    (said,) = sentences(FLIGHTS, chart_of(OURS, peer))
+    assert "No peer is both faster and more accurate than our best point, smoother (1 N, 1000 us)." in said
     assert peer in front([OURS, peer])
 
 
 def test_who_was_told_the_truth_is_set_apart():
     points = [OURS, TOLD_PEER]
     assert front(points) == [OURS]
-    assert ahead(points, told=False) == []
-    assert ahead(points, told=True) == [TOLD_PEER]
+    (said,) = sentences(FLIGHTS, chart_of(*points))
+    assert "No peer is both faster" in said
+    assert "Only with the truth told: told peer 0.5 N." in said
     assert over_best(points, "smoother") == (1.0, "smoother")
+
+
+def test_peers_within_the_margin_are_not_ahead_and_beyond_it_are():
+    like, better = (Point("peer", 1e-5, error, False, False) for error in (0.99, 0.97))
+    assert ahead([OURS, like], ALIKE) == []
+    assert ahead([OURS, like], 1.0) == [like]
+    assert ahead([OURS, better], ALIKE) == [better]
 
 
 def test_a_contestant_without_answer_is_named_with_its_reason():
@@ -69,7 +84,7 @@ def test_a_contestant_without_answer_is_named_with_its_reason():
         "engine": "e", "python": "3", "processor": "p", "missing": ["PyNumDiff"], "cases": [case], "cost": [],
         "simplifications": [],
     }  # fmt: skip
-    text = page(result)
+    text = page(result, CHARTED.values())
     assert "| lost | no answer: no masses |" in text
     assert "left out: PyNumDiff" in text
 
@@ -124,7 +139,9 @@ def test_every_source_of_the_package_counts_and_nothing_built_from_it_does():
 def test_an_honest_claim_covers_and_a_bold_one_does_not():
     case = case_of("s", spinning(6, 800), False)
     error = np.random.default_rng(0).standard_normal((800, 6))
-    honest, bold = (score(case, Answer(case.wrench + error, np.full((800, 6), s))) for s in (1.0, 0.1))
+    honest, bold = (
+        score(case, Answer(halves(case.wrench + error), halves(np.full((800, 6), s)))) for s in (1.0, 0.1)
+    )
     assert np.abs(np.array(honest.inside) - 0.95).max() < 0.04
     assert max(bold.inside) < 0.15
     assert np.abs(np.array(honest.error) - 1).max() < 0.2
@@ -135,8 +152,8 @@ def test_only_the_central_three_quarters_are_judged():
     wrench = case.wrench.copy()
     wrench[:10] += 1e3
     wrench[-10:] += 1e3
-    assert max(score(case, Answer(wrench)).error) == 0.0
-    assert np.isnan(score(case, Answer(wrench)).inside).all()
+    assert max(score(case, Answer(halves(wrench))).error) == 0.0
+    assert np.isnan(score(case, Answer(halves(wrench))).inside).all()
 
 
 def test_a_label_goes_where_nothing_is():

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from evidence.chart import run as chart
-from evidence.chart.front import front
+from evidence.chart.figures import draw_case
+from evidence.chart.front import ahead, front, points_of
+from evidence.chart.page import of_case, overview, sentences
+from evidence.chart.subjects import CHARTED
+from evidence.subject import Answer
 from evidence.subjects.flights.cases import sources
-from evidence.subjects.parts import chart as chart_partition
 from evidence.subjects.parts import solvers as parts_solvers
 from evidence.subjects.parts.cases import GRIDS, Grid, manufactured
-from evidence.subjects.parts.chart import DEFAULT, RESOLVED, errors, points_of
-from evidence.subjects.parts.figures import draw_body
-from evidence.subjects.parts.page import beaters, overview, section, sentences
-from evidence.subjects.parts.solvers import Solved, solvers
+from evidence.subjects.parts.chart import PARTS, QUANTITIES, RESOLVED, errors
+from evidence.subjects.parts.solvers import DEFAULT, solvers
 from forceid.cli.app import main
 from forceid.errors import ConfigError
 
@@ -52,14 +53,14 @@ def test_gaps_between_parts_are_errors():
     u = case.L @ case.u
     first = case.stiffness[0].shape[0]
     u[:first] += 1e-3 * case.modes[0][:, 0] if case.modes[0].size else 1e-3
-    assert errors(case, Solved(u, case.lam))["displacement"] > 1e-5
-    assert errors(case, Solved(case.L @ case.u, case.lam)) == {"displacement": 0.0, "interface force": 0.0}
+    assert errors(case, Answer((u, case.lam)))["displacement"] > 1e-5
+    assert errors(case, Answer((case.L @ case.u, case.lam))) == {"displacement": 0.0, "interface force": 0.0}
 
 
 @pytest.mark.parametrize("c", [c for c in solvers()[0] if "1e-04" not in c.name], ids=lambda c: c.name)
 def test_every_solver_answers_the_manufactured_body(c):
     case = manufactured("plate", SMALL["plate"])
-    off = errors(case, c.build(case)())
+    off = errors(case, c.prepare(case)())
     tight = 1e-2 if "MINRES" in c.name else 1e-5
     assert max(off.values()) < tight
 
@@ -67,29 +68,38 @@ def test_every_solver_answers_the_manufactured_body(c):
 def row(name, kind, seconds, error):
     return {
         "name": name, "line": name.rsplit(" 1e", 1)[0], "kind": kind, "about": "", "iterations": 3,
-        "error": dict.fromkeys(chart_partition.QUANTITIES, error), "claimed": None, "verdict": "",
-        "reasons": [], "rounds": 0, "seconds": seconds, "seconds_range": [seconds, seconds],
+        "error": dict.fromkeys(QUANTITIES, error), "claimed": None, "verdict": {},
+        "reasons": [], "rounds": 0, "told": False, "part": False, "seconds": seconds,
+        "seconds_range": [seconds, seconds],
         "again": seconds / 2, "setup_share": 0.5, "times_default": 1.0, "peak_MB": None,
     }  # fmt: skip
 
 
 def body_of(*rows):
-    return {"name": "b", "title": "B", "parts": 4, "unknowns": 9, "multipliers": 8, "rows": list(rows)}
+    return {
+        "name": "b", "title": "B", "parts": 4, "unknowns": 9, "multipliers": 8, "rows": list(rows),
+        "quantities": QUANTITIES, "units": None, "resolved": RESOLVED,
+    }  # fmt: skip
 
 
 def test_a_peer_that_is_faster_and_as_accurate_is_named():
     body = body_of(row("direct", "method", 1.0, 1e-14), row("scipy splu", "peer", 0.1, 1e-13))
-    assert [p.name for p in beaters(points_of(body, "displacement"))] == ["scipy splu"]
-    assert "scipy splu (as accurate, 10 times as fast)" in sentences(body)[0]
-    assert "| 10 | direct, 1000 ms | scipy splu |" in overview([body])
+    assert [p.name for p in ahead(points_of(body, "displacement"), 1.0)] == ["scipy splu"]
+    assert "scipy splu (below 1e-10, 10 times as fast)" in sentences(PARTS, body)[0]
+    assert "| direct (below 1e-10, 1000 ms) | scipy splu (below 1e-10, 100 ms) | 0.1 |" in overview(
+        PARTS, [body]
+    )
 
 
 def test_a_coarser_peer_is_on_the_front_and_not_ahead():
     body = body_of(row("direct", "method", 1.0, 1e-12), row("scipy cg 1e-04", "peer", 0.1, 1e-5))
     points = points_of(body, "interface force")
-    assert beaters(points) == []
+    assert ahead(points, 1.0) == []
     assert [p.name for p in front(points)] == ["scipy cg 1e-04", "direct"]
-    assert "No peer is faster than our best point, direct (below 1e-10, 1000 ms)" in sentences(body)[1]
+    assert (
+        "No peer is both faster and no less accurate than our best point, direct (below 1e-10, 1000 ms)"
+        in sentences(PARTS, body)[1]
+    )
 
 
 def test_errors_of_rounding_decide_nothing():
@@ -99,42 +109,33 @@ def test_errors_of_rounding_decide_nothing():
 
 def test_a_line_is_named_once_and_at_its_tightest_tolerance():
     rows = [row(f"cg none {t:.0e}", "method", 1.0 - t, t) for t in (1e-4, 1e-7, 1e-10)]
-    figure = draw_body(body_of(row("direct", "method", 2.0, 1e-12), *rows))
+    figure = draw_case(PARTS, body_of(row("direct", "method", 2.0, 1e-12), *rows))
     said = [text.get_text() for text in figure.axes[0].texts if text.get_text()]
     assert sorted(said) == ["cg none", "direct"]
 
 
 def test_an_answer_that_is_worth_nothing_is_in_the_table_and_not_in_the_picture():
     body = body_of(row("direct", "method", 1.0, 1e-12), row("lost", "peer", 0.1, 3e3))
-    figure = draw_body(body)
+    figure = draw_case(PARTS, body)
     said = [text.get_text() for text in figure.axes[0].texts]
     assert "lost" not in said
     assert "error above 1: lost" in said
-    assert "| lost | 3.0e+03 |" in "\n".join(section([body], "one run each"))
+    assert "| lost | 3.0e+03 |" in "\n".join(of_case(PARTS, body))
 
 
 @pytest.fixture
-def few(monkeypatch):
+def few(monkeypatch, charting):
     """One small body and three solvers without PyAMG; the solvers that were asked."""
-    asked, answered = [], chart_partition.answered
-    found = [c for c in solvers()[0] if c.name in ("direct", DEFAULT, "scipy splu")]
-
-    def counted(c, *rest):
-        asked.append(c.name)
-        return answered(c, *rest)
-
     monkeypatch.setitem(GRIDS, "plate_16", SMALL["plate"])
-    monkeypatch.setattr(chart, "solvers", lambda: (found, ["PyAMG"]))
-    monkeypatch.setattr(chart_partition, "answered", counted)
-    monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
-    return asked
+    found = [c for c in solvers()[0] if c.name in ("direct", DEFAULT, "scipy splu")]
+    return charting("parts", found, ["PyAMG"])
 
 
 def test_a_body_is_charted_without_recordings(few, tmp_path, capsys):
     assert main(["chart", "plate_16", "-o", str(tmp_path), "--short"]) == 0
     found = json.loads((tmp_path / "chart.json").read_text())
-    assert found["cases"] == found["cost"] == []
-    (body,) = found["bodies_in_parts"]
+    assert found["cost"] == []
+    (body,) = found["cases"]
     rows = {r["name"]: r for r in body["rows"]}
     assert rows[DEFAULT]["times_default"] == 1.0
     assert rows["direct"]["error"]["interface force"] < 1e-10
@@ -150,15 +151,15 @@ def test_a_body_is_charted_without_recordings(few, tmp_path, capsys):
 
 def test_a_chart_of_a_body_goes_on_where_it_was_interrupted(few, tmp_path, monkeypatch):
     command = ["chart", "plate_16", "-o", str(tmp_path), "--short"]
-    done = chart_partition.answered
+    done = chart.answered
 
-    def interrupted(c, *rest):
+    def interrupted(subject, c, *rest):
         if c.name == "scipy splu":
             raise KeyboardInterrupt
-        return done(c, *rest)
+        return done(subject, c, *rest)
 
     with monkeypatch.context() as patch:
-        patch.setattr(chart_partition, "answered", interrupted)
+        patch.setattr(chart, "answered", interrupted)
         assert main(command) == 130
     assert few == ["direct", DEFAULT]
     assert main(command) == 0
@@ -167,8 +168,8 @@ def test_a_chart_of_a_body_goes_on_where_it_was_interrupted(few, tmp_path, monke
 
 def test_rounds_of_timing_are_paired_with_the_default(few, tmp_path):
     extent = chart.Extent("quick", seeds=1, rounds=2, budget=1.0, full=False)
-    result = chart.run([], tmp_path, extent, "c", lambda what, part: None, ["plate_16"])
-    rows = {r["name"]: r for r in result["bodies_in_parts"][0]["rows"]}
+    result = chart.run([(CHARTED["parts"], "plate_16")], tmp_path, extent, "c", lambda what, part: None)
+    rows = {r["name"]: r for r in result["cases"][0]["rows"]}
     assert rows[DEFAULT]["times_default"] == 1.0
     assert rows["scipy splu"]["rounds"] == 2
     assert rows["scipy splu"]["seconds_range"][0] <= rows["scipy splu"]["seconds"]

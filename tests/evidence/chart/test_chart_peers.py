@@ -23,7 +23,7 @@ from evidence.subjects.flights.peers.kalman import filterpy_rts, likeliest_rate
 def test_a_low_pass_finds_slow_loads(second):
     case = case_of("spinning", spinning(6, 500), False)
     paths = paths_of(case.blind)
-    wrench = answer_of(paths, second(paths.z, paths.step, cut=6.0)).wrench
+    wrench = np.hstack(answer_of(paths, second(paths.z, paths.step, cut=6.0)).found)
     error = np.sqrt(((wrench - case.wrench)[case.judged] ** 2).mean(0))
     load = np.sqrt((case.wrench[case.judged] ** 2).mean(0))
     assert (error[[0, 1, 2, 5]] < 0.4 * load[[0, 1, 2, 5]]).all()
@@ -64,9 +64,9 @@ def test_an_oracle_is_never_worse_than_a_setting_it_may_choose():
     cuts = (3.0, 8.0, 15.0, 30.0)
     best = told("x", savgol, "", "cut", cuts)
     assert best.told
-    oracle = best.prepare(case)().wrench
+    oracle = np.hstack(best.prepare(case)().found)
     for cut in cuts:
-        other = fixed("y", savgol, "", cut=cut).prepare(case)().wrench
+        other = np.hstack(fixed("y", savgol, "", cut=cut).prepare(case)().found)
         for part in LOADS.values():
             assert rms(oracle, case, part) <= rms(other, case, part) * (1 + 1e-9)
 

@@ -12,7 +12,7 @@ from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
 from evidence.stress.run import Job, key_of, maps_of, trial_of
-from evidence.subject import AFFINE, AFFINE_LOADS, default_of, subject_of
+from evidence.stress.subjects import AFFINE, AFFINE_LOADS, default_of, subject_of
 from evidence.subjects.affine import failures as fa
 from evidence.subjects.affine import failures_loads as fl
 from evidence.subjects.affine import trial as affine_trial

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evidence.stress.failure_table import FAILURES
-from evidence.subject import FLIGHTS, subject_of
+from evidence.stress.subjects import FLIGHTS, subject_of
 from evidence.subjects.flights.bodies import MASS, PLACE, Setup, fly, mass_gauge_shapes
 from evidence.subjects.flights.failures.body import rigid_looking_shape
 from evidence.subjects.flights.failures.sensing import frames_lost

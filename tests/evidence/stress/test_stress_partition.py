@@ -12,7 +12,7 @@ from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
 from evidence.stress.run import Job, key_of, maps_of, trial_of
-from evidence.subject import FLIGHTS, PARTS, default_of, subject_of
+from evidence.stress.subjects import FLIGHTS, PARTS, default_of, subject_of
 from evidence.subjects.parts import failures as fp
 from evidence.subjects.parts.trial import DEFAULT, SOLVERS, attempt_parts, solved, solvers
 from forceid.cli.app import main

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import LOADS, Case
-from evidence.subjects.flights.contestant import Answer, Contestant
+from evidence.subjects.flights.methods import halves
 from evidence.subjects.flights.peers import differentiators as scipy_ways
 from evidence.subjects.flights.peers import kalman as kalman_peers
 from evidence.subjects.flights.peers.expert import Paths, paths_of
@@ -92,7 +93,7 @@ def answer_of(paths: Paths, found: Any) -> Answer:
     std = paths.spread(found[1]) if isinstance(found, tuple) else None
     if not paths.moment:
         wrench[:, 3:] = np.nan
-    return Answer(wrench, std)
+    return Answer(halves(wrench), None if std is None else halves(std))
 
 
 def fixed(name: str, second: Second, about: str, **settings: Any) -> Contestant:
@@ -101,7 +102,7 @@ def fixed(name: str, second: Second, about: str, **settings: Any) -> Contestant:
     def prepare(case: Case) -> Callable[[], Answer]:
         return lambda: solved(case, second, None, settings)
 
-    return Contestant(name, "peer", prepare, about, f"{about} {settings}")
+    return Contestant(name, prepare, "peer", about, key=f"{about} {settings}")
 
 
 def told(
@@ -124,11 +125,12 @@ def told(
                 found[:, part] = first(second(way.z[:, part], way.step, **{over: value}))
                 wrench[:, part] = way.wrench(found)[:, part]
             said = ", ".join(f"{load} {value:.3g} Hz" for load, (_, value) in choices.items())
-            return Answer(wrench, chosen=said)
+            return Answer(halves(wrench), chosen=said)
 
         return job
 
-    return Contestant(name + TOLD, "peer", prepare, about, f"{about} {over} {values}", told=True, slow=slow)
+    key = f"{about} {over} {values}"
+    return Contestant(name + TOLD, prepare, "peer", about, key=key, told=True, slow=slow)
 
 
 def first(found: Any) -> Array:
@@ -147,7 +149,7 @@ def best_choices(
         except DataError:
             continue
         for value in values:
-            wrench = answer_of(paths, second(paths.z, paths.step, **{over: value})).wrench
+            wrench = np.hstack(answer_of(paths, second(paths.z, paths.step, **{over: value})).found)
             for load, part in LOADS.items():
                 error = float(np.sqrt(np.mean((wrench - case.wrench)[case.judged, part] ** 2)))
                 if np.isfinite(error) and (load not in best or error < best[load][0]):
