@@ -4,6 +4,7 @@ import ast
 import re
 import string
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -22,13 +23,23 @@ def names_of(entry):
     return {name for _, name, _, _ in string.Formatter().parse(entry.sentence) if name}
 
 
+@cache
+def sources():
+    """Every call and every comparison in the sources, with its file."""
+    return [
+        (path, node)
+        for path in sorted((ROOT / "forceid").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call | ast.Compare)
+    ]
+
+
 def calls():
     """Every call of `note` in the sources with a code written out: file, code, names of its values."""
-    for path in sorted((ROOT / "forceid").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "note":
-                codes = [n.value for n in ast.walk(node.args[0]) if isinstance(n, ast.Constant)]
-                yield path, [c for c in codes if c in CATALOGUE], {k.arg for k in node.keywords}
+    for path, node in sources():
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "note":
+            codes = [n.value for n in ast.walk(node.args[0]) if isinstance(n, ast.Constant)]
+            yield path, [c for c in codes if c in CATALOGUE], {k.arg for k in node.keywords}
 
 
 def test_every_code_is_one_and_reads_as_words():
@@ -51,22 +62,21 @@ def test_every_call_gives_the_values_that_its_sentence_asks_for():
 
 
 def test_every_entry_is_written_somewhere_in_the_sources():
-    sources = [p for p in (ROOT / "forceid").rglob("*.py") if p.name != "catalogue.py"]
-    text = "\n".join(path.read_text("utf-8") for path in sources)
+    paths = [p for p in (ROOT / "forceid").rglob("*.py") if p.name != "catalogue.py"]
+    text = "\n".join(path.read_text("utf-8") for path in paths)
     assert [entry.code for entry in ENTRIES if f'"{entry.code}"' not in text] == []
 
 
 def test_no_module_decides_on_the_words_of_a_sentence():
     """A comparison that looks for text in a reason, a finding's text or a warning."""
     found = []
-    for path in sorted((ROOT / "forceid").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn | ast.Eq):
-                for side in (node.left, *node.comparators):
-                    name = getattr(side, "id", "") or getattr(side, "attr", "")
-                    text = name == "text" and isinstance(side, ast.Attribute)
-                    if text or name in ("reason", "reasons", "sentence", "warnings"):
-                        found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    for path, node in sources():
+        if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn | ast.Eq):
+            for side in (node.left, *node.comparators):
+                name = getattr(side, "id", "") or getattr(side, "attr", "")
+                text = name == "text" and isinstance(side, ast.Attribute)
+                if text or name in ("reason", "reasons", "sentence", "warnings"):
+                    found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert found == []
 
 

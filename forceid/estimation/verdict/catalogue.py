@@ -158,6 +158,15 @@ RECORDING = (
         "Export the positions again with more digits.",
     ),
     Entry(
+        "rounded-times", "degraded",
+        "times are rounded to steps of {step_ms:.2g} ms: at the speed of the body that shifts its mass "
+        "center by {shift_mm:.2g} mm, in a pattern that repeats and passes for force; export more digits, or "
+        "times of an even clock of {rate_hz:.6g} Hz",
+        "The file holds the times of an even clock with too few digits. A moving body is then elsewhere than "
+        "at the time given, and the pattern of that is taken for a force.",
+        "Export the times again with more digits, or write frame number over rate in their place.",
+    ),
+    Entry(
         "markers-stuck",
         "degraded",
         "markers stick at {axis} = {edge_m:.4g} m in {count} of {frames} frames, the edge of "

@@ -10,6 +10,7 @@ from forceid.estimation.body.gaps import longest_run, lost_frames
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
+from forceid.estimation.verdict.sampling import judge_times
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.noise_axes import at_rest
 from forceid.motion.window import noise_growth
@@ -51,7 +52,7 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     """
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]
-    found = [*known_beforehand(kin), *unseen(kin, motion)]
+    found = [*known_beforehand(kin), *unseen(kin, motion), *judge_times(kin)]
     turn = largest_turn(kin.time, kin.pose.rotation)
     if turn > FAST and not (motion is not None and reads_turn(motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
