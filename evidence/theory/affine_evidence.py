@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from evidence.theory.affine_printed import D0, F0, MOONEY, RIEMANN, V0, Y0
+from evidence.theory.crossings import crossing, near_crossings, smooth_without_limit
 from forceid import pseudorigid as pr
 from forceid.errors import EstimationError
 from forceid.pseudorigid.bipolar_path import turn_of_bases
-from forceid.pseudorigid.crossings import crossing, near_crossings, smooth_without_limit
 from forceid.pseudorigid.ellipsoids import turn as about_z
 from forceid.pseudorigid.matching import SIGNED, nearest_signed
 from forceid.pseudorigid.splittings import COMPOSITIONS, SPLITTINGS

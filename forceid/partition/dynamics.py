@@ -225,14 +225,6 @@ def carried(mass: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(mass)
 
 
-def energy(system: PartitionedSystem, motion: PartitionedMotion) -> Array:
-    """Energy of motion and of deformation (time,) J: kept where no load acts."""
-    pairs = [(masses(system), motion.v), (system.stiffness, motion.u)]
-    return np.array(
-        [sum(0.5 * float(x[k] @ product(system, m, x[k])) for m, x in pairs) for k in range(len(motion.time))]
-    )
-
-
 def mean_motion(system: PartitionedSystem, u: Array) -> Array:
     """Mean motion alpha (time, alpha) of every partition: M_alpha alpha = R^T M u, the mass gauge.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from forceid.partition.elements import assemble, bar, box_element
+from forceid.partition.elements import assemble, box_element
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.topology import boolean_from_positions, compatible, held
 from forceid.principal.operator import summation_operator
@@ -78,28 +78,6 @@ def solid_parts(
     size = np.broadcast_to(young, len(nodes)).tolist()
     stiff = {e: e * K for e in set(size)}  # equal parts are one matrix, and will be factored once
     return gathered([stiff[e] for e in size], [M] * len(nodes), nodes)
-
-
-def truss_parts(
-    parts: Sequence[int], r: int, axial_stiffness: float = 5e4, line_density: float = 1.0
-) -> Parts:
-    """Planar trusses of r x r unit cells with four edges and both diagonals, all of one axial stiffness N."""
-    nodes, elements = box_grid(parts, r)
-    nodes = [x * r for x in nodes]  # cells of one meter
-    pairs = sorted(
-        {
-            tuple(sorted((e[a], e[b])))
-            for e in elements.tolist()
-            for a, b in ((0, 1), (0, 2), (1, 3), (2, 3), (0, 3), (1, 2))
-        }
-    )
-    bars = np.array(pairs)
-    each = [
-        bar(nodes[0][p], axial_stiffness, line_density * float(np.linalg.norm(np.diff(nodes[0][p], axis=0))))
-        for p in bars
-    ]
-    K, M = (assemble(bars, np.array(m), 2, len(nodes[0])) for m in zip(*each, strict=True))
-    return gathered([K] * len(nodes), [M] * len(nodes), nodes)
 
 
 def gathered(stiffness: list[Any], mass: list[Any], nodes: list[Array]) -> Parts:

@@ -72,23 +72,6 @@ def _turn(moment: Array, rho: Array, w: Array, floor: float) -> Array:
     return np.asarray((pseudo_inverse(J, floor) @ moment[..., None])[..., 0])
 
 
-def load_matrix(pattern: ArrayLike, position: ArrayLike, about: ArrayLike | None = None) -> Array:
-    """G = S^T B: the wrench (..., 6, load) that one newton of each load makes about a point.
-
-    pattern B (dof, load): the nodal forces of each unit load, node-major, three rows a node or six with
-    nodal moments; position (..., node, 3) m, about (..., 3) m as in `summation_operator`; planar
-    (..., 3, load). Source: principal equations 4c.
-
-    A single force along `direction` at a `point` needs no nodes: its column is
-    `transport([*direction, 0, 0, 0], point - about)`; that of a moment is `[0, 0, 0, *direction]`.
-    """
-    x, B = np.asarray(position, dtype=float), np.asarray(pattern, dtype=float)
-    node = x.shape[-2]
-    field = np.moveaxis(B.reshape(*B.shape[:-2], node, -1, B.shape[-1]), -1, -3)
-    point = None if about is None else np.asarray(about, dtype=float)[..., None, :]
-    return sum_nodal(field, x[..., None, :, :], point).mT
-
-
 def solve_loads(
     wrench: ArrayLike,
     wrench_cov: ArrayLike,
@@ -99,8 +82,10 @@ def solve_loads(
 ) -> Loads:
     """Loads p of g = G p by weighted least squares, and which combinations of them the wrench determines.
 
-    wrench g (time, 6) N, N m and wrench_cov (6, 6) or (time, 6, 6); G (6, load) or (time, 6, load), see
-    `load_matrix`; all about one point and in the same axes, and then the answer does not depend on it.
+    wrench g (time, 6) N, N m and wrench_cov (6, 6) or (time, 6, 6); G (6, load) or (time, 6, load):
+    the wrench of a unit of each load, S^T B of nodal forces B (dof, load), or `transport([*direction, 0, 0,
+    0], point - about)` of one at a point; all about one point and in the same axes, and then the answer does
+    not depend on it.
     length m: the rms radius of the mass (`MassProperties.length`), by which moments are divided in the
     rank test; directions below `tolerance` of the largest singular value count as unseen. Planar: 3 for 6.
 

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.principal.operator import axial, axis_count, cross_matrix, sum_nodal, summation_operator
-from forceid.principal.symmetric import eigen
 from forceid.records import Array
 
 
@@ -75,50 +74,6 @@ def mass_properties(
     matrix = S.mT @ times(M, S.mT).mT
     J = matrix[..., x.shape[-1] :, x.shape[-1] :]
     return MassProperties(m, c, J[..., 0, 0] if x.shape[-1] == 2 else J, matrix, p)
-
-
-def rigid_mass_properties(
-    total_mass: float, center: ArrayLike, inertia: ArrayLike, about: ArrayLike | None = None
-) -> MassProperties:
-    """The same record for a body known as a rigid whole.
-
-    total_mass kg; center (..., 3) m; inertia (..., 3, 3) kg m2 about the center (planar: center
-    (..., 2), inertia (...)); about as in `mass_properties`. Raises DataError for what no distribution
-    of positive mass can have. Source: principal equations 2.6.
-
-    >>> rigid_mass_properties(2.0, [1.0, 0.0], 0.5, about=[0.0, 0.0]).inertia
-    array(2.5)
-    """
-    c, J = np.asarray(center, dtype=float), np.asarray(inertia, dtype=float)
-    m = _positive(float(total_mass), "total_mass")
-    axis = axis_count(c)
-    if axis == 3:
-        if J.shape[-2:] != (3, 3) or not np.allclose(J, J.mT, rtol=0, atol=1e-6 * np.abs(J).max()):
-            raise DataError("is not a symmetric 3 by 3 tensor", "inertia", "products of inertia enter twice")
-        principal = np.linalg.eigvalsh(J)
-        if (principal[..., 2] > (principal[..., 0] + principal[..., 1]) * (1 + 1e-6)).any():
-            raise DataError(
-                f"has principal values {principal.tolist()} kg m2, of which the largest exceeds the sum "
-                "of the others; no mass distribution does",
-                "inertia",
-                "check its units and the signs of its products of inertia",
-            )
-    elif (J < 0).any():
-        raise DataError(f"is {J} kg m2, expected no negative value", "inertia")
-    p = c if about is None else np.asarray(about, dtype=float)
-    r = c - p
-    return _assemble(m, c, p, J + _tensor(m * r[..., :, None] * r[..., None, :]))
-
-
-def principal_inertia(inertia: ArrayLike) -> tuple[Array, Array]:
-    """Principal moments, ascending (..., 3) kg m2, and their axes as right-handed columns (..., 3, 3).
-
-    >>> principal_inertia([[3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])[0]
-    array([1., 2., 3.])
-    """
-    moments, axes = eigen(np.asarray(inertia, dtype=float))
-    axes[..., 2] = np.cross(axes[..., 0], axes[..., 1])
-    return moments, axes
 
 
 def mass_center(mass: ArrayLike | SparseMatrix, position: ArrayLike) -> Array:

@@ -52,20 +52,6 @@ def momentum(
     return _project(mass, position, velocity, about, "velocity")
 
 
-def wrench_from_momentum(rate: ArrayLike, momentum: ArrayLike, point_velocity: ArrayLike) -> Array:
-    """Force and moment from the rate of momentum: F = dP/dt, T_p = dH_p/dt + v_p x P.
-
-    rate (..., 6) time derivative of `momentum` (..., 6), both about the point p that moves with
-    point_velocity (..., 3) m/s; planar (..., 3) and (..., 2). About the mass center, or about a fixed
-    point, the rate is the wrench already. Source: principal equations 2.4.
-
-    >>> wrench_from_momentum([0.0, 0.0, 0.0], [0.0, 2.0, 0.0], point_velocity=[3.0, 0.0])
-    array([0., 0., 6.])
-    """
-    h = np.asarray(momentum, dtype=float)
-    return np.asarray(np.asarray(rate, dtype=float) + (transport(h, point_velocity) - h))
-
-
 def transport_matrix(arm: ArrayLike) -> Array:
     """T = [[I, 0], [[arm]x, I]], which carries a wrench to a new moment point.
 

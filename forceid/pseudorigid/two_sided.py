@@ -105,12 +105,6 @@ def two_sided_rates(
     )
 
 
-def kinetic_energy(a: Array, da: Array, pi: Array, kappa: Array, mu: float) -> Array:
-    """Energy of motion (...,) in J, of the state (..., 3) each. Source: pseudo-rigid bodies, section 5.2."""
-    s, d = rates_of_rotation(a, pi, kappa)
-    return np.asarray(mu * (da * da + s * (pi + kappa) + d * (pi - kappa)).sum(-1) / 2)
-
-
 def axis_forces(a: Array, material: Elastic) -> Array:
     """dW/da_i (..., 3) of an isotropic material at axes a (..., 3)."""
     return np.asarray(np.einsum("...ii->...i", material.gradient(a[..., None] * np.eye(3))))

@@ -72,41 +72,6 @@ def summarize(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> N
     )
 
 
-@dataclass(frozen=True)
-class Attained:
-    """How near an estimate came to its bound: efficiency and coverage of force and moment, per axis.
-
-    The claimed covariance is the posterior bound along the path, for the prior that was tuned. efficiency
-    (3,): rms error over rms claimed deviation, about one where the prior is true; coverage (3,): part of the
-    samples whose 95 % interval holds the truth; bound (3,) N or N m: rms claimed deviation. NaN where there
-    is no truth.
-    """
-
-    force_efficiency: Array
-    force_coverage: Array
-    force_bound: Array
-    moment_efficiency: Array
-    moment_coverage: Array
-    moment_bound: Array
-
-
-def attained(estimate: Estimate, truth: Mapping[str, Array], central: float = 1.0) -> Attained:
-    """Error of an estimate against the truth, over the bound beside it, in the central part of the record.
-
-    central: that part, 0.75 leaves out an eighth at either end. Source: principal equations 4f, 5.7.
-    """
-    cut = int(len(estimate.time) * (1 - central) / 2)
-    kept = slice(cut, len(estimate.time) - cut)
-    found = []
-    for name, std in (("force", estimate.force_std), ("moment", estimate.moment_std)):
-        error, claimed = wrench_error(estimate, truth, name)[kept], positive(std)[kept]
-        both = np.isfinite(error) & np.isfinite(claimed)
-        error, claimed = np.where(both, error, np.nan), np.where(both, claimed, np.nan)
-        inside = np.where(both, np.abs(error) <= INTERVAL * claimed, np.nan)
-        found += [rms(error) / rms(claimed), mean(inside), rms(claimed)]
-    return Attained(*found)
-
-
 def wrench_error(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
     """Estimate minus truth of the `force` or the `moment` (time, 3), NaN where there is no truth."""
     found: Array = getattr(estimate, name)

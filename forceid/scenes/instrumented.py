@@ -17,8 +17,6 @@ from forceid.records import Array, Body
 from forceid.scenes.mechanics import Flight
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
 
-AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 
 class Swing(Section):
     """amplitude N or N m along world axes, frequency Hz, phase rad of one sine."""

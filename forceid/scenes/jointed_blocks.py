@@ -110,12 +110,3 @@ def solve_joints(chain: Chain, now: ChainState, loads: tuple[Array, Array]) -> t
         moment[j] += G_j[3:, 6 * j + 9 : 6 * j + 12].T @ solution[at + 3 : at + len(G_j)]
         at += len(G_j)
     return solution[: 6 * n].reshape(n, 6), force, moment
-
-
-def energy(chain: Chain, now: ChainState) -> float:
-    """Kinetic energy, that of the springs and that of the weight (J) at one instant."""
-    J = now.R @ chain.inertia @ now.R.mT
-    bend = Rotation.from_matrix(now.R[1:] @ now.R[:-1].mT).as_rotvec()
-    kinetic = chain.mass @ (now.velocity**2).sum(1) + np.einsum("ia,iab,ib->", now.omega, J, now.omega)
-    weight = -chain.mass @ now.center @ chain.gravity
-    return float(0.5 * kinetic + 0.5 * chain.stiffness @ (bend**2).sum(1) + weight)

@@ -48,12 +48,6 @@ def spring_force(springs: Springs, x: Array, v: Array) -> Array:
     return force
 
 
-def spring_energy(springs: Springs, x: Array) -> float:
-    """Energy (J) stored in the springs at positions x (node, axis)."""
-    stretch = np.linalg.norm(springs.incidence @ x, axis=1) - springs.rest_length
-    return float(0.5 * springs.stiffness @ stretch**2)
-
-
 def spring_stiffness(springs: Springs, rest: Array) -> Array:
     """Stiffness matrix (dof, dof) N/m linearized at the stress-free shape, degrees of freedom node-major."""
     along = springs.incidence @ rest / springs.rest_length[:, None]

@@ -57,13 +57,6 @@ def area(D: Array) -> tuple[float, Array]:
     return mean ** (1 / POWER), mean ** (1 / POWER - 1) * (pairs.sum() - pairs) / (3 * D)
 
 
-def energy(parameters: Parameters, F: Array) -> float:
-    """W (J) at F (3, 3), zero for the round drop."""
-    p, D = parameters, np.asarray(np.linalg.svd(F, compute_uv=False), float)
-    J = float(D.prod())
-    return p.tension * (area(D)[0] - 1) + 0.5 * p.bulk * (J - 1) ** 2 - 2 / 3 * p.tension * (J - 1)
-
-
 def gradient(parameters: Parameters, F: Array) -> Array:
     """dW/dF (3, 3) J at F (3, 3)."""
     p = parameters

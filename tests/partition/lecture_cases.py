@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from forceid.partition.elements import assemble, bar
-from forceid.partition.grids import Parts, solid_parts, truss_parts
+from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
 from forceid.partition.system import PartitionedSystem
 
 PRECONDITIONERS = ("none", "lumped", "dirichlet")
@@ -41,6 +41,26 @@ def plane_stress(parts, r, young=1000.0):
     load[right] += np.array([0.3, -1.0]) / right.sum()
     load[top, 1] += 0.1 * x[top, 0] / (parts[0] * r)
     return Case(P, load, np.isclose(x[:, 0], 0))
+
+
+def truss_parts(parts, r, axial_stiffness=5e4, line_density=1.0):
+    """Planar trusses of r x r unit cells with four edges and both diagonals, all of one axial stiffness N."""
+    nodes, elements = box_grid(parts, r)
+    nodes = [x * r for x in nodes]  # cells of one meter
+    pairs = sorted(
+        {
+            tuple(sorted((e[a], e[b])))
+            for e in elements.tolist()
+            for a, b in ((0, 1), (0, 2), (1, 3), (2, 3), (0, 3), (1, 2))
+        }
+    )
+    bars = np.array(pairs)
+    each = [
+        bar(nodes[0][p], axial_stiffness, line_density * float(np.linalg.norm(np.diff(nodes[0][p], axis=0))))
+        for p in bars
+    ]
+    K, M = (assemble(bars, np.array(m), 2, len(nodes[0])) for m in zip(*each, strict=True))
+    return gathered([K] * len(nodes), [M] * len(nodes), nodes)
 
 
 def truss(parts, r):

@@ -8,7 +8,7 @@ import pytest
 
 from forceid.errors import DataError
 from forceid.partition.elements import assemble, bar, box_element, elasticity, strain_of
-from forceid.partition.grids import solid_parts, truss_parts
+from forceid.partition.grids import solid_parts
 from forceid.partition.inverse import symmetric, zero_modes
 from forceid.principal.operator import summation_operator
 
@@ -181,7 +181,7 @@ def test_parts_of_a_plate_add_up_to_the_plate_uncut():
 
 
 def test_truss_shares_an_edge_once_inside_a_part_and_doubles_it_between_parts():
-    one, two = truss_parts((1, 1), 2), truss_parts((2, 1), 1)
+    one, two = lc.truss_parts((1, 1), 2), lc.truss_parts((2, 1), 1)
     inner = one.stiffness[0].toarray()
     at = 2 * int(np.flatnonzero((one.position[0] == [1, 0]).all(1))[0]) + 1
     up = 2 * int(np.flatnonzero((one.position[0] == [1, 1]).all(1))[0]) + 1
@@ -191,7 +191,7 @@ def test_truss_shares_an_edge_once_inside_a_part_and_doubles_it_between_parts():
     assert joined[at, up] == pytest.approx(-1e5, rel=1e-14)
 
 
-@pytest.mark.parametrize("parts", [truss_parts((1, 1), 2), solid_parts((1, 1), 3)], ids=["truss", "plate"])
+@pytest.mark.parametrize("parts", [lc.truss_parts((1, 1), 2), solid_parts((1, 1), 3)], ids=["truss", "plate"])
 def test_zero_modes_of_a_stiff_part_are_its_rigid_ones(parts):
     (x,), (K,) = parts.position, parts.stiffness
     found = zero_modes(symmetric(K, 0))

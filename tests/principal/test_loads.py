@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from principal_bodies import BOOMERANG, BOOMERANG_MASS, boomerang_acceleration
 from scipy.stats import chi2
 
 from forceid.errors import DataError, EstimationError
-from forceid.principal.loads import distribute, load_matrix, solve_loads, undetermined
+from forceid.principal.loads import distribute, solve_loads, undetermined
 from forceid.principal.mass import mass_center
 from forceid.principal.operator import sum_nodal, summation_operator
 from forceid.principal.wrench import resultant, transport, transport_cov, transport_matrix
@@ -104,7 +103,7 @@ def test_weights_that_mean_nothing_are_refused():
 def problem(seed, loads, time=40):
     """Loads of random direction at the nodes, the wrench they make about the center, with noise."""
     rng = np.random.default_rng(seed)
-    G = load_matrix(rng.normal(size=(15, loads)), NODES, NODES.mean(axis=0))
+    G = summation_operator(NODES, NODES.mean(axis=0)).T @ rng.normal(size=(15, loads))
     L = rng.normal(size=(6, 6)) * np.repeat([0.05, 0.005], 3)[:, None]
     truth = rng.normal(size=(time, loads))
     return G, L @ L.T, truth, truth @ G.T + rng.normal(size=(time, 6)) @ L.T
@@ -225,15 +224,6 @@ def test_gap_in_the_wrench_is_a_gap_in_the_loads_and_nowhere_else():
     np.testing.assert_allclose(p.load[~gap], whole.load[~gap], rtol=1e-10)
     nothing = solve_loads(np.full((5, 6), np.nan), C, G, 0.2)
     assert np.isnan(nothing.load).all()
-
-
-@free
-@given(arrays(float, (3, 15), elements=st.floats(-5, 5)), arrays(float, 3, elements=st.floats(-5, 5)))
-def test_load_matrix_is_the_transposed_operator_times_the_pattern(B, about):
-    expected = summation_operator(NODES, about).T @ B.T
-    np.testing.assert_allclose(load_matrix(B.T, NODES, about), expected, atol=1e-12 * 1e3)
-    moving = load_matrix(B.T, np.stack([NODES, NODES + 1]), np.stack([about, about + 1]))
-    np.testing.assert_allclose(moving, [expected, expected], atol=1e-12 * 1e3)
 
 
 def test_wrench_without_uncertainty_or_of_the_wrong_shape_is_refused():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from evidence.theory.crossings import crossing, near_crossings, smooth_without_limit
 from forceid.errors import DataError
 from forceid.motion.pose import exp
 from forceid.pseudorigid.bipolar_path import bipolar_path, turn_of_bases
-from forceid.pseudorigid.crossings import crossing, near_crossings, smooth_without_limit, survey
 from forceid.pseudorigid.decomposition import bipolar
 
 E3 = np.array([0.0, 0.0, 1.0])
@@ -65,15 +65,23 @@ def test_a_smooth_motion_without_a_continuous_answer_is_flagged_where_it_has_non
 
 
 def test_near_crossings_are_continuous_or_flagged():
-    found = survey(600, np.random.default_rng(1))
+    F, miss = near_crossings(600, np.random.default_rng(1))
+    path = bipolar_path(F)
+    L, D, R = path
+    flagged, exact = ~path.continuous.all(1), path.defined.all(-1)
+    turn = np.where(path.continuous, np.linalg.norm(turn_of_bases(L, R), axis=-1), 0.0).max(1)
+    change = np.linalg.norm(np.diff(F, axis=1), axis=(-2, -1))
+    jump = np.linalg.norm(np.diff(D, axis=1), axis=-1) / change
+    left = np.linalg.norm(F - L * D[..., None, :] @ R, axis=(-2, -1))
+    gap = -np.diff(np.linalg.svd(F, compute_uv=False), axis=-1).min(-1)
     # what is missed by far less than the change between frames is a crossing, by far more is none
-    assert not found.flagged[(found.miss < 0.1) | (found.miss > 2.5)].any()
-    assert found.flagged[(found.miss > 0.4) & (found.miss < 0.8)].mean() > 0.95
-    assert found.turn.max() <= 0.3
-    assert found.turn[found.miss < 1e-3].max() < 0.15
-    assert found.jump.max() < 1.5
-    assert found.residual.max() < 1e-14
-    assert found.excess.max() < 0.05
+    assert not flagged[(miss < 0.1) | (miss > 2.5)].any()
+    assert flagged[(miss > 0.4) & (miss < 0.8)].mean() > 0.95
+    assert turn.max() <= 0.3
+    assert turn[miss < 1e-3].max() < 0.15
+    assert jump.max() < 1.5
+    assert (left / np.linalg.norm(F, axis=(-2, -1)))[exact].max() < 1e-14
+    assert (left / np.maximum(gap, 1e-300))[~exact].max() < 0.05
 
 
 def test_a_path_sampled_finer_goes_through_the_same_bases():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stored_energy import drop_energy
 
 from forceid.scenes import spinning_block, wobbling_drop
 from forceid.scenes.affine_body import trajectory
@@ -19,7 +20,7 @@ def block_energy(p, F):
     return p.a * I1 + 0.5 * p.b * (I1**2 - np.trace(C @ C)) + p.c * J**2 - d * np.log(J)
 
 
-ENERGY = {spinning_block: block_energy, wobbling_drop: wobbling_drop.energy}
+ENERGY = {spinning_block: block_energy, wobbling_drop: drop_energy}
 
 
 @pytest.fixture(scope="module", params=SCENES, ids=lambda s: s.__name__.split(".")[-1])

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
+from stored_energy import spring_energy
 
 from forceid.scenes.flexible_boomerang import (
     MASS,
@@ -19,7 +20,7 @@ from forceid.scenes.flexible_boomerang import (
     trajectory,
 )
 from forceid.scenes.mechanics import deforming_truth, inertia_tensor
-from forceid.scenes.springs import spring_energy, spring_force, spring_stiffness
+from forceid.scenes.springs import spring_force, spring_stiffness
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 TABLE = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
+from stored_energy import chain_energy
 
 from forceid.scenes.hinged import CORNERS, Parameters, chain_of, drawn, fly, trajectory
-from forceid.scenes.jointed_blocks import energy
 
 RATE = 1000.0
 TIME = np.arange(301) / RATE
@@ -79,10 +79,10 @@ def test_a_hinge_passes_no_moment_about_its_axis_but_that_of_spring_damper_and_m
 
 def test_no_energy_is_lost_without_dampers():
     free = CHAIN.model_copy(update={"damping": (0.0, 0.0), "push": 0.0, "drive": 0.0})
-    total = [energy(chain_of(free), state) for state in trajectory(free, TIME)]
+    total = [chain_energy(chain_of(free), state) for state in trajectory(free, TIME)]
     assert np.ptp(total) < 1e-10 * abs(total[0])
     damped = [
-        energy(chain_of(CHAIN), state)
+        chain_energy(chain_of(CHAIN), state)
         for state in trajectory(CHAIN.model_copy(update={"push": 0.0, "drive": 0.0}), TIME)
     ]
     assert damped[-1] < damped[0] - 1e-3

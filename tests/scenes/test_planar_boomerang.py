@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
+from stored_energy import spring_energy
 
 from forceid.scenes.planar_boomerang import (
     MASS,
@@ -14,7 +15,7 @@ from forceid.scenes.planar_boomerang import (
     hinge_angle,
     internal_force,
 )
-from forceid.scenes.springs import spring_energy, spring_stiffness
+from forceid.scenes.springs import spring_stiffness
 
 FORCE = np.array([0.4, -0.2, 0.1, 0.7, -0.3, 0.5])
 DISPLACEMENT = np.array([0.001, -0.0005, 0.0014, 0.0003, -0.0002, 0.0009])

@@ -5,33 +5,13 @@ Source: pseudo-rigid bodies 2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.motion.pose import exp
-from forceid.pseudorigid.bipolar_path import bipolar_path, turn_of_bases
-from forceid.records import Array, Flags
+from forceid.records import Array
 
 NEAREST, FARTHEST = 1e-8, 20.0  # closest approaches that are drawn, of the change from frame to frame
-
-
-@dataclass(frozen=True)
-class CrossingSurvey:
-    """Paths past a coalescence. miss (path,): closest approach of two values over their change in a frame.
-
-    flagged (path,): whether any frame is not continuous. turn (path,) rad: largest turn of both bases from
-    frame to frame, flagged frames left out. jump (path,): largest change of D over that of F. residual
-    (path,): largest |F - L D R| / |F| where all is defined; excess (path,): in clusters, over the gap.
-    """
-
-    miss: Array
-    flagged: Flags
-    turn: Array
-    jump: Array
-    residual: Array
-    excess: Array
 
 
 def crossing(t: ArrayLike) -> Array:
@@ -86,24 +66,3 @@ def near_crossings(count: int, rng: np.random.Generator, frames: int = 48) -> tu
     spin, base = rng.uniform(-1, 1, (2, 2, count, 1, 3))
     turns = exp((base + spin * t[..., None]).reshape(-1, 3)).reshape(2, count, frames, 3, 3)
     return turns[0] @ S @ turns[1], miss
-
-
-def survey(count: int, rng: np.random.Generator, frames: int = 48) -> CrossingSurvey:
-    """What `bipolar_path` makes of `count` random near-crossings.
-
-    >>> found = survey(20, np.random.default_rng(0))
-    >>> bool((found.residual < 1e-13).all()), bool((found.jump < 1.01).all())
-    (True, True)
-    """
-    F, miss = near_crossings(count, rng, frames)
-    path = bipolar_path(F)
-    L, D, R = path
-    turn = np.where(path.continuous, np.linalg.norm(turn_of_bases(L, R), axis=-1), 0.0).max(1)
-    change = np.linalg.norm(np.diff(F, axis=1), axis=(-2, -1))
-    jump = (np.linalg.norm(np.diff(D, axis=1), axis=-1) / change).max(1)
-    left = np.linalg.norm(F - L * D[..., None, :] @ R, axis=(-2, -1))
-    exact = path.defined.all(-1)
-    residual = np.where(exact, left / np.linalg.norm(F, axis=(-2, -1)), 0.0).max(1)
-    gap = -np.diff(np.linalg.svd(F, compute_uv=False), axis=-1).min(-1)
-    excess = np.where(exact, 0.0, left / np.maximum(gap, 1e-300)).max(1)
-    return CrossingSurvey(miss, np.asarray(~path.continuous.all(1)), turn, jump, residual, excess)
