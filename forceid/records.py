@@ -208,6 +208,11 @@ class Verdict:
         """The sentences of the findings."""
         return tuple(finding.text for finding in self.findings)
 
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """The codes of the findings, in the order of the reasons."""
+        return tuple(finding.code for finding in self.findings)
+
 
 @dataclass(frozen=True)
 class HiddenLoad:

@@ -88,7 +88,7 @@ def main() -> None:
             result = run.estimate_recording(record, load_settings(method=method))
             shares.append(sum(spent) / (process_time() - began))
             witness: Any = result.witness
-            objects += any(finding.code == "off-plain-route" for finding in result.verdict.findings)
+            objects += "off-plain-route" in result.verdict.codes
             ratios += over_best(record, witness)
             for name in ("force", "moment"):
                 std = np.sqrt(np.mean(central(getattr(witness, f"{name}_std")) ** 2, axis=0))

@@ -73,7 +73,7 @@ def verdict_of(verdict: Verdict) -> dict[str, Any]:
     return {
         "verdict": verdict.level,
         "reasons": list(verdict.reasons),
-        "reason_codes": [finding.code for finding in verdict.findings],
+        "reason_codes": list(verdict.codes),
         "reason_levels": [finding.level for finding in verdict.findings],
         "reason_values": [dict(finding.values) for finding in verdict.findings],
     }

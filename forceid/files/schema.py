@@ -277,8 +277,8 @@ def verdict_attrs(verdict: Verdict) -> dict[str, str]:
     found = verdict.findings
     return {
         "verdict": verdict.level,
-        "reasons": "\n".join(f.text for f in found),
-        "reason_codes": "\n".join(f.code for f in found),
+        "reasons": "\n".join(verdict.reasons),
+        "reason_codes": "\n".join(verdict.codes),
         "reason_levels": "\n".join(f.level for f in found),
         "reason_values": "\n".join(json.dumps(dict(f.values), allow_nan=False) for f in found),
     }

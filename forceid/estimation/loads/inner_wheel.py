@@ -70,7 +70,9 @@ def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, 
     likely = sum(wheel.odds for wheel in beyond) > np.exp(PATIENCE)
     wheel = note(
         "inner-wheel" if likely else "inner-wheel-possible",
-        momentum=", ".join(f"{v:.2g}" for v in first.h),
+        h_x=first.h[0],
+        h_y=first.h[1],
+        h_z=first.h[2],
         made=float(np.linalg.norm(first.off)),
         moment=length(state.moment[inner]),
     )
