@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from forceid.records import Array
@@ -16,7 +17,7 @@ class Answer:
     claimed: of each a deviation of its own shape, or one relative error; None where nothing is claimed. off:
     both errors, where they are of another kind than distances from the truth. chosen: what was settled for,
     in words: a model, a window, a cut. steps: iterations, None where there are none. again: the job once more
-    on what was built for this one.
+    on what was built for this one. told: what a budget says of an input that no motion reveals.
     """
 
     found: tuple[Array, Array]
@@ -27,6 +28,7 @@ class Answer:
     chosen: str = ""
     steps: int | None = None
     again: Callable[[], Answer] | None = None
+    told: tuple[float, float] = (0.0, 0.0)
 
 
 Job = Callable[[], Answer]
@@ -58,3 +60,8 @@ class Contestant:
     def joined(self) -> str:
         """The line that it stands on in a picture."""
         return self.line or self.name
+
+
+def at_once(name: str, answer: Callable[[Any], Answer], **more: Any) -> Contestant:
+    """Who answers a case with nothing to prepare."""
+    return Contestant(name, partial(partial, answer), **more)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from difflib import get_close_matches
 
+from evidence.stress.failure import Failure
 from evidence.subjects.affine import failures as failures_affine
 from evidence.subjects.affine import failures_loads as failures_affine_loads
 from evidence.subjects.flights.failures import body as failures_body
 from evidence.subjects.flights.failures import length as failures_length
 from evidence.subjects.flights.failures import noise as failures_noise
 from evidence.subjects.flights.failures import sensing as failures_sensing
-from evidence.subjects.flights.failures.failure import Failure
 from evidence.subjects.parts import failures as failures_partition
 from forceid.errors import ConfigError
 

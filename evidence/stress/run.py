@@ -13,9 +13,11 @@ from typing import Any
 from evidence.journal import code_hash, sources_in
 from evidence.stress import cell
 from evidence.stress.cell import Cell, Trial, judge_cell
+from evidence.stress.failure import Failure
 from evidence.stress.failure_table import FAILURES
-from evidence.stress.subjects import Contender, subject_of
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.stress.subjects import subject_of
+from evidence.stress.trial import attempt
+from evidence.subject import Contestant
 from forceid import __version__
 
 SHORT_LEVELS = (0, 2, 4)  # of the eight, in the short form
@@ -36,7 +38,7 @@ class Job:
 class Row:
     """One contestant on one failure: a cell for every level, and the process time of all its estimates, s."""
 
-    who: Contender
+    who: Contestant
     cells: tuple[Cell, ...]
     seconds: float
 
@@ -75,7 +77,7 @@ def do(job: Job) -> dict[str, Any]:
     """The trials of one record, with the key under which they are kept."""
     failure = by_name(job.failure)
     subject = subject_of(failure)
-    done = subject.attempt(failure, job.level, job.seed, subject.contestants(failure, job.short))
+    done = attempt(subject, failure, job.level, job.seed, subject.contestants(failure, job.short))
     return {"key": key_of(job), **done}
 
 

@@ -6,8 +6,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
+from evidence import subject
+from evidence.stress.failure import Failure
+from evidence.subject import Answer, Contestant
 from evidence.subjects.affine import bodies as affine_bodies
 from evidence.subjects.affine import contestants as affine_contestants
 from evidence.subjects.affine import exact_polar
@@ -18,43 +21,40 @@ from evidence.subjects.affine import problem as affine_problem
 from evidence.subjects.affine import trial as affine_trial
 from evidence.subjects.flights import bodies as flown_bodies
 from evidence.subjects.flights import oracle, trial
-from evidence.subjects.flights.failures import failure as failures
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.subjects.flights.failures import record
 from evidence.subjects.parts import bodies as parted_bodies
 from evidence.subjects.parts import trial as partition_trial
 from forceid.scenes import drawn_loads
 
+Pair = tuple[float, float]
+UNKNOWN = (float("nan"), float("nan"))
 
-class Contender(Protocol):
-    """Who meets a failure. coarse: whether it may honestly be worse than twice the bound."""
 
-    @property
-    def name(self) -> str:
-        """As it is called in a map."""
-
-    @property
-    def coarse(self) -> bool:
-        """Whether it may."""
+def unknown(case: Any) -> Pair:
+    """No error is known that none in double precision can go below."""
+    return UNKNOWN
 
 
 @dataclass(frozen=True)
 class Subject:
     """One kind of trial.
 
-    contestants: who meets a failure, all or the default only; attempt: a failure, a level, a seed and
-    contestants give the trials of a record, as plain numbers; default: what that is called of all failures;
+    contestants: who meets a failure, all or the default only; default: what that is called of all failures;
     quantities: the two that are judged; against: what a number in a map is relative to; told: what was done,
-    in words; folders: of code under test, and sources: what else the trials depend on.
+    in words; folders: of code under test, and sources: what else the trials depend on. errors: of an answer
+    to a case; bound: of them; promised: what an answer without a word is held to.
     """
 
-    contestants: Callable[[Failure, bool], tuple[Any, ...]]
-    attempt: Callable[[Failure, float, int, tuple[Any, ...]], dict[str, Any]]
+    contestants: Callable[[Failure, bool], tuple[Contestant, ...]]
     default: str
     quantities: tuple[str, str]
     against: str
     told: str
     folders: tuple[str, ...]
     sources: tuple[ModuleType, ...]
+    errors: Callable[[Any, Answer], Pair]
+    bound: Callable[[Any], Pair] = unknown
+    promised: Callable[[Any], Pair] = unknown
 
 
 TOLD_OF_FLIGHTS = """\
@@ -82,45 +82,48 @@ three quarters, pooled over the seeds. Least squares frame by frame, differentia
 the markers that goes through."""
 FLIGHTS = Subject(
     trial.contestants,
-    trial.attempt,
     "smoother",
     ("force", "moment"),
     "bound",
     TOLD_OF_FLIGHTS,
     ("estimation", "kalman", "motion", "principal"),
-    (sys.modules[drawn_loads.draw.__module__], flown_bodies, failures, oracle, trial),
+    (sys.modules[drawn_loads.draw.__module__], flown_bodies, record, oracle, trial, subject),
+    trial.errors,
+    bound=trial.bound_of,
 )
 PARTS = Subject(
     partition_trial.solvers,
-    partition_trial.attempt_parts,
     partition_trial.DEFAULT.name,
     ("force", "motion"),
     "claim",
     TOLD_OF_PARTS,
     ("partition",),
-    (parted_bodies, partition_trial),
+    (parted_bodies, partition_trial, subject),
+    partition_trial.errors,
 )
 
 
 AFFINE = Subject(
     affine_trial.takers,
-    affine_trial.attempt_affine,
     "functions of affine bodies",
     ("motion", "rate"),
     "claim",
     TOLD_OF_AFFINE,
     ("pseudorigid", "motion"),
-    (affine_bodies, affine_contestants, affine_movers, affine_problem, affine_trial, exact_polar),
+    (affine_bodies, affine_contestants, affine_movers, affine_problem, affine_trial, exact_polar, subject),
+    affine_trial.errors,
+    promised=affine_trial.promised,
 )
 AFFINE_LOADS = Subject(
     affine_trial.takers,
-    affine_trial.attempt_affine,
     "affine estimate",
     ("force", "first moment"),
     "claim",
     TOLD_OF_AFFINE_LOADS,
     ("pseudorigid", "motion", "kalman", "principal", "estimation"),
-    (affine_fliers, affine_flights, affine_problem, affine_trial),
+    (affine_fliers, affine_flights, affine_problem, affine_trial, subject),
+    affine_trial.errors,
+    promised=affine_trial.promised,
 )
 OTHERS = {"partition": PARTS, "affine": AFFINE, "affine_loads": AFFINE_LOADS}
 SUBJECTS = (FLIGHTS, *OTHERS.values())
@@ -133,4 +136,4 @@ def subject_of(failure: Failure) -> Subject:
 
 def default_of(failure: Failure) -> str:
     """Who meets a failure when only one does."""
-    return str(subject_of(failure).contestants(failure, True)[0].name)
+    return subject_of(failure).contestants(failure, True)[0].name

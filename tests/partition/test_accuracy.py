@@ -8,8 +8,9 @@ import lecture_cases as lc
 import numpy as np
 import pytest
 
+from evidence.subjects.affine.problem import relative
 from evidence.subjects.parts import failures as fp
-from evidence.subjects.parts.trial import SOLVERS, relative, solved
+from evidence.subjects.parts.trial import WAYS, solved
 from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
 from forceid.partition.conjugate_gradient import projected_cg
@@ -36,7 +37,7 @@ def answers(kind, jump, who):
 
 
 @pytest.mark.parametrize(
-    "who", [s for s in SOLVERS if s.preconditioner != "lumped"], ids=lambda who: who.name
+    "who", [s for s in WAYS if s.preconditioner != "lumped"], ids=lambda who: who.name
 )
 @pytest.mark.parametrize("jump", [1.0, 1e4, 1e8, 1e10])
 @pytest.mark.parametrize("kind", JUMPING)
@@ -49,7 +50,7 @@ def test_the_estimate_bounds_the_true_error_and_is_near_it_however_stiffness_jum
     assert (claimed < np.maximum(NEAR * error, LEAST)).all()
 
 
-@pytest.mark.parametrize("who", SOLVERS, ids=lambda who: who.name)
+@pytest.mark.parametrize("who", WAYS, ids=lambda who: who.name)
 def test_a_healthy_body_is_solved_and_said_to_be_ok(who):
     body = fp.cross_points(3, np.random.default_rng(1))
     found = solved(body, who)
@@ -60,10 +61,10 @@ def test_a_healthy_body_is_solved_and_said_to_be_ok(who):
 
 def test_a_direct_solution_is_right_to_the_last_digits_where_loads_are_alike():
     body = fp.jump_under_load(1e12, np.random.default_rng(1))
-    assert relative(solved(body, SOLVERS[0]).u, body.u) < 1e-14
+    assert relative(solved(body, WAYS[0]).u, body.u) < 1e-14
 
 
-@pytest.mark.parametrize("who", SOLVERS[1:], ids=lambda who: who.name)
+@pytest.mark.parametrize("who", WAYS[1:], ids=lambda who: who.name)
 def test_iterations_that_close_the_gaps_of_stiff_parts_only_are_mended(who):
     # the gaps that loads open are those of stiff parts under large forces, beside which soft ones seem closed
     body = fp.jump_of_checkers(1e6, np.random.default_rng(1))
@@ -95,7 +96,7 @@ def test_iterations_that_close_the_gaps_of_stiff_parts_only_are_mended(who):
 )
 def test_what_costs_digits_is_told_in_words_of_the_field(make, level, reason):
     body = make(level, np.random.default_rng(1))
-    verdict = solved(body, SOLVERS[0]).verdict
+    verdict = solved(body, WAYS[0]).verdict
     assert verdict.level == "degraded"
     assert len(verdict.reasons) == 1
     assert re.search(reason, verdict.reasons[0])
@@ -103,7 +104,7 @@ def test_what_costs_digits_is_told_in_words_of_the_field(make, level, reason):
 
 def test_a_loose_tolerance_is_told_as_the_reason_and_left_as_it_was_asked_for():
     body = fp.loose_tolerance(1e-4, np.random.default_rng(1))
-    found = solved(body, SOLVERS[3])
+    found = solved(body, WAYS[3])
     assert found.verdict.level == "degraded"
     assert (
         "conjugate gradients were stopped at 0.0001 of the gaps; ask for a lower" in found.verdict.reasons[0]
@@ -118,16 +119,16 @@ def test_a_loose_tolerance_is_told_as_the_reason_and_left_as_it_was_asked_for():
 def test_motions_that_rounding_decides_are_refused_with_the_size_of_the_error(make, level):
     body = make(level, np.random.default_rng(1))
     with pytest.raises(EstimationError, match=r"^the motions are off by 0\.\d+ of their size, the forces by"):
-        solved(body, SOLVERS[0])
+        solved(body, WAYS[0])
 
 
 def test_the_balance_of_a_floating_body_is_as_sure_as_its_loads():
     for share in (1e-13, 1e-11, 1e-10):
         body = fp.floating(share, np.random.default_rng(1))
-        found = solved(body, SOLVERS[0])
+        found = solved(body, WAYS[0])
         assert relative(found.u, body.u) < 2 * found.error
         assert found.error > share / 10
-        relieved = solved(body, replace(SOLVERS[0], relief=True))
+        relieved = solved(body, replace(WAYS[0], relief=True))
         assert relative(relieved.u, body.u) < 1e-14
         assert relieved.error < LEAST
 
@@ -146,7 +147,7 @@ def test_a_preconditioner_that_is_not_definite_is_refused():
 def test_modes_about_a_far_point_are_refused_before_they_cost_the_answer():
     for distance in (10.0, 1e3):
         body = fp.far_origin(distance, np.random.default_rng(1))
-        assert relative(solved(body, SOLVERS[0]).u, body.u) < 1e-10
+        assert relative(solved(body, WAYS[0]).u, body.u) < 1e-10
     with pytest.raises(DataError, match=r"are alike but for .* give them about a point near the body"):
         fp.far_origin(1e5, np.random.default_rng(1)).system()
 
@@ -164,7 +165,7 @@ def test_a_body_that_was_solved_before_is_solved_again_by_the_same_factors():
 
 def test_what_a_direct_solution_leaves_of_node_balance_is_in_its_error():
     body = fp.loads_that_cancel(1e10, np.random.default_rng(1))
-    found = solved(body, SOLVERS[0])
+    found = solved(body, WAYS[0])
     assert np.abs(body.system().topology.L_f.T @ found.lam).max() <= 1e-15 * np.abs(found.lam).max()
     assert relative(found.u, body.u) < 2 * found.error
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import polar as scipy_polar
 
+from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, Frames
-from evidence.subjects.affine.problem import Answer, Contestant, Problem
+from evidence.subjects.affine.problem import Problem
 from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
 from forceid.pseudorigid.bipolar_path import TURN
 from forceid.records import Array, Flags
@@ -30,12 +32,12 @@ def polar_factor(problem: Problem) -> Answer:
 def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array | None) -> Answer:
     """An answer whose rates come with what rounding may have cost, where they do."""
     if rounding is None:
-        return Answer(motion, rate)
+        return Answer((motion, rate))
     at = np.isfinite(rate) & np.isfinite(rounding)
     told = float(np.linalg.norm(rounding[at])) / max(float(np.linalg.norm(rate[at])), 1e-300)
     if told <= problem.promised[1]:
-        return Answer(motion, rate)
-    return Answer(motion, rate, (problem.promised[0], told), "degraded", "rounding of F swamps rates")
+        return Answer((motion, rate))
+    return Answer((motion, rate), (problem.promised[0], told), "degraded", ("rounding of F swamps rates",))
 
 
 def polar_loop(problem: Problem) -> Answer:
@@ -66,7 +68,7 @@ def by_formula(given: Frames, L: Array) -> Answer:
     skew = A - A.swapaxes(1, 2)
     inertia = np.trace(U, axis1=1, axis2=2)[:, None, None] * EYE - U
     vee = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], 1)
-    return Answer(L, np.linalg.solve(inertia, vee[..., None])[..., 0])
+    return Answer((L, np.linalg.solve(inertia, vee[..., None])[..., 0]))
 
 
 def rates_here(problem: Problem) -> Answer:
@@ -74,7 +76,7 @@ def rates_here(problem: Problem) -> Answer:
     given: Frames = problem.given
     r = bipolar_rates(given.F, given.dF)
     answer = with_rounding(problem, r.D, spins(r.L, r.R, r.omega, r.lam), around(r))
-    return answer if r.defined.all() else Answer(r.D, answer.rate, answer.claimed, "degraded", TOLD)
+    return answer if r.defined.all() else replace(answer, verdict="degraded", reasons=(TOLD,))
 
 
 def around(rates: Any) -> Array | None:
@@ -109,7 +111,7 @@ def svd_rates(given: Frames, L: Array, D: Array, R: Array) -> Array:
 def rates_svd(problem: Problem) -> Answer:
     """numpy.linalg.svd and the formulas."""
     L, D, R = svd_rotations(problem.given.F)
-    return Answer(D, svd_rates(problem.given, L, D, R))
+    return Answer((D, svd_rates(problem.given, L, D, R)))
 
 
 def path_here(problem: Problem) -> Answer:
@@ -121,10 +123,11 @@ def path_here(problem: Problem) -> Answer:
     rate, defined = spins(p.L, p.R, p.omega, p.lam), np.asarray(p.defined.all(-1))
     off = of_path(problem, p.L, p.D, p.R, rate, p.continuous, defined)
     if not p.continuous.all():
-        return Answer(p.D, p.D, None, "degraded", "frames do not show how the axes go on", off)
+        said = ("frames do not show how the axes go on",)
+        return Answer((p.D, p.D), None, "degraded", said, off)
     if not defined.all():
-        return Answer(p.D, p.D, None, "degraded", TOLD, off)
-    return Answer(p.D, p.D, off=off)
+        return Answer((p.D, p.D), None, "degraded", (TOLD,), off)
+    return Answer((p.D, p.D), off=off)
 
 
 def of_path(
@@ -160,15 +163,15 @@ def unflagged(problem: Problem, L: Array, D: Array, R: Array) -> Answer:
     """Factors of a path that say nothing."""
     every = np.ones(len(L), bool)
     off = of_path(problem, L, D, R, svd_rates(problem.given, L, D, R), every, every)
-    return Answer(D, D, off=off)
+    return Answer((D, D), off=off)
 
 
 POLAR = (
-    Contestant("polar", polar_factor), Contestant("scipy.linalg.polar", polar_loop),
-    Contestant("numpy svd", polar_svd), Contestant("Newton, unscaled", polar_newton),
+    at_once("polar", polar_factor), at_once("scipy.linalg.polar", polar_loop, kind="peer"),
+    at_once("numpy svd", polar_svd, kind="peer"), at_once("Newton, unscaled", polar_newton, kind="peer"),
 )  # fmt: skip
-RATES = (Contestant("bipolar_rates", rates_here), Contestant("numpy svd", rates_svd))
+RATES = (at_once("bipolar_rates", rates_here), at_once("numpy svd", rates_svd, kind="peer"))
 PATHS = (
-    Contestant("bipolar_path", path_here), Contestant("numpy svd", path_svd),
-    Contestant("numpy svd, signs matched", path_signs),
+    at_once("bipolar_path", path_here), at_once("numpy svd", path_svd, kind="peer"),
+    at_once("numpy svd, signs matched", path_signs, kind="peer"),
 )  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.stress.failure import Failure
 from evidence.subjects.affine.bodies import (
     EYE,
     Frames,
@@ -18,7 +19,6 @@ from evidence.subjects.affine.bodies import (
 )
 from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import Problem
-from evidence.subjects.flights.failures.failure import Failure
 from forceid.records import Array
 
 FACTORS = (1e-13, 1e-6)  # relative: of factors, and of rates, which rounding of F and F' may swamp

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from evidence.stress.failure import Failure
 from evidence.subjects.affine.flights import SWING, toned
-from evidence.subjects.affine.problem import UNKNOWN, Problem
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.subjects.affine.problem import Problem
 from forceid.records import Array, Body, Motion, Recording
 
 SIZE = np.array([0.24, 0.18, 0.14])  # m
@@ -56,7 +56,7 @@ def filmed(
         known = {"total_mass": MASS, "mass_center": np.zeros(3), "inertia": inertia}
     body = Body(node=tuple(f"m{k}" for k in range(len(X))), position=X, **known)
     motion = Motion(flight.time, x, gravity=GRAVITY, noise_std={"position": noise})
-    return Problem(Recording(body, motion, {}), force, first, UNKNOWN)
+    return Problem(Recording(body, motion, {}), force, first, (np.nan, np.nan))
 
 
 def plane_markers(level: float, rng: np.random.Generator) -> Problem:

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from evidence.subjects.affine.problem import Answer, Contestant, Problem
+from evidence.subject import Answer, at_once
+from evidence.subjects.affine.problem import Problem
 from forceid.config import load_settings
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
@@ -21,12 +22,12 @@ def estimated(problem: Problem) -> Answer:
     """`estimate_recording` with the affine model, as `forceid estimate --model affine` has it."""
     check_recording(problem.given)
     found = estimate_recording(problem.given, load_settings(model="affine"))
-    said = found.verdict.level, next(iter(found.verdict.reasons), "")
-    if found.first_moment is None or found.first_moment_cov is None or said[0] == "refused":
-        return Answer(np.full_like(found.force, np.nan), found.force, None, "refused", said[1])
+    said = found.verdict
+    if found.first_moment is None or found.first_moment_cov is None or said.level == "refused":
+        return Answer((found.force, found.force), None, "refused", said.reasons)
     moment_var = np.diagonal(found.first_moment_cov, axis1=1, axis2=2)
     first = found.first_moment.reshape(-1, 9)
-    return judged(problem, found.force, first, found.force_std**2, moment_var, *said)
+    return judged(problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons)
 
 
 def judged(
@@ -36,14 +37,14 @@ def judged(
     force_var: Array,
     moment_var: Array,
     verdict: str = "ok",
-    reason: str = "",
+    reasons: tuple[str, ...] = (),
 ) -> Answer:
     """Errors N and N m and claims, rms a component over the central three quarters."""
     n = len(force)
     at = slice(n // 8, n - n // 8)
     off = rms(force[at] - problem.motion[at]), rms(moment[at] - problem.rate[at])
     claimed = rms(np.sqrt(force_var[at])), rms(np.sqrt(moment_var[at]))
-    return Answer(force, moment, claimed, verdict, reason, off)
+    return Answer((force, moment), claimed, verdict, reasons, off)
 
 
 def rms(x: Array) -> float:
@@ -86,7 +87,7 @@ def differentiated(window: int, problem: Problem) -> Answer:
 
 
 LOADS = (
-    Contestant("estimate, affine", estimated),
-    Contestant("least squares, Savitzky-Golay", partial(differentiated, WINDOW)),
-    Contestant("least squares, differenced", partial(differentiated, 0)),
+    at_once("estimate, affine", estimated),
+    at_once("least squares, Savitzky-Golay", partial(differentiated, WINDOW), kind="peer"),
+    at_once("least squares, differenced", partial(differentiated, 0), kind="peer"),
 )

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, Springs, Throw, hat
-from evidence.subjects.affine.problem import Answer, Contestant, Problem, relative
+from evidence.subjects.affine.problem import Problem, relative
 from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
 from forceid.pseudorigid.rigid_body import free_rotation
 from forceid.pseudorigid.trajectory import Trajectory
@@ -47,7 +48,7 @@ def halved(body: Body, throw: Throw, method: str) -> Answer:
     step = throw.step or STEP
     coarse, fine = (body.simulate(throw.F0, throw.dF0, throw.time, method, step / n) for n in (1, 2))
     if not np.isfinite(coarse.F[1:]).any():
-        return Answer(np.full_like(coarse.F, np.nan), coarse.dF, None, "refused", str(coarse.event))
+        return Answer((coarse.F, coarse.dF), None, "refused", (str(coarse.event),))
     return ended(coarse, (changed(coarse.F, fine.F), changed(coarse.dF, fine.dF)))
 
 
@@ -61,8 +62,8 @@ def changed(coarse: Array, fine: Array) -> float:
 def ended(found: Trajectory, claimed: tuple[float, float] | None = None) -> Answer:
     """A motion as far as it goes, and why it ends."""
     stopped = found.event is not None and bool(found.event.stopped.any())
-    verdict, reason = ("degraded", str(found.event)) if stopped else ("ok", "")
-    return Answer(found.F, found.dF, claimed, verdict, reason)
+    verdict, reasons = ("degraded", (str(found.event),)) if stopped else ("ok", ())
+    return Answer((found.F, found.dF), claimed, verdict, reasons)
 
 
 def referred(problem: Problem) -> Answer:
@@ -86,7 +87,7 @@ def rattled(problem: Problem) -> Answer:
     assert pressure is not None
     assert answer.claimed is not None
     strain = float(np.abs(pressure + 2 * c - d).max()) / (2 * c + d)
-    breathing = np.sqrt(3 * (2 * c + d) / throw.E[0, 0]) / np.linalg.norm(answer.rate, axis=(1, 2)).mean()
+    breathing = np.sqrt(3 * (2 * c + d) / throw.E[0, 0]) / np.linalg.norm(answer.found[1], axis=(1, 2)).mean()
     return replace(
         answer, claimed=(answer.claimed[0] + strain, answer.claimed[1] + strain * float(breathing))
     )
@@ -96,7 +97,7 @@ def reduced(form: Any, problem: Problem) -> Answer:
     """The `simulate` of a reduced form."""
     throw: Throw = problem.given
     found = form.simulate(throw.E, material_of(throw), throw.F0, throw.dF0, throw.time)
-    return Answer(found.F, found.dF)
+    return Answer((found.F, found.dF))
 
 
 def integrated(method: str, problem: Problem) -> Answer:
@@ -104,7 +105,12 @@ def integrated(method: str, problem: Problem) -> Answer:
     throw: Throw = problem.given
     y, reason = run(throw.rates, throw.start, throw.time, method)
     y = y.reshape(-1, 2, 3, 3)
-    return Answer(y[:, 0], y[:, 1], (RTOL, RTOL), "refused" if reason else "ok", reason)
+    return so_far(y[:, 0], y[:, 1], RTOL, reason)
+
+
+def so_far(motion: Array, rate: Array, claimed: float, reason: str) -> Answer:
+    """A motion that was integrated, or how far; reason: why no further."""
+    return Answer((motion, rate), (claimed, claimed), "refused" if reason else "ok", (reason,) * bool(reason))
 
 
 def run(
@@ -137,14 +143,14 @@ def two_sided_plain(problem: Problem) -> Answer:
     L[known] = Rotation.from_quat(q_L[known]).as_matrix()
     R[known] = Rotation.from_quat(q_R[known]).as_matrix().swapaxes(1, 2)
     F, V = (L * a[:, None]) @ R, L @ velocity(a, da, s, d) @ R
-    return Answer(F, V, (1e-9, 1e-9), "refused" if reason else "ok", reason)
+    return so_far(F, V, 1e-9, reason)
 
 
 def rigid(problem: Problem) -> Answer:
     """`free_rotation`."""
     J, w0, time = problem.given
     found = free_rotation(J, w0, time)
-    return Answer(found.L, found.omega)
+    return Answer((found.L, found.omega))
 
 
 def rigid_integrated(method: str, problem: Problem) -> Answer:
@@ -157,32 +163,33 @@ def rigid_integrated(method: str, problem: Problem) -> Answer:
         return np.concatenate([(y[:9].reshape(3, 3) @ hat(w)).ravel(), inverse @ np.cross(J @ w, w)])
 
     y, reason = run(rates, np.concatenate([EYE.ravel(), w0]), time, method)
-    return Answer(y[:, :9].reshape(-1, 3, 3), y[:, 9:], (RTOL, RTOL), "refused" if reason else "ok", reason)
+    return so_far(y[:, :9].reshape(-1, 3, 3), y[:, 9:], RTOL, reason)
 
 
-PEERS = tuple(Contestant(f"scipy {m}", partial(integrated, m)) for m in ("RK45", "DOP853", "Radau"))
+SCIPY = ("RK45", "DOP853", "Radau")
+PEERS = tuple(at_once(f"scipy {m}", partial(integrated, m), kind="peer") for m in SCIPY)
 STEPS = (
-    Contestant("Verlet", partial(stepped, "verlet")),
-    Contestant("midpoint", partial(stepped, "implicit_midpoint")),
-    Contestant("energy", partial(stepped, "energy")),
+    at_once("Verlet", partial(stepped, "verlet")),
+    at_once("midpoint", partial(stepped, "implicit_midpoint")),
+    at_once("energy", partial(stepped, "energy")),
 )  # fmt: skip
-FREE = (*STEPS, Contestant("Blanes-Moan 6", partial(stepped, "blanes_moan_6")), *PEERS)
+FREE = (*STEPS, at_once("Blanes-Moan 6", partial(stepped, "blanes_moan_6")), *PEERS)
 COLLAPSING = (
-    *STEPS[:2], Contestant("reference", referred),
-    Contestant("left-reduced", partial(reduced, left_reduced)), *PEERS,
+    *STEPS[:2], at_once("reference", referred),
+    at_once("left-reduced", partial(reduced, left_reduced)), *PEERS,
 )  # fmt: skip
-STIFF = (*STEPS, Contestant("RATTLE", rattled), *PEERS)
+STIFF = (*STEPS, at_once("RATTLE", rattled), *PEERS)
 HELD = (
-    Contestant("RATTLE", partial(stepped, "verlet")),
-    Contestant("RATTLE, Suzuki 4", partial(stepped, "suzuki_4")), Contestant("reference", referred), *PEERS,
+    at_once("RATTLE", partial(stepped, "verlet")),
+    at_once("RATTLE, Suzuki 4", partial(stepped, "suzuki_4")), at_once("reference", referred), *PEERS,
 )  # fmt: skip
 CHARTS = (
-    Contestant("two-sided", partial(reduced, two_sided)),
-    Contestant("general", partial(reduced, general_reduced)),
-    Contestant("left-reduced", partial(reduced, left_reduced)), Contestant("reference", referred),
-    Contestant("two-sided, unguarded", two_sided_plain),
+    at_once("two-sided", partial(reduced, two_sided)),
+    at_once("general", partial(reduced, general_reduced)),
+    at_once("left-reduced", partial(reduced, left_reduced)), at_once("reference", referred),
+    at_once("two-sided, unguarded", two_sided_plain, kind="peer"),
 )  # fmt: skip
 RIGID = (
-    Contestant("free_rotation", rigid), Contestant("scipy RK45", partial(rigid_integrated, "RK45")),
-    Contestant("scipy DOP853", partial(rigid_integrated, "DOP853")),
+    at_once("free_rotation", rigid), at_once("scipy RK45", partial(rigid_integrated, "RK45"), kind="peer"),
+    at_once("scipy DOP853", partial(rigid_integrated, "DOP853"), kind="peer"),
 )  # fmt: skip

@@ -1,16 +1,13 @@
-"""A problem of an affine body with its truth, an answer to it, and who answers."""
+"""A problem of an affine body, with its truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from forceid.records import Array
-
-UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -26,31 +23,6 @@ class Problem:
     motion: Array
     rate: Array
     promised: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """motion, rate (sample, ...): as in a `Problem`, NaN where none is given.
-
-    claimed: relative errors of both as they are told, None where nothing is; off: both errors, where they are
-    of another kind than distances from the truth.
-    """
-
-    motion: Array
-    rate: Array
-    claimed: tuple[float, float] | None = None
-    verdict: str = "ok"
-    reason: str = ""
-    off: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Contestant:
-    """Who takes a problem on. coarse: whether it may honestly be worse than twice the bound."""
-
-    name: str
-    answer: Callable[[Problem], Answer]
-    coarse: bool = False
 
 
 def relative(found: Array, true: Array) -> float:

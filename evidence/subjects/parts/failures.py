@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.stress.failure import Failure
 from evidence.subjects.parts.bodies import FINE, Loaded, loaded, plates, smooth, wedges
 from forceid.partition.grids import Parts, gathered
 from forceid.principal.operator import summation_operator

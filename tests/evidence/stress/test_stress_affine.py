@@ -8,20 +8,22 @@ from scipy.spatial.transform import Rotation
 
 from evidence.stress import run as stress
 from evidence.stress.cell import judge_cell
+from evidence.stress.failure import Failure
 from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
 from evidence.stress.run import Job, key_of, maps_of, trial_of
 from evidence.stress.subjects import AFFINE, AFFINE_LOADS, default_of, subject_of
+from evidence.stress.trial import UNKNOWN, attempt, tried
+from evidence.subject import Answer, at_once
 from evidence.subjects.affine import failures as fa
 from evidence.subjects.affine import failures_loads as fl
 from evidence.subjects.affine import trial as affine_trial
 from evidence.subjects.affine.bodies import EYE, Throw, followed, hat, natural, sprung
 from evidence.subjects.affine.contestants import path_signs, polar_factor
 from evidence.subjects.affine.exact_polar import exact_polar
-from evidence.subjects.affine.problem import Answer, Contestant, Problem
-from evidence.subjects.affine.trial import attempt_affine, takers, tried
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.subjects.affine.problem import Problem
+from evidence.subjects.affine.trial import takers
 from forceid.cli.app import main
 from forceid.cli.output import finite
 from forceid.pseudorigid import polar
@@ -36,8 +38,8 @@ def rng():
 
 def cell_of(name, level, answer=None, seeds=(1, 2)):
     failure = BY_NAME[name]
-    who = takers(failure, True)[0] if answer is None else Contestant("broken", answer)
-    records = [attempt_affine(failure, level, seed, (who,)) for seed in seeds]
+    who = takers(failure, True)[0] if answer is None else at_once("broken", answer)
+    records = [attempt(subject_of(failure), failure, level, seed, (who,)) for seed in seeds]
     trials = [trial_of(finite(r["trials"][who.name])) for r in records]
     return judge_cell(trials, False, subject_of(failure).quantities)
 
@@ -55,7 +57,7 @@ def test_at_the_hopeless_end_it_is_said(name):
 def blurred(problem):
     found = polar_factor(problem)
     turn = Rotation.from_rotvec([0, 0, 1e-12]).as_matrix()
-    return replace(found, motion=found.motion @ turn)
+    return replace(found, found=(found.found[0] @ turn, found.found[1]))
 
 
 def crashing(problem):
@@ -80,8 +82,8 @@ def test_who_goes_on_after_a_collapse_is_wrong_and_who_stops_is_not():
     assert ended.any()
     assert not ended.all()
     past = np.where(np.isnan(problem.motion), 0.1, problem.motion)
-    goes_on = tried(problem, Contestant("", lambda p: Answer(past, past)))
-    stops = tried(problem, Contestant("", lambda p: Answer(p.motion, p.rate)))
+    goes_on = tried(AFFINE, problem, UNKNOWN, at_once("", lambda p: Answer((past, past))))
+    stops = tried(AFFINE, problem, UNKNOWN, at_once("", lambda p: Answer((p.motion, p.rate))))
     assert goes_on.error == (1.0, 1.0)
     assert stops.error == (0.0, 0.0)
 
@@ -199,7 +201,7 @@ def test_a_problem_of_its_own_kind_is_met_by_a_contestant_of_its_own(monkeypatch
     own = Failure(
         "own", "affine", "Own", "", (1.0,), "", lambda level, rng: Problem(0, EYE, EYE, (1e-9, 1e-9))
     )
-    monkeypatch.setitem(affine_trial.MEETS, "own", (Contestant("same", lambda p: Answer(p.motion, p.rate)),))
-    found = attempt_affine(own, 1.0, 1, takers(own))["trials"]["same"]
+    monkeypatch.setitem(affine_trial.MEETS, "own", (at_once("same", lambda p: Answer((p.motion, p.rate))),))
+    found = attempt(AFFINE, own, 1.0, 1, takers(own))["trials"]["same"]
     assert found["error"] == (0.0, 0.0)
     assert found["verdict"] == "ok"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evidence.stress.cell import judge_cell
+from evidence.stress.failure import Failure
 from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
@@ -22,14 +23,15 @@ from evidence.stress.run import (
     threshold,
     trial_of,
 )
+from evidence.stress.subjects import FLIGHTS
+from evidence.stress.trial import attempt
 from evidence.subjects.flights.bodies import Setup
-from evidence.subjects.flights.failures.failure import Failure, measured
-from evidence.subjects.flights.trial import Contestant, attempt, contestants
+from evidence.subjects.flights.failures.record import measured
+from evidence.subjects.flights.trial import contestant, contestants
 from forceid.cli.app import main
 from forceid.cli.output import finite, to_json
 from forceid.estimation.run import estimate_recording
 
-SMOOTHER = (Contestant("smoother"),)
 JOBS = [Job("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
 
 
@@ -54,8 +56,9 @@ def singular(recording, settings):
     raise np.linalg.LinAlgError("singular")
 
 
-def cell_of(estimator=None, seeds=(1, 2)):
-    records = [attempt(HEALTHY, 0.0, seed, SMOOTHER, estimator) for seed in seeds]
+def cell_of(estimator=estimate_recording, seeds=(1, 2)):
+    who = (contestant("smoother", estimator=estimator),)
+    records = [attempt(FLIGHTS, HEALTHY, 0.0, seed, who) for seed in seeds]
     plain = [finite(r["trials"]["smoother"]) for r in records]
     return judge_cell([trial_of(t) for t in plain], coarse=False)
 

@@ -13,8 +13,9 @@ from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
 from evidence.stress.run import Job, key_of, maps_of, trial_of
 from evidence.stress.subjects import FLIGHTS, PARTS, default_of, subject_of
+from evidence.stress.trial import attempt
 from evidence.subjects.parts import failures as fp
-from evidence.subjects.parts.trial import DEFAULT, SOLVERS, attempt_parts, solved, solvers
+from evidence.subjects.parts.trial import DEFAULT, WAYS, Way, solved, solver
 from forceid.cli.app import main
 from forceid.cli.output import finite
 from forceid.partition.conjugate_gradient import projected_cg
@@ -22,13 +23,13 @@ from forceid.records import Verdict
 
 BY_NAME = {f.name: f for f in fp.FAILURES}
 HEALTHY = BY_NAME["cross_points"]
-DIRECT = SOLVERS[0]
+DIRECT = WAYS[0]
 
 
 def cell_of(failure, level, solve=solved, who=DIRECT, seeds=(1, 2)):
-    records = [attempt_parts(failure, level, seed, (who,), solve) for seed in seeds]
+    records = [attempt(PARTS, failure, level, seed, (solver(who, solve),)) for seed in seeds]
     trials = [trial_of(finite(r["trials"][who.name])) for r in records]
-    return judge_cell(trials, who.coarse, PARTS.quantities)
+    return judge_cell(trials, False, PARTS.quantities)
 
 
 def unaware(body, who):
@@ -59,7 +60,7 @@ def singular(body, who):
     raise np.linalg.LinAlgError("singular")
 
 
-@pytest.mark.parametrize("who", SOLVERS, ids=lambda who: who.name)
+@pytest.mark.parametrize("who", WAYS, ids=lambda who: who.name)
 def test_every_solver_is_green_on_a_healthy_body(who):
     found = cell_of(HEALTHY, 3, who=who)
     assert found.color == "green"
@@ -80,7 +81,7 @@ def test_loads_out_of_balance_that_are_dropped_show_red():
     failure = BY_NAME["floating"]
     assert cell_of(failure, 1e-3, unrelieved).color == "red"
     assert cell_of(failure, 1e-3).color == "grey"
-    assert cell_of(failure, 1e-3, who=solvers(failure)[-1]).color == "green"
+    assert cell_of(failure, 1e-3, who=Way(relief=True)).color == "green"
 
 
 def test_an_error_of_motions_is_told_as_one_of_motions():

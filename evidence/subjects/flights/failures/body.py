@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from evidence.stress.failure import Failure
 from evidence.subjects.flights.bodies import INERTIA, MASS, PLACE, Setup, in_mass_gauge, mass_gauge_shapes
-from evidence.subjects.flights.failures.failure import Case, Failure, measured, unseen
+from evidence.subjects.flights.failures.record import Faulty, measured, unseen
 from forceid.records import Array
 from forceid.scenes.springs import connect, spring_stiffness
 
@@ -15,22 +16,22 @@ SHORT = 160  # frames of a body that bends
 MARKED = 5  # of its nodes, where some carry none
 
 
-def impact(level: float, rng: np.random.Generator) -> Case:
+def impact(level: float, rng: np.random.Generator) -> Faulty:
     """Width (s) of a pulse of 0.1 N s."""
     return measured(Setup(impulse=0.1, pulse_width=level), rng)
 
 
-def spin_line(level: float, rng: np.random.Generator) -> Case:
+def spin_line(level: float, rng: np.random.Generator) -> Faulty:
     """Amplitude (N) of a force at twice the spin of 6 rev/s."""
     return measured(Setup(spin=6.0, line=level), rng)
 
 
-def wrong_mass(level: float, rng: np.random.Generator) -> Case:
+def wrong_mass(level: float, rng: np.random.Generator) -> Faulty:
     """Share by which the mass is claimed too large."""
     return replace(measured(Setup(), rng).with_body(mass=MASS * (1 + level)), misstated=("mass", 100 * level))
 
 
-def wrong_inertia(level: float, rng: np.random.Generator) -> Case:
+def wrong_inertia(level: float, rng: np.random.Generator) -> Faulty:
     """Share by which the inertia about one principal axis is claimed too large."""
     size, axes = np.linalg.eigh(INERTIA)
     claimed = axes * (size * [1.0, 1.0 + level, 1.0]) @ axes.T
@@ -38,14 +39,14 @@ def wrong_inertia(level: float, rng: np.random.Generator) -> Case:
     return replace(case, misstated=("inertia", 100 * level))
 
 
-def wrong_center(level: float, rng: np.random.Generator) -> Case:
+def wrong_center(level: float, rng: np.random.Generator) -> Faulty:
     """Distance (m) by which the mass center is claimed wrong."""
     off = level * np.array([0.6, 0.6, 0.53])
     case = measured(Setup(), rng, place=PLACE).with_body(mass_center=off)
     return replace(case, misstated=("center", 1e3 * level))
 
 
-def wrong_place(level: float, rng: np.random.Generator) -> Case:
+def wrong_place(level: float, rng: np.random.Generator) -> Faulty:
     """Distance (m) by which one marker's place on the body is claimed wrong."""
     claimed = PLACE.copy()
     claimed[0] += level * np.array([0.4, -0.8, 0.45])
@@ -53,7 +54,7 @@ def wrong_place(level: float, rng: np.random.Generator) -> Case:
     return replace(case, misstated=("marker", 1e3 * level))
 
 
-def near_directions(level: float, rng: np.random.Generator) -> Case:
+def near_directions(level: float, rng: np.random.Generator) -> Faulty:
     """Angle (degrees) between two of three forces at the mass center, asked for beside three moments."""
     at = np.radians(level)
     mixed = np.array([[1.0, np.cos(at), 0.0], [0.0, np.sin(at), 0.0], [0.0, 0.0, 1.0]])
@@ -68,23 +69,23 @@ def near_directions(level: float, rng: np.random.Generator) -> Case:
     return replace(measured(Setup(), rng, mixed=mixed), settings={"load": loads}, mixed=mixed)
 
 
-def vibration(level: float, rng: np.random.Generator) -> Case:
+def vibration(level: float, rng: np.random.Generator) -> Faulty:
     """Size (m rms of a marker) of two modes that the file does not hold."""
     return measured(Setup(frames=SHORT, modes=2, size=level), rng)
 
 
-def several_modes(level: float, rng: np.random.Generator) -> Case:
+def several_modes(level: float, rng: np.random.Generator) -> Faulty:
     """Number of modes of 0.5 mm that the file does not hold."""
     return measured(Setup(frames=SHORT, modes=int(level), size=5e-4, mode_frequency=9.0), rng)
 
 
-def slow_mode(level: float, rng: np.random.Generator) -> Case:
+def slow_mode(level: float, rng: np.random.Generator) -> Faulty:
     """Frequency (Hz) of a known mode of 2 mm on a body with three of its eight masses unmarked."""
     setup = Setup(frames=SHORT, modes=1, size=2e-3, mode_frequency=level)
     return partly_marked(measured(setup, rng), mass_gauge_shapes(1))
 
 
-def rigid_looking(level: float, rng: np.random.Generator) -> Case:
+def rigid_looking(level: float, rng: np.random.Generator) -> Faulty:
     """Sine of the angle, on the five markers, between a known mode of 2 mm and a rigid motion."""
     shape = rigid_looking_shape(level)[None]
     setup = Setup(frames=SHORT, modes=1, size=2e-3)
@@ -112,19 +113,19 @@ def rigid_looking_shape(sine: float) -> Array:
     return in_mass_gauge(shape, [])
 
 
-def partly_marked(case: Case, shapes: Array) -> Case:
+def partly_marked(case: Faulty, shapes: Array) -> Faulty:
     """The case with markers on the first nodes only, and the shapes in the file."""
     lost = np.zeros_like(case.seen)
     lost[:, MARKED:] = True
     return unseen(case, lost).with_body(mode_shape=shapes)
 
 
-def flat_markers(level: float, rng: np.random.Generator) -> Case:
+def flat_markers(level: float, rng: np.random.Generator) -> Faulty:
     """Thickness over width of the marker set: the singular-value gap of an affine shape."""
     return measured(Setup(frames=SHORT), rng, place=PLACE * [1.0, 1.0, level])
 
 
-def stiffness_jump(level: float, rng: np.random.Generator) -> Case:
+def stiffness_jump(level: float, rng: np.random.Generator) -> Faulty:
     """Ratio of the stiffness of one half of a partly marked body to that of the other, in the file."""
     pairs = np.argwhere(np.triu(np.ones((len(PLACE), len(PLACE))), k=1))
     stiff = (pairs < 4).all(1)

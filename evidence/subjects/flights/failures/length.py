@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evidence.subjects.flights.failures.failure import Failure
+from evidence.stress.failure import Failure
 from evidence.subjects.flights.failures.sensing import record_length
 
 FAILURES = (

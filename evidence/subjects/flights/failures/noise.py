@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from evidence.stress.failure import Failure
 from evidence.subjects.flights.bodies import Setup
-from evidence.subjects.flights.failures.failure import NOISE, Case, Failure, measured
+from evidence.subjects.flights.failures.record import NOISE, Faulty, measured
 from forceid.records import Array
 
 
-def tracks(case: Case) -> Array:
+def tracks(case: Faulty) -> Array:
     """Marker tracks (time, node, 3) of a case."""
     x = case.recording.motion.position
     assert x is not None
     return x
 
 
-def outliers(level: float, rng: np.random.Generator) -> Case:
+def outliers(level: float, rng: np.random.Generator) -> Faulty:
     """Share of marker samples that are 20 mm off."""
     case = measured(Setup(), rng)
     x = tracks(case)
@@ -26,7 +27,7 @@ def outliers(level: float, rng: np.random.Generator) -> Case:
     return case.with_position(np.where(rng.random((*x.shape[:2], 1)) < level, x + off, x))
 
 
-def outlier_size(level: float, rng: np.random.Generator) -> Case:
+def outlier_size(level: float, rng: np.random.Generator) -> Faulty:
     """Size, in standard deviations of the noise, of errors of one marker sample in a hundred."""
     case = measured(Setup(), rng)
     x = tracks(case)
@@ -34,7 +35,7 @@ def outlier_size(level: float, rng: np.random.Generator) -> Case:
     return case.with_position(np.where(rng.random((*x.shape[:2], 1)) < 0.01, x + off, x))
 
 
-def swapped(level: float, rng: np.random.Generator) -> Case:
+def swapped(level: float, rng: np.random.Generator) -> Faulty:
     """Frames in the middle in which two markers have traded labels."""
     case = measured(Setup(), rng)
     x = tracks(case).copy()
@@ -44,14 +45,14 @@ def swapped(level: float, rng: np.random.Generator) -> Case:
     return case.with_position(x)
 
 
-def colored(level: float, rng: np.random.Generator) -> Case:
+def colored(level: float, rng: np.random.Generator) -> Faulty:
     """Correlation of the errors of a marker from frame to frame."""
     case = measured(Setup(), rng)
     x = case.flight.position
     return case.with_position(x + NOISE * correlated(x.shape, level, rng))
 
 
-def shared_slow(level: float, rng: np.random.Generator) -> Case:
+def shared_slow(level: float, rng: np.random.Generator) -> Faulty:
     """Size, over that of the noise, of slow errors (0.95 from frame to frame) that all markers share."""
     case = measured(Setup(), rng)
     x = tracks(case)
@@ -66,13 +67,13 @@ def correlated(shape: tuple[int, ...], kept: float, rng: np.random.Generator) ->
     return drawn
 
 
-def smoothed_before(level: float, rng: np.random.Generator) -> Case:
+def smoothed_before(level: float, rng: np.random.Generator) -> Faulty:
     """Cut (Hz) of the low-pass that tracks went through before, their noise stated as it was."""
     case = measured(Setup(frames=360), rng)
     return inner(case.with_position(low_passed(tracks(case), level, case.flight.setup.rate)))
 
 
-def smoothed_unstated(level: float, rng: np.random.Generator) -> Case:
+def smoothed_unstated(level: float, rng: np.random.Generator) -> Faulty:
     """The same, and no noise stated."""
     return smoothed_before(level, rng).with_stated()
 
@@ -86,7 +87,7 @@ def low_passed(x: Array, cut: float, rate: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, cut, fs=rate, output="sos"), x, axis=0))
 
 
-def inner(case: Case, edge: int = 60) -> Case:
+def inner(case: Faulty, edge: int = 60) -> Faulty:
     """The case without its ends, where a filter rings."""
     keep = slice(edge, len(case.seen) - edge)
     f, r = case.flight, case.recording
@@ -102,22 +103,22 @@ def inner(case: Case, edge: int = 60) -> Case:
     )
 
 
-def stated_wrong(level: float, rng: np.random.Generator) -> Case:
+def stated_wrong(level: float, rng: np.random.Generator) -> Faulty:
     """Stated over true standard deviation of the noise."""
     return measured(Setup(), rng).with_stated(position=level * NOISE)
 
 
-def not_stated(level: float, rng: np.random.Generator) -> Case:
+def not_stated(level: float, rng: np.random.Generator) -> Faulty:
     """Noise (m) that the file does not state."""
     return measured(Setup(), rng, noise=level).with_stated()
 
 
-def stated(level: float, rng: np.random.Generator) -> Case:
+def stated(level: float, rng: np.random.Generator) -> Faulty:
     """Noise (m) that the file states."""
     return measured(Setup(), rng, noise=level)
 
 
-def rounded(level: float, rng: np.random.Generator) -> Case:
+def rounded(level: float, rng: np.random.Generator) -> Faulty:
     """Step (m) to which coordinates are rounded, on top of the stated noise; the bound knows of it."""
     case = measured(Setup(), rng)
     known = float(np.hypot(NOISE, level / np.sqrt(12)))

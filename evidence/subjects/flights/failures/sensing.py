@@ -7,39 +7,40 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.stress.failure import Failure
 from evidence.subjects.flights.bodies import INERTIA, INERTIA_INVERSE, MASS, PLACE, Setup, fly
-from evidence.subjects.flights.failures.failure import Case, Failure, measured, unseen
+from evidence.subjects.flights.failures.record import Faulty, measured, unseen
 from forceid.records import Body, Motion
 
 
-def fast_spin(level: float, rng: np.random.Generator) -> Case:
+def fast_spin(level: float, rng: np.random.Generator) -> Faulty:
     """Degrees turned per frame."""
     return measured(Setup(frames=160, spin=level / 360 * 200, wobble=0.2), rng)
 
 
-def on_a_line(level: float, rng: np.random.Generator) -> Case:
+def on_a_line(level: float, rng: np.random.Generator) -> Faulty:
     """Width of the marker set over its length."""
     return measured(Setup(), rng, place=PLACE * [1.0, level, level])
 
 
-def few_markers(level: float, rng: np.random.Generator) -> Case:
+def few_markers(level: float, rng: np.random.Generator) -> Faulty:
     """Number of markers, on a body known as a whole."""
     return measured(Setup(), rng, place=PLACE[: int(level)])
 
 
-def frames_lost(level: float, rng: np.random.Generator) -> Case:
+def frames_lost(level: float, rng: np.random.Generator) -> Faulty:
     """Share of frames in which nothing is seen."""
     case = measured(Setup(), rng)
     return unseen(case, np.repeat(rng.random((len(case.seen), 1)) < level, case.seen.shape[1], 1))
 
 
-def markers_lost(level: float, rng: np.random.Generator) -> Case:
+def markers_lost(level: float, rng: np.random.Generator) -> Faulty:
     """Share of marker samples lost, each by itself."""
     case = measured(Setup(), rng)
     return unseen(case, rng.random(case.seen.shape) < level)
 
 
-def long_gap(level: float, rng: np.random.Generator) -> Case:
+def long_gap(level: float, rng: np.random.Generator) -> Faulty:
     """One gap of so many frames in the middle of 240."""
     case = measured(Setup(), rng)
     lost = np.zeros_like(case.seen)
@@ -48,7 +49,7 @@ def long_gap(level: float, rng: np.random.Generator) -> Case:
     return unseen(case, lost)
 
 
-def jittered(level: float, rng: np.random.Generator) -> Case:
+def jittered(level: float, rng: np.random.Generator) -> Faulty:
     """Frames come late by up to this share of a step, and the file does not say so."""
     setup = Setup(speed=2.0)
     regular = np.arange(setup.frames) / setup.rate
@@ -56,7 +57,7 @@ def jittered(level: float, rng: np.random.Generator) -> Case:
     return retimed(measured(setup, rng, time=regular + late), regular)
 
 
-def slow_clock(level: float, rng: np.random.Generator) -> Case:
+def slow_clock(level: float, rng: np.random.Generator) -> Faulty:
     """The clock of the file is slow by this share."""
     setup = Setup()
     regular = np.arange(setup.frames) / setup.rate
@@ -64,7 +65,7 @@ def slow_clock(level: float, rng: np.random.Generator) -> Case:
     return replace(case, misstated=("clock", 100 * level))
 
 
-def retimed(case: Case, time: np.ndarray) -> Case:
+def retimed(case: Faulty, time: np.ndarray) -> Faulty:
     """The case with the times that the file claims."""
     recording = case.recording
     truth = recording.truth | {"time": time}
@@ -73,17 +74,17 @@ def retimed(case: Case, time: np.ndarray) -> Case:
     )
 
 
-def coarse_sampling(level: float, rng: np.random.Generator) -> Case:
+def coarse_sampling(level: float, rng: np.random.Generator) -> Faulty:
     """Frames a second, under a load whose own time is a twentieth of a second."""
     return measured(Setup(frames=120, rate=level, spin=0.2, wobble=0.3, gravity=0.0), rng)
 
 
-def record_length(level: float, rng: np.random.Generator) -> Case:
+def record_length(level: float, rng: np.random.Generator) -> Faulty:
     """Number of frames."""
     return measured(Setup(frames=int(level), gravity=0.0, hovers=True), rng)
 
 
-def clipped(level: float, rng: np.random.Generator) -> Case:
+def clipped(level: float, rng: np.random.Generator) -> Faulty:
     """Share of the frames in which the tracks stick to the edge of the volume."""
     case = measured(Setup(), rng)
     x = case.recording.motion.position
@@ -92,7 +93,7 @@ def clipped(level: float, rng: np.random.Generator) -> Case:
     return case.with_position(np.concatenate([np.minimum(x[..., :1], edge), x[..., 1:]], -1))
 
 
-def sensors_alone(level: float, rng: np.random.Generator) -> Case:
+def sensors_alone(level: float, rng: np.random.Generator) -> Faulty:
     """Bias (m/s2) of two accelerometers, with two gyros and no marker; loads along the first body axes."""
     flight = fly(Setup(), rng)
     place = np.array([[0.04, 0.01, 0.01], [-0.03, 0.02, -0.02]])

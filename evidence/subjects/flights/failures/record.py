@@ -1,8 +1,7 @@
-"""A failure: one thing that goes wrong, swept from healthy to hopeless, and the records that it makes."""
+"""A flight and its record, healthy or with a fault: what an estimator gets, and what is known of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +14,7 @@ NOISE = 3e-4  # m, of one component of one marker
 
 
 @dataclass(frozen=True)
-class Case:
+class Faulty:
     """A record as an estimator gets it, and what is known of it.
 
     flight: exact; seen (time, node), noise m and place (node, 3) m: what the bound is computed with, which
@@ -33,46 +32,25 @@ class Case:
     mixed: Array | None = None
     misstated: tuple[str, float] | None = None
 
-    def with_position(self, x: Array) -> Case:
+    def with_position(self, x: Array) -> Faulty:
         """The same with other marker tracks (time, node, 3)."""
         return replace(
             self, recording=replace(self.recording, motion=replace(self.recording.motion, position=x))
         )
 
-    def with_body(self, **known: Any) -> Case:
+    def with_body(self, **known: Any) -> Faulty:
         """The same with a body that is claimed otherwise."""
         return replace(self, recording=replace(self.recording, body=replace(self.recording.body, **known)))
 
-    def with_stated(self, **noise_std: float) -> Case:
+    def with_stated(self, **noise_std: float) -> Faulty:
         """The same with the standard deviations of the noise that the file states; none: nothing."""
         motion = replace(self.recording.motion, noise_std=noise_std)
         return replace(self, recording=replace(self.recording, motion=motion))
 
 
-Make = Callable[[float, np.random.Generator], Any]  # a Case, or what another subject takes
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A sweep. levels run from healthy to hopeless, in `unit`; breaks: what fails, in physical words; make:
-    the record of a level; deforms: whether it is about the model of the body, so that each is tried; other:
-    whether the load is not drawn from the prior of the bound, so that an honest claim may exceed it.
-    """
-
-    name: str
-    group: str
-    title: str
-    unit: str
-    levels: tuple[float, ...]
-    breaks: str
-    make: Make
-    deforms: bool = False
-    other: bool = False
-
-
 def measured(
     setup: Setup, rng: np.random.Generator, noise: float = NOISE, place: Array | None = None, **flown: Any
-) -> Case:
+) -> Faulty:
     """The record of a healthy flight with every marker seen and independent errors of the stated size.
 
     place (node, 3) m: markers elsewhere than on the masses, on a body then known as a whole.
@@ -86,7 +64,7 @@ def measured(
     x = x + noise * rng.standard_normal(x.shape)
     motion = Motion(flight.time, x, gravity=flight.gravity, noise_std={"position": noise})
     recording = Recording(body, motion, flight.truth)
-    return Case(recording, flight, seen, noise, PLACE if place is None else place)
+    return Faulty(recording, flight, seen, noise, PLACE if place is None else place)
 
 
 def whole_body(place: Array) -> Body:
@@ -97,7 +75,7 @@ def whole_body(place: Array) -> Body:
     )  # fmt: skip
 
 
-def unseen(case: Case, lost: Flags) -> Case:
+def unseen(case: Faulty, lost: Flags) -> Faulty:
     """The case without the samples lost (time, node): a gap, which the bound knows as well."""
     x = case.recording.motion.position
     assert x is not None
