@@ -23,8 +23,8 @@ from forceid.records import Array, Finding
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
 LEAST = 0.1  # times the claim, of the moment of a wheel: a smaller one widens it by half a percent
-BEYOND = 2.0  # times the claim, which a claim promises to hold: a wheel that makes more is said
-EXCLUDED = 0.05  # probability, of a wheel that is not said: that of an error beyond twice its claim
+BEYOND = 3.0  # times the claim, that a moment is larger than which shows: a wheel that makes more is said
+STRONG = 10.0  # odds against it by which a record excludes a wheel (Jeffreys, Theory of Probability, app. B)
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, 
     own = np.eye(6)
     own[3:, 3:] = axes * np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within)) @ axes.T
     growth = np.asarray(own @ growth)
-    if sum(wheel.odds for wheel in beyond) <= EXCLUDED * total:
+    odds = sum(wheel.odds for wheel in beyond)
+    if STRONG * odds <= total - odds:
         return growth, ()
     first = max(beyond, key=lambda wheel: wheel.odds)
-    likely = sum(wheel.odds for wheel in beyond) > np.exp(PATIENCE)
     wheel = note(
-        "inner-wheel" if likely else "inner-wheel-possible",
+        "inner-wheel" if odds > np.exp(PATIENCE) else "inner-wheel-possible",
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],
