@@ -692,6 +692,6 @@ def note(code: str, level: Level | None = None, **values: str | float) -> Findin
     """
     entry = CATALOGUE[code]
     plain = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
-    text = entry.sentence.format(**plain)
+    text = entry.sentence.format(**plain).replace("\n", " ")  # files hold a finding a line
     known = {name: v if isinstance(v, str) or np.isfinite(v) else None for name, v in plain.items()}
     return Finding(code, entry.level if level is None else level, known, text)
