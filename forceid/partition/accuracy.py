@@ -20,14 +20,14 @@ from forceid.partition.projection import Projection
 from forceid.records import Array
 
 UNIT = float(np.finfo(float).eps) / 2  # of a number, which rounding takes or adds
-SURE = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
-STRAINED = 4  # roundings of its terms, beyond which K R is more than that
-HELD = 64 * UNIT  # of motions and forces, that they are off as they are held and summed
+ROUNDING_FACTOR = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
+STRAIN_FACTOR = 4  # roundings of its terms, beyond which K R is more than that
+STORAGE_ERROR = 64 * UNIT  # of motions and forces, that they are off as they are held and summed
 PASSES = 3  # corrections at most
-WORSE = 2.0  # times the last error, above which a correction is taken back
+DIVERGED = 2.0  # times the last error, above which a correction is taken back
 HELPS = 0.1  # of the last correction, which one is to be at most for another to be worth it
 EVEN = 100.0  # ratio of stiffnesses up to which it does not matter which of two parts follows the other
-SMALL = 1e-6  # of the loads at the interface, below which multipliers are measured by these
+LEAST_FORCE = 1e-6  # of the loads at the interface, below which multipliers are measured by these
 
 Solve = Callable[[Array, Array, float], tuple[Array, Array]]
 
@@ -54,7 +54,7 @@ class Doubt:
 
 
 @dataclass(frozen=True)
-class Improved:
+class Refined:
     """lam and u, and what one more correction would change of each, relative to its length."""
 
     lam: Array
@@ -69,7 +69,7 @@ class Improved:
         return max(self.lam_error, self.error)
 
 
-def improved(
+def refined(
     system: Assembly,
     f: Array,
     found: tuple[Array, Array],
@@ -77,7 +77,7 @@ def improved(
     imbalance: float = 0.0,
     enough: float = 0.0,
     draws: int = 1,
-) -> Improved:
+) -> Refined:
     """Multipliers and motions corrected while that helps and they are off by more than enough.
 
     found: lam (multiplier,) and u (dof,) of the loads f (dof,); solve: the same of loads (dof,), of gaps
@@ -86,26 +86,26 @@ def improved(
     `solve` raises.
     """
     rng, (lam, u) = np.random.default_rng(0), found
-    last: Improved | None = None
+    last: Refined | None = None
     for _ in range(PASSES):
-        doubt = in_doubt(system, f, u, imbalance, SURE / np.sqrt(draws))
-        r, gap = left(system, f, lam, u)
+        doubt = in_doubt(system, f, u, imbalance, ROUNDING_FACTOR / np.sqrt(draws))
+        r, gap = residuals(system, f, lam, u)
         drawn = [doubt.drawn(rng) for _ in range(draws)]
-        each = [solve(in_balance(system, r + unseen), gap + slit, length(u)) for unseen, slit in drawn]
-        off = np.array([errors(system, f, lam, u, *more) for more in each])
+        each = [solve(in_balance(system, r + unseen), gap + slit, norm(u)) for unseen, slit in drawn]
+        off = np.array([relative_errors(system, f, lam, u, *more) for more in each])
         lam_error, error = np.sqrt((off**2).mean(axis=0)).tolist()
-        now = Improved(lam, u, lam_error, error, doubt)
-        if last is not None and now.worse > WORSE * last.worse:
+        now = Refined(lam, u, lam_error, error, doubt)
+        if last is not None and now.worse > DIVERGED * last.worse:
             return last
         if now.worse <= enough or (last is not None and now.worse > HELPS * last.worse):
             return now
-        more_lam, more_u = solve(in_balance(system, r), gap, length(u))  # without what is only drawn
+        more_lam, more_u = solve(in_balance(system, r), gap, norm(u))  # without what is only drawn
         last, lam, u = now, lam + more_lam, u + more_u
     assert last is not None
     return last
 
 
-def errors(
+def relative_errors(
     system: Assembly, f: Array, lam: Array, u: Array, more_lam: Array, more_u: Array
 ) -> tuple[float, float]:
     """Errors of multipliers and motions by their correction, and by what it leaves, relative to their length.
@@ -115,10 +115,10 @@ def errors(
     top, new_u = system.topology, u + more_u
     gap = system.projection.averaged(top.B.T @ new_u)
     closing = system.precondition("lumped")(yielding(system).gaps(gap))
-    force = max(length(lam + more_lam), SMALL * length(top.B.T @ f))
+    force = max(norm(lam + more_lam), LEAST_FORCE * norm(top.B.T @ f))
     return (
-        HELD + share(length(more_lam) + length(closing), force),
-        HELD + share(length(more_u) + length(gap), length(new_u)),
+        STORAGE_ERROR + ratio(norm(more_lam) + norm(closing), force),
+        STORAGE_ERROR + ratio(norm(more_u) + norm(gap), norm(new_u)),
     )
 
 
@@ -129,7 +129,7 @@ def yielding(system: Assembly) -> Projection:
     return system.by_stiffness if uneven else system.projection
 
 
-def left(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
+def residuals(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
     """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
     top, Q = system.topology, system.rigid
     inner = system.strained(u - Q @ (Q.T @ u))
@@ -137,7 +137,7 @@ def left(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array
     return r, system.projection.averaged(top.B.T @ u)
 
 
-def in_doubt(system: Assembly, f: Array, u: Array, imbalance: float, sure: float = SURE) -> Doubt:
+def in_doubt(system: Assembly, f: Array, u: Array, imbalance: float, sure: float = ROUNDING_FACTOR) -> Doubt:
     """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
     Q, R, strain = system.rigid, system.modes, np.zeros_like(f)
     rigid = Q @ (Q.T @ u)
@@ -147,12 +147,12 @@ def in_doubt(system: Assembly, f: Array, u: Array, imbalance: float, sure: float
     rounding = system.strained_terms(np.abs(rigid)), abs(Q).T @ terms
     for d, c in zip(system.topology.dofs, system.columns, strict=True):
         pairs = (forced[d], rounding[0][d]), (summed[c], rounding[1][c])
-        if any(length(x) > STRAINED * UNIT * length(y) for x, y in pairs):
+        if any(norm(x) > STRAIN_FACTOR * UNIT * norm(y) for x, y in pairs):
             strain[d] = forced[d] + Q[d, c] @ summed[c]
     size = np.abs(f) + terms
     held = np.abs(inner) + abs(R) @ np.abs(system.pinned @ u)
     gap = sure * UNIT * (system.topology.B.T @ held)
-    return Doubt(sure * UNIT * size, imbalance * length(f) * np.sqrt(sure), strain, gap)
+    return Doubt(sure * UNIT * size, imbalance * norm(f) * np.sqrt(sure), strain, gap)
 
 
 def in_balance(system: Assembly, f: Array) -> Array:
@@ -161,15 +161,15 @@ def in_balance(system: Assembly, f: Array) -> Array:
     return np.asarray(f - S @ (S.T @ f))
 
 
-def length(x: Array) -> float:
+def norm(x: Array) -> float:
     """Euclidean."""
     return float(np.linalg.norm(x))
 
 
-def share(part: float, whole: float) -> float:
+def ratio(part: float, whole: float) -> float:
     """Part over whole; none of nothing.
 
-    >>> share(1.0, 4.0), share(0.0, 0.0)
+    >>> ratio(1.0, 4.0), ratio(0.0, 0.0)
     (0.25, 0.0)
     """
     return part / whole if part > 0 and whole > 0 else 0.0

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.inverse import symmetric
-from forceid.partition.separation import Cut, separated_mass, separated_stiffness
+from forceid.partition.separation import NodeCut, separated_mass, separated_stiffness
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, held
 from forceid.partition.validation import real_array, real_matrix, real_positions
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Indices
 
-APART = 1e-6  # of the size of a body, that the places of one node may differ by between parts
+PLACES_APART = 1e-6  # of the size of a body, that the places of one node may differ by between parts
 
 
 def from_names(
@@ -115,7 +115,7 @@ def from_assembled(
     [[[1.0, -1.0], [-1.0, 1.0]], [[2.0, -2.0], [-2.0, 2.0]]]
     """
     x = None if position is None else real_positions([position], "position")[0]
-    by_part, count = grouped(parts)
+    by_part, count = nodes_by_part(parts)
     count = next((len(n) for n in (x, names) if n is not None), count)
     if count is None:
         count = 1 + max(
@@ -133,7 +133,7 @@ def from_assembled(
     label = range(count) if names is None else names
     order = {k: k for k in range(count)} | {name: k for k, name in enumerate(label)}
     nodes = tuple(numbered(part, order, f"part {name}") for name, part in by_part.items())
-    cut = Cut(nodes, tuple(f"part {name}" for name in by_part), tuple(repr(n) for n in label), dof)
+    cut = NodeCut(nodes, tuple(f"part {name}" for name in by_part), tuple(repr(n) for n in label), dof)
     if (cut.count == 0).any():
         lone = cut.node[int(np.argmin(cut.count))]
         raise DataError(f"leave out node {lone}", "parts", "give every node to a part")
@@ -195,7 +195,7 @@ def places(position: Sequence[ArrayLike], names: Sequence[Sequence[Hashable]]) -
     size = float(np.ptp(np.concatenate(x), axis=0).max())
     for s, (part, at) in enumerate(zip(names, x, strict=True)):
         for name, p in zip(part, at, strict=True):
-            if np.abs(first.setdefault(name, p) - p).max() > APART * size:
+            if np.abs(first.setdefault(name, p) - p).max() > PLACES_APART * size:
                 what = f"has node {name!r} at {p.tolist()}, expected {first[name].tolist()}, as before"
                 raise DataError(what, f"position of partition {s}", "give another name to another node")
     return x
@@ -217,7 +217,9 @@ def matrix_of(mass: Any, shape: tuple[int, int], dof: int, axes: int | None, whe
     return M
 
 
-def grouped(parts: Mapping[Any, Iterable[Any]] | Sequence[Any]) -> tuple[dict[Any, list[Any]], int | None]:
+def nodes_by_part(
+    parts: Mapping[Any, Iterable[Any]] | Sequence[Any],
+) -> tuple[dict[Any, list[Any]], int | None]:
     """Nodes by part, and the number of nodes where every node has its part."""
     if isinstance(parts, Mapping):
         for name, nodes in parts.items():

@@ -14,8 +14,8 @@ import numpy as np
 from forceid.partition.assembly import Assembly
 from forceid.records import Array
 
-ROUNDING = 1e-9  # of the forces in a balance, that may be left of it
-SURE = 5.0  # standard deviations above which one number left of a balance is not noise, of many a few more
+BALANCE_ROUNDING = 1e-9  # of the forces in a balance, that may be left of it
+NOISE_LIMIT = 5.0  # standard deviations above which a number left of a balance is no noise; of many, more
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Balance:
 
 
 @dataclass(frozen=True)
-class Source:
+class NoiseSource:
     """A noise: covariance (n, n) or variances (n,), and what it does to lambda and to R^T (f - M u'')."""
 
     cov: Array
@@ -49,7 +49,7 @@ class Source:
         return np.asarray(X**2 @ self.cov if self.cov.ndim == 1 else ((X @ self.cov) * X).sum(-1))
 
 
-def balance(system: Assembly, lam: Array, b: Array, size: Array, noise: Sequence[Source]) -> Balance:
+def balance(system: Assembly, lam: Array, b: Array, size: Array, noise: Sequence[NoiseSource]) -> Balance:
     """What lambda leaves of b = R^T (f - M u''), whose terms have this size, and at the nodes."""
     top, L_f = system.topology, system.topology.L_f
     parts, nodes = b - lam @ system.R_b, applied(L_f.T, lam)
@@ -58,8 +58,10 @@ def balance(system: Assembly, lam: Array, b: Array, size: Array, noise: Sequence
     node_std = np.sqrt(sum((n.variance(L_f.T @ n.to_lam) for n in noise), zero))
     size = size + np.abs(lam) @ np.abs(system.R_b)
     largest = np.abs(lam).max(axis=-1, initial=0.0, keepdims=True)
-    part_limit = ROUNDING * size.max(axis=-1, initial=0.0, keepdims=True) + sure(parts.size) * part_std
-    node_limit = ROUNDING * largest + sure(nodes.size) * node_std
+    part_limit = (
+        BALANCE_ROUNDING * size.max(axis=-1, initial=0.0, keepdims=True) + sure(parts.size) * part_std
+    )
+    node_limit = BALANCE_ROUNDING * largest + sure(nodes.size) * node_std
     owner = np.repeat(np.arange(len(top.glob)), [c.stop - c.start for c in system.columns])
     reasons = []
     for left, limit, name, place, step in (
@@ -85,7 +87,7 @@ def balance(system: Assembly, lam: Array, b: Array, size: Array, noise: Sequence
 
 def sure(count: int) -> float:
     """Standard deviations that none of so many numbers passes, as surely as one does not pass SURE."""
-    return float(np.sqrt(SURE**2 + 2 * np.log(max(count, 1))))
+    return float(np.sqrt(NOISE_LIMIT**2 + 2 * np.log(max(count, 1))))
 
 
 def applied(A: Any, x: Array) -> Array:

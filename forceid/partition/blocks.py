@@ -19,7 +19,7 @@ from forceid.records import Array, Indices
 Apply = Callable[[Array], Array]
 
 LARGEST = 1500  # rows of a part up to which its product is kept dense,
-ITERATIONS = 30  # and times the parts that share it: as often as it is asked for, about
+EXPECTED_PRODUCTS = 30  # and times the parts that share it: as often as it is asked for, about
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class Blocks:
 
 def blocks(keys: Sequence[object], rows: Sequence[slice], make: Callable[[int, int], Apply]) -> Blocks:
     """Of parts with these rows; parts of one key share the product make(part, parts) of the first and all."""
-    return Blocks(tuple((at, make(first, len(at))) for first, at in alike(keys, rows)))
+    return Blocks(tuple((at, make(first, len(at))) for first, at in equal_parts(keys, rows)))
 
 
 def worth_keeping(rows: int, parts: int) -> bool:
     """Whether a product of that many rows is kept dense, which costs as many products as it has rows."""
-    return rows <= min(LARGEST, ITERATIONS * parts)
+    return rows <= min(LARGEST, EXPECTED_PRODUCTS * parts)
 
 
-def alike(keys: Sequence[object], rows: Sequence[slice]) -> list[tuple[int, Indices]]:
+def equal_parts(keys: Sequence[object], rows: Sequence[slice]) -> list[tuple[int, Indices]]:
     """Parts of one key together: the first of them, and the rows (part, row) of all."""
     members: dict[object, list[int]] = {}
     for s, key in enumerate(keys):

@@ -20,10 +20,10 @@ from forceid.errors import DataError, EstimationError
 from forceid.principal.mass import SparseMatrix
 from forceid.records import Array
 
-RANK = 1e-10  # of the largest singular value of the scaled matrix, below which a combination is out of reach
-FLOOR = 1e-13  # singular value of a matrix of cosines that is rounding
-MISSED = 1e-9  # of its terms, that a combination out of reach may ask for
-COUPLED = 1e-8  # Phi^T M R of modes and rigid modes of unit mass, above which the gauge is another
+COMMAND_RANK = 1e-10  # of the largest singular value of the scaled matrix, below which nothing is reached
+COMMAND_FLOOR = 1e-13  # singular value of a matrix of cosines that is rounding
+COMMAND_MISSED = 1e-9  # of its terms, that a combination out of reach may ask for
+COMMAND_COUPLED = 1e-8  # Phi^T M R of modes and rigid modes of unit mass, above which the gauge is another
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def solve_commands(
     G = commanded.T @ B
     scaled = G / size[:, None] / np.where(reach > 0, reach, 1.0)
     U, s, _ = np.linalg.svd(scaled)
-    rank = int((s > max(RANK * s.max(initial=0.0), FLOOR)).sum())
+    rank = int((s > max(COMMAND_RANK * s.max(initial=0.0), COMMAND_FLOOR)).sum())
     closed = _readable(U[:, rank:].T)
     _refuse(closed, tau / size, size, names)
     # within its range the system has full row rank, and the least c solves it exactly
@@ -202,7 +202,7 @@ def _in_mass_gauge(mass: ArrayLike | Any, R: Array, modes: Array) -> None:
     MR, MX = _times(mass, R), _times(mass, modes)
     own = np.sqrt(np.outer(np.abs((R * MR).sum(axis=0)), np.abs((modes * MX).sum(axis=0))))
     off = np.abs(MR.T @ modes)
-    if (off > COUPLED * own).any():
+    if (off > COMMAND_COUPLED * own).any():
         worst = float((off / np.where(own > 0, own, 1.0)).max())
         raise DataError(
             f"and R couple in the mass, R^T M Phi is {worst:.1e} of modes of unit mass, expected zero: "
@@ -236,7 +236,7 @@ def _readable(rows: Array) -> Array:
 def _refuse(closed: Array, target: Array, size: Array, name: tuple[str, ...]) -> None:
     """EstimationError that names the worst combination that is asked for and that no command makes."""
     asked = np.abs(target @ closed.T)
-    if not asked.size or asked.max() <= MISSED * np.linalg.norm(target, axis=-1).max():
+    if not asked.size or asked.max() <= COMMAND_MISSED * np.linalg.norm(target, axis=-1).max():
         return
     at = np.unravel_index(np.argmax(asked), asked.shape)
     row = closed[at[-1]] / size

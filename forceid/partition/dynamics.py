@@ -23,7 +23,7 @@ from forceid.errors import DataError
 from forceid.partition.conjugate_gradient import projected_cg
 from forceid.partition.inverse import Factor, factors, solved
 from forceid.partition.preconditioners import preconditioner
-from forceid.partition.projection import FREE
+from forceid.partition.projection import FLOATING
 from forceid.partition.system import PartitionedSystem
 from forceid.records import Array, Indices
 
@@ -80,7 +80,7 @@ class TiedParts:
         """W (multiplier, mode) orthonormal, P_L^T F W and (W^T F W)^-1; no columns without deflation."""
         P = self.system.projection
         value, vector = P.spectrum
-        kept = (value >= FREE * max(value.max(initial=0.0), 1e-300)) & self.deflation
+        kept = (value >= FLOATING * max(value.max(initial=0.0), 1e-300)) & self.deflation
         W = P.coarse @ (vector[:, kept] / np.sqrt(value[kept]))
         FW = np.empty_like(W)
         for k in range(W.shape[1]):
@@ -168,20 +168,22 @@ def integrate(
     options = (deflation, preconditioner, tolerance, most)
     D = tuple(sp.csr_array(k + 4 / step**2 * m) for k, m in zip(K, M, strict=True))
     tied = TiedParts(system, D, *options)
-    now_u, now_v = spread(system, u, "u"), spread(system, v, "v")
-    out = loads[0] - product(system, K, now_u)
+    now_u, now_v = on_partitions(system, u, "u"), on_partitions(system, v, "v")
+    out = loads[0] - block_product(system, K, now_u)
     if a is None:
-        inertia = TiedParts(system, carried(M), *options)
+        inertia = TiedParts(system, with_inertia(M), *options)
         now_a, lam, taken = inertia.solve(out, np.zeros(len(system.topology.frame)))
     else:
-        now_a, taken = spread(system, a, "a"), 0
-        lam = system.projection.balanced(tied.B.T @ (out - product(system, M, now_a)))
+        now_a, taken = on_partitions(system, a, "a"), 0
+        lam = system.projection.balanced(tied.B.T @ (out - block_product(system, M, now_a)))
     history, counts = [(now_u, now_v, now_a, lam)], [taken]
     for f in loads[1:]:
         # only what is added to a coasting motion is solved for: no digits are lost in a long flight, nor, as
         # would be with the acceleration in it, by steps many periods of the fastest mode long
         ahead = now_u + step * now_v
-        more, lam, taken = tied.solve(f - product(system, K, ahead) + product(system, M, now_a), lam)
+        more, lam, taken = tied.solve(
+            f - block_product(system, K, ahead) + block_product(system, M, now_a), lam
+        )
         now_u, now_v, now_a = ahead + more, now_v + 2 / step * more, 4 / step**2 * more - now_a
         history.append((now_u, now_v, now_a, lam))
         counts.append(taken)
@@ -190,7 +192,7 @@ def integrate(
     return PartitionedMotion(time, all_u, all_v, all_a, all_lam, np.array(counts, dtype=np.intp))
 
 
-def spread(system: PartitionedSystem, motion: ArrayLike | None, name: str) -> Array:
+def on_partitions(system: PartitionedSystem, motion: ArrayLike | None, name: str) -> Array:
     """An assembled motion (size,), None = none, on the partitions (dof,)."""
     top = system.topology
     given = np.zeros(top.size) if motion is None else np.asarray(motion, dtype=float)
@@ -201,7 +203,7 @@ def spread(system: PartitionedSystem, motion: ArrayLike | None, name: str) -> Ar
     return given[np.concatenate(top.glob)]
 
 
-def product(system: PartitionedSystem, matrix: Sequence[Any], u: Array) -> Array:
+def block_product(system: PartitionedSystem, matrix: Sequence[Any], u: Array) -> Array:
     """Block-diagonal product (dof,) of one matrix a partition."""
     return np.concatenate([m @ u[d] for m, d in zip(matrix, system.topology.dofs, strict=True)])
 
@@ -213,7 +215,7 @@ def masses(system: PartitionedSystem) -> Sequence[Any]:
     return system.mass
 
 
-def carried(mass: Sequence[Any]) -> tuple[Any, ...]:
+def with_inertia(mass: Sequence[Any]) -> tuple[Any, ...]:
     """The mass of every partition; a DataError where it leaves a degree of freedom without inertia."""
     for s, m in enumerate(mass):
         bare = np.flatnonzero(m.diagonal() <= 0)

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from forceid.errors import DataError
 from forceid.records import Array, Indices
 
-GAUSS = (-1 / np.sqrt(3), 1 / np.sqrt(3))
+GAUSS_POINTS = (-1 / np.sqrt(3), 1 / np.sqrt(3))
 
 
 def bar(ends: Array, axial_stiffness: float, mass: float = 0.0) -> tuple[Array, Array]:
@@ -57,7 +57,7 @@ def box_element(
     corner = np.array(list(product((-1.0, 1.0), repeat=axes)))
     C, volume = elasticity(young, poisson, axes), float(np.prod(size)) * (thickness if axes == 2 else 1.0)
     K, M = np.zeros((2, axes * len(corner), axes * len(corner)))
-    for point in product(GAUSS, repeat=axes):
+    for point in product(GAUSS_POINTS, repeat=axes):
         factors = (1 + corner * point) / 2
         N = factors.prod(1)
         dN = np.stack([np.delete(factors, a, 1).prod(1) * corner[:, a] / size[a] for a in range(axes)])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.partition.accuracy import Improved, length, share
+from forceid.partition.accuracy import Refined, norm, ratio
 from forceid.partition.assembly import Assembly
 from forceid.records import Array, Finding, Verdict
 
@@ -19,14 +19,14 @@ JUMP = 1e4  # ratio of the stiffnesses of parts, that is told
 CANCELED = 1e4  # ratio of the loads on the parts and of what they add up to, that is told
 
 
-def condition_verdict(system: Assembly, f: Array, best: Improved, tolerance: float) -> Verdict:
+def condition_verdict(system: Assembly, f: Array, best: Refined, tolerance: float) -> Verdict:
     """The verdict on the best solution under loads f (dof,); tolerance: of conjugate gradients, else zero.
 
     Raises EstimationError where it is off by more than `USELESS`.
     """
     if best.worse <= SOUND:
         return Verdict()
-    cause, step = reason(system, f, best, tolerance)
+    cause, step = cause_of(system, f, best, tolerance)
     off = (
         f"the motions are off by {best.error:.1g} of their size, the forces by {best.lam_error:.1g}: {cause}"
     )
@@ -36,26 +36,26 @@ def condition_verdict(system: Assembly, f: Array, best: Improved, tolerance: flo
     return Verdict("degraded", (Finding("inaccurate-solution", "degraded", errors, f"{off}; {step}"),))
 
 
-def reason(system: Assembly, f: Array, best: Improved, tolerance: float) -> tuple[str, str]:
+def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tuple[str, str]:
     """What costs a solution its digits, and what to do about it."""
     doubt = best.doubt
-    rounding, strain = length(doubt.rounding), length(doubt.strain)
+    rounding, strain = norm(doubt.rounding), norm(doubt.strain)
     if strain > max(rounding, doubt.imbalance):
-        at = int(np.argmax([length(doubt.strain[d]) for d in system.topology.dofs]))
-        force = share(strain, length(f))
+        at = int(np.argmax([norm(doubt.strain[d]) for d in system.topology.dofs]))
+        force = ratio(strain, norm(f))
         return (
             f"rigid modes of partition {at} strain it, by forces of {force:.1g} of the loads",
             "give stiffness and rigid modes of one shape with more digits, or leave the modes out",
         )
     if doubt.imbalance > rounding:
-        out = share(doubt.imbalance, length(f))
+        out = ratio(doubt.imbalance, norm(f))
         return (
             f"nothing holds the body, and the loads are out of balance by {out:.1g} of their size",
             "balance them, hold the body, or ask for inertia relief with relief=True",
         )
     if best.worse <= REACHED * tolerance:
         return f"conjugate gradients were stopped at {tolerance:.1g} of the gaps", "ask for a lower tolerance"
-    canceled = share(length(f), length(system.topology.assembled(f)))
+    canceled = ratio(norm(f), norm(system.topology.assembled(f)))
     if canceled > CANCELED:
         return (
             f"loads on the partitions are {canceled:.1g} times what they add up to",

@@ -18,7 +18,7 @@ from forceid.partition.topology import boolean_from_positions, compatible, held
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
 
-NEAR = 1e-6  # m, within which nodes are one
+SAME_PLACE = 1e-6  # m, within which nodes are one
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def solid_parts(
 
 def gathered(stiffness: list[Any], mass: list[Any], nodes: list[Array]) -> Parts:
     """Parts whose nodes at one place are one."""
-    boolean = boolean_from_positions(nodes, NEAR)
+    boolean = boolean_from_positions(nodes, SAME_PLACE)
     axes = nodes[0].shape[1]
     place = np.zeros((boolean[0].shape[1] // axes, axes))
     for L, x in zip(boolean, nodes, strict=True):

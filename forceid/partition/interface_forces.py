@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.assembly import Assembly
-from forceid.partition.balance import Balance, Source, applied, balance
-from forceid.partition.interfaces import Interface, common_motions, meetings, summed, unseen_resultants
+from forceid.partition.balance import Balance, NoiseSource, applied, balance
+from forceid.partition.interfaces import Meeting, common_motions, meetings, summed, unseen_resultants
 from forceid.partition.resultants import GROUND, LinkResultants, loop_count
 from forceid.records import Array, Indices
 
@@ -37,7 +37,7 @@ class InterfaceForces:
 
     lam: Array
     lam_cov: Array | None
-    interfaces: tuple[Interface, ...]
+    interfaces: tuple[Meeting, ...]
     between: Indices
     resultant: LinkResultants | None
     balance: Balance
@@ -81,10 +81,10 @@ def interface_forces(
         b, size = b - applied(R.T @ carries, a), size + applied(abs(R.T @ carries), np.abs(a))
         if acceleration_cov is not None:
             D = (R.T @ carries).toarray()
-            noise.append(Source(covariance(acceleration_cov, D.shape[1], "acceleration_cov"), N @ D, D))
+            noise.append(NoiseSource(covariance(acceleration_cov, D.shape[1], "acceleration_cov"), N @ D, D))
     if resultant_cov is not None:
         alpha = N.shape[1]
-        noise.append(Source(covariance(resultant_cov, alpha, "resultant_cov"), N, np.eye(alpha)))
+        noise.append(NoiseSource(covariance(resultant_cov, alpha, "resultant_cov"), N, np.eye(alpha)))
     return completed(system, b @ N.T, b, size, noise, motions, N)
 
 
@@ -111,7 +111,7 @@ def stiffness_forces(
     if displacement_cov is not None:
         G = (B.T @ strains).toarray()
         C = covariance(displacement_cov, G.shape[1], "displacement_cov")
-        noise.append(Source(C, G, np.zeros((R.shape[1], G.shape[1]))))
+        noise.append(NoiseSource(C, G, np.zeros((R.shape[1], G.shape[1]))))
     if acceleration is not None:
         a = joined(system, acceleration)
         carries = inertia(system) @ spread(system, a.shape[-1], "acceleration")
@@ -120,7 +120,7 @@ def stiffness_forces(
         if acceleration_cov is not None:
             D = (R.T @ carries).toarray()
             C = covariance(acceleration_cov, D.shape[1], "acceleration_cov")
-            noise.append(Source(C, (B.T @ carries).toarray(), D))
+            noise.append(NoiseSource(C, (B.T @ carries).toarray(), D))
     return completed(system, lam, b, size, noise, motions, None)
 
 
@@ -129,7 +129,7 @@ def completed(
     lam: Array,
     b: Array,
     size: Array,
-    noise: Sequence[Source],
+    noise: Sequence[NoiseSource],
     motions: ArrayLike | None,
     N: Array | None,
 ) -> InterfaceForces:

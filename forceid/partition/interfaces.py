@@ -13,19 +13,19 @@ import numpy as np
 from forceid.partition.assembly import Assembly
 from forceid.records import Array, Indices
 
-ALIKE = 1e-9  # of the size of rigid modes, that those of two partitions may differ by and be one motion
+SAME_MOTION = 1e-9  # of the size of rigid modes, that those of two partitions may differ by and be one motion
 OPEN = 1e-8  # of the largest resultant of unit multipliers, below which a direction is told
 
 
 @dataclass(frozen=True)
-class Interface:
+class Meeting:
     """The partitions that meet, in order, and the assembled degrees of freedom that they alone share."""
 
     partitions: tuple[int, ...]
     dof: Indices
 
 
-def meetings(system: Assembly) -> tuple[Interface, ...]:
+def meetings(system: Assembly) -> tuple[Meeting, ...]:
     """The interfaces, in the order of the partitions that meet there."""
     top = system.topology
     meets = np.zeros((len(top.glob), top.size), dtype=bool)
@@ -34,7 +34,7 @@ def meetings(system: Assembly) -> tuple[Interface, ...]:
     found: dict[tuple[int, ...], list[int]] = {}
     for dof in top.interface:
         found.setdefault(tuple(np.flatnonzero(meets[:, dof]).tolist()), []).append(int(dof))
-    return tuple(Interface(who, np.array(dof, dtype=np.intp)) for who, dof in sorted(found.items()))
+    return tuple(Meeting(who, np.array(dof, dtype=np.intp)) for who, dof in sorted(found.items()))
 
 
 def common_motions(system: Assembly) -> Array | None:
@@ -44,13 +44,13 @@ def common_motions(system: Assembly) -> Array | None:
     S = np.full((top.size, n), np.nan)
     for r, g in zip(modes, top.glob, strict=True):
         if n and r.shape[1] == n:
-            if (np.abs(S[g] - r) > ALIKE * np.abs(r).max()).any():
+            if (np.abs(S[g] - r) > SAME_MOTION * np.abs(r).max()).any():
                 return None
             S[g] = r
     return S if n and np.isfinite(S[top.interface]).all() else None
 
 
-def summed(system: Assembly, interfaces: Sequence[Interface], S: Array) -> Array:
+def summed(system: Assembly, interfaces: Sequence[Meeting], S: Array) -> Array:
     """H (link * n, multiplier): resultants of every partition but the last on each interface."""
     top = system.topology
     found = []

@@ -18,7 +18,7 @@ from forceid.principal.operator import axis_count
 from forceid.records import Array, Indices
 
 CHUNK = 512  # fluid nodes looked up at once
-THIN = 1e-12  # squared sine of the corner of a triangle that is a line
+FLAT_FACE = 1e-12  # squared sine of the corner of a triangle that is a line
 
 
 def interpolation(structure: ArrayLike, fluid: ArrayLike, cells: Sequence[Any] | Array | None = None) -> Any:
@@ -116,7 +116,7 @@ def _closest(p: Array, T: Array) -> Array:
     E = T[:, 1:] - T[:, :1]
     a, b, c = ((E[:, i] * E[:, j]).sum(axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
     det = a * c - b * b
-    flat = det > THIN * a * c
+    flat = det > FLAT_FACE * a * c
     safe = np.where(flat, det, 1.0)
     d, e = (np.einsum("pa,pa->p", p - T[:, 0], E[:, i]) for i in (0, 1))
     s, t = (c * d - b * e) / safe, (a * e - b * d) / safe

@@ -18,19 +18,16 @@ from scipy.linalg import eigh, qr
 from scipy.sparse.linalg import eigsh, splu
 
 from forceid.errors import DataError
-from forceid.partition.blocks import Apply, Blocks, alike, blocks
+from forceid.partition.blocks import Apply, Blocks, blocks, equal_parts
 from forceid.partition.validation import real_matrix
 from forceid.records import Array, Indices
 
-TOGETHER = 32  # loads that are solved for at a time: more do not stay in the cache
-DENSE = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
-MOST = 24  # zero modes looked for in a larger part
+LOADS_TOGETHER = 32  # loads that are solved for at a time: more do not stay in the cache
+DENSE_PART = 1500  # degrees of freedom up to which modes are counted by a dense eigenvalue problem
+MODES_SOUGHT = 24  # zero modes looked for in a larger part
 ZERO = 1e-12  # of the largest entry of K, scaled to a unit diagonal, below which an eigenvalue is zero
-STRAINED = 1e-8  # of the largest entry of K, that K R may be off for R of unit size
-SAME, ALIKE = (
-    1e-10,
-    2e-4,
-)  # least singular value of modes of unit length, below which they are one, or too near
+STRAIN_LIMIT = 1e-8  # of the largest entry of K, that K R may be off for R of unit size
+MODES_SAME, MODES_ALIKE = 1e-10, 2e-4  # least singular value of unit modes that are one, or too near
 ASYMMETRIC = 1e-9  # of the largest entry of K
 
 
@@ -50,8 +47,8 @@ class Factor:
         if load.ndim == 1:
             x[self.free] = self.lu.solve(load[self.free])
         else:
-            for first in range(0, load.shape[1], TOGETHER):
-                some = slice(first, first + TOGETHER)
+            for first in range(0, load.shape[1], LOADS_TOGETHER):
+                some = slice(first, first + LOADS_TOGETHER)
                 x[self.free, some] = self.lu.solve(np.asfortranarray(load[self.free, some]))
         return x
 
@@ -107,10 +104,10 @@ def zero_modes(K: Any) -> Array:
         return np.eye(K.shape[0])
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max()))
     scaled = sp.csr_array(K * scale[:, None] * scale)
-    if K.shape[0] <= DENSE:
+    if K.shape[0] <= DENSE_PART:
         value, vector = eigh(scaled.toarray())
     else:
-        value, vector = eigsh(scaled, k=MOST, sigma=-1e-4, which="LM")
+        value, vector = eigsh(scaled, k=MODES_SOUGHT, sigma=-1e-4, which="LM")
     return np.asarray(np.linalg.qr(scale[:, None] * vector[:, value < ZERO])[0])
 
 
@@ -118,7 +115,7 @@ def rigid_modes(K: Any, R: Any, part: int) -> Array:
     """The modes given, if they are unstrained and independent; those that K has, where none are given."""
     if R is None:
         found = zero_modes(K)
-        if found.size and np.abs(K @ found).max() > STRAINED * abs(K).max():
+        if found.size and np.abs(K @ found).max() > STRAIN_LIMIT * abs(K).max():
             raise DataError(
                 "is not positive semidefinite: some motion gains energy, expected none",
                 f"stiffness of partition {part}",
@@ -137,15 +134,15 @@ def rigid_modes(K: Any, R: Any, part: int) -> Array:
         raise DataError("hold a mode that is zero or not finite", where)
     unit = modes / length
     strain = np.abs(K @ unit).max() / (abs(K).max() or 1.0)
-    if strain > STRAINED:
+    if strain > STRAIN_LIMIT:
         raise DataError(
             f"strain it: K R is {strain:.1e} of K, expected zero", where,
             "give them about the shape that K belongs to, or leave them out to have them found",
         )  # fmt: skip
     apart = np.linalg.svd(unit, compute_uv=False).min()
-    if apart < SAME:
+    if apart < MODES_SAME:
         raise DataError("depend on each other", where, "drop those that repeat")
-    if apart < ALIKE:
+    if apart < MODES_ALIKE:
         raise DataError(
             f"are alike but for {apart:.1e} of their size: a turn about a far point is nearly a translation",
             where, "give them about a point near the body",
@@ -172,7 +169,7 @@ def factor(K: Any, R: Array, part: int) -> Factor:
         lu = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:  # exactly singular
         raise mechanism from None
-    pivot = lu.U.diagonal() if n <= DENSE else None
+    pivot = lu.U.diagonal() if n <= DENSE_PART else None
     if pivot is not None and (pivot <= 0).any():
         raise mechanism
     probe = np.random.default_rng(0).standard_normal(len(free))
@@ -205,7 +202,7 @@ def digest_of(K: Any) -> str:
 def solved(each: Sequence[Factor], which: Indices, dofs: Sequence[slice], f: Array) -> Array:
     """K^- f of loads (dof,) on all parts, those of equal parts at once."""
     x = np.empty(f.shape)
-    for first, rows in alike(which.tolist(), dofs):
+    for first, rows in equal_parts(which.tolist(), dofs):
         x[rows] = each[which[first]].solve(f[rows].T).T
     return x
 

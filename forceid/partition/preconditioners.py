@@ -16,15 +16,16 @@ from forceid.partition.inverse import digest_of, factor, zero_modes
 from forceid.partition.topology import Topology
 from forceid.records import Indices
 
-NAMES = ("none", "lumped", "dirichlet")
+PRECONDITIONERS = ("none", "lumped", "dirichlet")
 
 
 def preconditioner(name: str, topology: Topology, stiffness: Sequence[Any]) -> Apply:
     """Forces (multiplier,) per displacement (multiplier,) of the interfaces of all parts."""
     if name == "none":
         return lambda x: x
-    if name not in NAMES:
-        raise ConfigError(f"unknown preconditioner '{name}'", next_step=f"one of {', '.join(NAMES)}")
+    if name not in PRECONDITIONERS:
+        known = ", ".join(PRECONDITIONERS)
+        raise ConfigError(f"unknown preconditioner '{name}'", next_step=f"one of {known}")
     make = lumped if name == "lumped" else dirichlet
     keys = [(digest_of(K), b.tobytes()) for K, b in zip(stiffness, topology.boundary, strict=True)]
     return blocks(keys, topology.rows, lambda s, parts: make(stiffness[s], topology.boundary[s], parts))

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from forceid.partition.topology import Topology
 from forceid.records import Array
 
-HIDDEN = 1e-20  # of the largest diagonal entry of the coarse matrix, of modes that rest at the interface
-FREE = 1e-10  # of the largest eigenvalue of the coarse matrix, below which the assembly floats
+RESTING = 1e-20  # of the largest diagonal entry of the coarse matrix, of modes that rest at the interface
+FLOATING = 1e-10  # of the largest eigenvalue of the coarse matrix, below which the assembly floats
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Projection:
         matrix = (self.modes.T @ self.pushed).toarray()
         size = np.diag(matrix)
         # a mode that rests at the interface has a diagonal of rounding size, not to be scaled up to one
-        scale = 1 / np.sqrt(np.where(size > HIDDEN * size.max(), size, 1.0))
+        scale = 1 / np.sqrt(np.where(size > RESTING * size.max(), size, 1.0))
         value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T) * scale * scale[:, None])
         return value, scale[:, None] * vector
 
@@ -89,7 +89,7 @@ class Projection:
         if (self.weight != 1).any():
             return Projection(self.topology, self.R_b, np.ones_like(self.weight)).free
         value = self.spectrum[0]
-        return int((value < FREE * max(value.max(initial=0.0), 1e-300)).sum())
+        return int((value < FLOATING * max(value.max(initial=0.0), 1e-300)).sum())
 
     @cached_property
     def whole(self) -> Array:

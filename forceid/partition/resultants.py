@@ -19,7 +19,7 @@ from forceid.errors import DataError
 from forceid.records import Array, Flags
 
 GROUND = -1  # the part that no balance is asked of
-RANK = 1e-10  # of the largest singular value, below which a direction counts as unseen
+RESULTANT_RANK = 1e-10  # of the largest singular value, below which a direction counts as unseen
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def link_resultants(
 
     A = np.kron(incidence(pairs, parts), np.eye(n)) @ E
     _, s, Vt = np.linalg.svd(A, full_matrices=False)
-    held = s > RANK * np.maximum(s[..., :1], 1e-300)
+    held = s > RESULTANT_RANK * np.maximum(s[..., :1], 1e-300)
     rank = held.sum(-1)
     V = (Vt * held[..., None]).mT  # row space of A, zero columns for what is unseen
     b, AV = np.where(known[..., None, None], w, 0.0), (A @ V).reshape(*A.shape[:-2], parts, n, -1)
@@ -188,7 +188,7 @@ def transmitted(passes: Sequence[ArrayLike | None] | None, links: int, n: int) -
         known = np.isfinite(X).all((-2, -1), keepdims=True)
         U, s, _ = np.linalg.svd(np.where(known, X, 0.0), full_matrices=False)
         # columns that repeat others stay, as zeros, so that all samples have as many
-        basis = U * (s > RANK * np.maximum(s[..., :1], 1e-300))[..., None, :]
+        basis = U * (s > RESULTANT_RANK * np.maximum(s[..., :1], 1e-300))[..., None, :]
         found.append(np.where(known, basis, np.nan))
     batch = np.broadcast_shapes(*[x.shape[:-2] for x in found])
     E, at = np.zeros((*batch, links * n, sum(x.shape[-1] for x in found))), 0

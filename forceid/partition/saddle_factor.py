@@ -16,7 +16,7 @@ from forceid.partition.inverse import Factor
 from forceid.partition.projection import Projection
 from forceid.records import Array, Indices
 
-DENSE = 600  # unknowns up to which the saddle-point system is solved as a dense one
+DENSE_SADDLE = 600  # unknowns up to which the saddle-point system is solved as a dense one
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def factored_saddle(projection: Projection, each: Sequence[Factor], which: Indic
     )
     A = sp.block_array([[A, border], [border.T, sp.csr_array((free.shape[1], free.shape[1]))]])
     # the frame enters with the sign that keeps the matrix symmetric: its unknown is -u_f, and is not needed
-    if A.shape[0] > DENSE:
+    if A.shape[0] > DENSE_SADDLE:
         return Saddle(splu(sp.csc_array(A)).solve, unit)
     room = int(dsytrf_lwork(A.shape[0], lower=1)[0])
     factor, pivot, zero = dsytrf(A.toarray(order="F"), lower=1, lwork=room, overwrite_a=True)

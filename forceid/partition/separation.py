@@ -19,12 +19,12 @@ import scipy.sparse as sp
 from forceid.errors import DataError
 from forceid.records import Array, Flags, Indices
 
-COUPLED = 1e-12  # of the stiffness of both degrees of freedom, up to which an entry between them is rounding
+NODES_COUPLED = 1e-12  # of the stiffness of both, up to which an entry between two freedoms is rounding
 RESISTS = 1e-8  # of what moves a node, that may be left when a part moves as a rigid body
 
 
 @dataclass(frozen=True)
-class Cut:
+class NodeCut:
     """Which nodes (node,) each part holds, by number; names of parts and of nodes; dof of a node."""
 
     nodes: tuple[Indices, ...]
@@ -54,7 +54,7 @@ class Cut:
         return " and ".join(names) or "no part"
 
 
-def separated_stiffness(K: Any, cut: Cut, motions: Array) -> list[Any]:
+def separated_stiffness(K: Any, cut: NodeCut, motions: Array) -> list[Any]:
     """The stiffness of every part, sparse; motions (dof, n): rigid ones of all nodes, translations first.
 
     Raises DataError: two nodes coupled that no part holds both, or that several do; a shared node that
@@ -77,7 +77,7 @@ def separated_stiffness(K: Any, cut: Cut, motions: Array) -> list[Any]:
     return found
 
 
-def separated_mass(M: Any, cut: Cut) -> list[Any]:
+def separated_mass(M: Any, cut: NodeCut) -> list[Any]:
     """The mass of every part: of nodes that parts share in equal shares, as their loads are.
 
     Raises DataError where a consistent mass couples a shared node.
@@ -93,13 +93,13 @@ def separated_mass(M: Any, cut: Cut) -> list[Any]:
     return found
 
 
-def check_pairs(A: Any, cut: Cut, name: str, alone: bool = False) -> None:
+def check_pairs(A: Any, cut: NodeCut, name: str, alone: bool = False) -> None:
     """Every two nodes that A couples are in one part and no more; alone: and shared nodes are not coupled."""
     entry = sp.coo_array(A)
     size = np.sqrt(np.abs(A.diagonal()))
     size = np.where(size > 0, size, size.max(initial=0.0))
     i, j = entry.row // cut.dof, entry.col // cut.dof
-    seen = (i < j) & (np.abs(entry.data) > COUPLED * size[entry.row] * size[entry.col])
+    seen = (i < j) & (np.abs(entry.data) > NODES_COUPLED * size[entry.row] * size[entry.col])
     i, j = i[seen], j[seen]
     both = np.asarray(cut.holds[i].multiply(cut.holds[j]).sum(axis=1)).ravel()
     where = f"assembled {name}"
@@ -145,7 +145,7 @@ def blocks(block: Array, at: Indices, nodes: int) -> Any:
     return sp.csr_array((block.ravel(), (r, c)), (nodes * dof, nodes * dof))
 
 
-def check_rigid(own: Any, motions: Array, nodes: Indices, shared: Indices, cut: Cut, part: int) -> None:
+def check_rigid(own: Any, motions: Array, nodes: Indices, shared: Indices, cut: NodeCut, part: int) -> None:
     """Moved as a rigid body, the part resists nothing at the nodes that it shares."""
     left = np.abs(own @ motions).reshape(len(nodes), cut.dof, -1)[shared]
     size = (abs(own) @ np.abs(motions)).reshape(len(nodes), cut.dof, -1)[shared]
@@ -159,7 +159,7 @@ def check_rigid(own: Any, motions: Array, nodes: Indices, shared: Indices, cut: 
         )
 
 
-def check_held(K: Any, held: Array, cut: Cut) -> None:
+def check_held(K: Any, held: Array, cut: NodeCut) -> None:
     """What the parts have of a shared node is all that is there."""
     nodes = np.flatnonzero(cut.count > 1)
     whole = held * 0

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.accuracy import Improved, improved, in_balance, length, share
+from forceid.partition.accuracy import Refined, in_balance, norm, ratio, refined
 from forceid.partition.assembly import Assembly
 from forceid.partition.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.error_verdict import REACHED, SOUND, condition_verdict
@@ -19,11 +19,11 @@ from forceid.partition.saddle import solve_saddle
 from forceid.records import Array, Verdict
 
 WEIGHTS = ("multiplicity", "stiffness")
-ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
-BALANCED = 1e-9  # of the loads' own size, that the resultant on a floating body may be
+GAP_ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
+BALANCE_LIMIT = 1e-9  # of the loads' own size, that the resultant on a floating body may be
 CLOSER, CLOSEST = 0.1, 1e-6  # of the gaps that a correction starts from, that it leaves at most and at least
-EXACT = 2e-14  # error up to which a direct solution is as good as one in double precision gets
-DRAWS, FEW = 4, 2  # of rounding, by which an error is told: directly, where they cost little, and iteratively
+EXACT_ERROR = 2e-14  # error up to which a direct solution is as good as one in double precision gets
+DRAWS_DIRECT, DRAWS_ITERATIVE = 4, 2  # of rounding, that tell an error: they cost little where direct
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,14 @@ def solve_direct(system: Assembly, load: Any, relief: bool = False) -> Statics:
 
     def solve(f: Array, gap: Array, _: float) -> tuple[Array, Array]:
         lam, alpha = solve_saddle(system, f, gap)
-        return moved(system, f, system.projection.balanced(lam), alpha)
+        return displaced(system, f, system.projection.balanced(lam), alpha)
 
     given = system.loads(load)
     f, acceleration = relieved(system, given, relief)
     start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
-    best = improved(system, f, start, solve, out_of_balance(system, given, acceleration), EXACT, DRAWS)
+    best = refined(
+        system, f, start, solve, out_of_balance(system, given, acceleration), EXACT_ERROR, DRAWS_DIRECT
+    )
     return completed(system, f, best, acceleration, None, 0.0)
 
 
@@ -94,10 +96,10 @@ def solve_iteratively(
         opened = system.flexibility(start)
         r = b - opened
         # where statics alone gives the multipliers, the residual is rounding from the start
-        least = ROUNDING * (length(b) + length(opened))
+        least = GAP_ROUNDING * (norm(b) + norm(opened))
         goal = tolerance
         if size:  # of a correction: gaps that are small beside the motion, not beside those it starts from
-            goal = max(CLOSEST, min(CLOSER, share(tolerance * size, length(P.gaps(r)))))
+            goal = max(CLOSEST, min(CLOSER, ratio(tolerance * size, norm(P.gaps(r)))))
         by = mend if size else apply
         done = projected_cg(system.flexibility, r, P.forces, P.gaps, by, goal, most, least)
         runs.append(done)
@@ -108,13 +110,15 @@ def solve_iteratively(
         alpha = system.projection.solve_coarse(
             system.projection.modes_T @ system.projection.averaged(system.flexibility(lam) - b)
         )
-        return moved(system, f, lam, alpha)
+        return displaced(system, f, lam, alpha)
 
     given = system.loads(load)
     f, acceleration = relieved(system, given, relief)
     start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
     enough = max(SOUND, REACHED * tolerance)
-    best = improved(system, f, start, solve, out_of_balance(system, given, acceleration), enough, FEW)
+    best = refined(
+        system, f, start, solve, out_of_balance(system, given, acceleration), enough, DRAWS_ITERATIVE
+    )
     return completed(system, f, best, acceleration, runs[0], tolerance)
 
 
@@ -128,7 +132,7 @@ def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
     out, still = S.T @ f, np.zeros(S.shape[1])
     if not S.shape[1]:
         return f, still
-    inside = bool((np.abs(out) <= BALANCED * np.linalg.norm(S, axis=0) * length(f)).all())
+    inside = bool((np.abs(out) <= BALANCE_LIMIT * np.linalg.norm(S, axis=0) * norm(f)).all())
     if inside and not (relief and system.mass is not None):
         return in_balance(system, f), still
     if not relief:
@@ -154,10 +158,10 @@ def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
 
 def out_of_balance(system: Assembly, f: Array, acceleration: Array) -> float:
     """The share of loads (dof,) that moves the whole and is carried by no acceleration."""
-    return 0.0 if acceleration.any() else share(length(system.free_motions.T @ f), length(f))
+    return 0.0 if acceleration.any() else ratio(norm(system.free_motions.T @ f), norm(f))
 
 
-def moved(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
+def displaced(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
     """The multipliers, and the motions u (dof,) that they and alpha amount to: none of the whole."""
     u = system.inverse(f - system.topology.B @ lam) + system.modes @ alpha
     return lam, in_balance(system, u)
@@ -166,7 +170,7 @@ def moved(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Array, 
 def completed(
     system: Assembly,
     f: Array,
-    best: Improved,
+    best: Refined,
     acceleration: Array,
     iterations: Iterations | None,
     tolerance: float,

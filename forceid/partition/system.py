@@ -43,7 +43,7 @@ class PartitionedSystem(Assembly):
         boolean: Sequence[Any],
         rigid_modes: Sequence[Any] | None = None,
     ) -> None:
-        super().__init__(*checked(stiffness, mass, boolean, rigid_modes))
+        super().__init__(*validated(stiffness, mass, boolean, rigid_modes))
 
     def relieved(self, f: Array, relief: bool) -> tuple[Array, Array]:
         """Loads (dof,) in equilibrium, and the acceleration (mode,) of the whole that relief takes for it."""
@@ -103,7 +103,7 @@ class PartitionedSystem(Assembly):
         return stiffness_forces(self, load, displacement, acceleration, **options)
 
 
-def checked(
+def validated(
     stiffness: Sequence[Any], mass: Sequence[Any] | None, boolean: Sequence[Any], modes: Sequence[Any] | None
 ) -> tuple[Topology, tuple[Any, ...], tuple[Any, ...] | None, tuple[Array, ...]]:
     """What a user gives, as an `Assembly` takes it. Raises DataError."""

@@ -134,10 +134,10 @@ def topology(boolean: Sequence[Any]) -> Topology:
         if len(twice):
             raise DataError(f"uses the assembled degree of freedom {twice[0]} twice", where, "once at most")
         found.append(L.indices.astype(np.intp))
-    return checked(Topology(tuple(found), size.pop()))
+    return connected(Topology(tuple(found), size.pop()))
 
 
-def checked(found: Topology) -> Topology:
+def connected(found: Topology) -> Topology:
     """The topology, where every assembled degree of freedom is used and the partitions hang together."""
     unused = np.flatnonzero(found.count == 0)
     if len(unused):

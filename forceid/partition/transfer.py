@@ -22,8 +22,8 @@ from forceid.principal.mass import SparseMatrix
 from forceid.principal.operator import sum_nodal, summation_operator
 from forceid.records import Array
 
-EXACT = 1e-12  # of one, or of the size of the surfaces, that H S_s - S_f may be off
-ROUNDING = 1e-14  # of the sum of forces, and of it times the size, that is no error of the resultant
+REPRODUCED = 1e-12  # of one, or of the size of the surfaces, that H S_s - S_f may be off
+TRANSFER_ROUNDING = 1e-14  # of the sum of forces, and of it times the size, that is no error of the resultant
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def reproduction(H: ArrayLike | Any, structure: ArrayLike, fluid: ArrayLike) -> 
     unity = np.linalg.norm(gap[..., :axis], axis=(1, 2)) / np.sqrt(axis)
     offset = np.linalg.norm(gap[..., axis:], axis=(1, 2)) / np.sqrt(axis - 1)  # [r]x has norm sqrt(2) |r|
     size = _size(x_s, x_f, center)
-    exact = bool(unity.max() <= EXACT and offset.max() <= EXACT * size)
+    exact = bool(unity.max() <= REPRODUCED and offset.max() <= REPRODUCED * size)
     return Reproduction(unity, offset, size, exact)
 
 
@@ -108,7 +108,9 @@ def transfer_load(
     before = sum_nodal(plain, x_s, center) - goal
     total = (np.abs(lam_f).sum(axis=(-2, -1)) + np.abs(plain).sum(axis=(-2, -1)))[..., None]
     # rounding is no moment to restore, for there may be a line that cannot make it
-    floor = ROUNDING * total * np.where(np.arange(before.shape[-1]) < axis, 1.0, _size(x_s, x_f, center))
+    floor = (
+        TRANSFER_ROUNDING * total * np.where(np.arange(before.shape[-1]) < axis, 1.0, _size(x_s, x_f, center))
+    )
     correction = _spread(np.where(np.abs(before) <= floor, 0.0, -before), x_s, weight)
     carried = plain + correction
     norm, most = (np.linalg.norm(f, axis=(-2, -1)) for f in (correction, carried))

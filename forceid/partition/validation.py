@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from forceid.errors import DataError
 from forceid.records import Array
 
-KIND = {"c": "complex numbers", "U": "text", "S": "text", "O": "objects", "M": "dates", "V": "records"}
+KINDS = {"c": "complex numbers", "U": "text", "S": "text", "O": "objects", "M": "dates", "V": "records"}
 
 
 def real_array(given: Any, where: str, axes: int | None = None) -> Any:
@@ -29,7 +29,7 @@ def real_array(given: Any, where: str, axes: int | None = None) -> Any:
         except ValueError as e:
             raise DataError("has rows of different lengths, expected an array", where, "fill it") from e
     if A.dtype.kind not in "fiub":
-        what = KIND.get(A.dtype.kind, str(A.dtype))
+        what = KINDS.get(A.dtype.kind, str(A.dtype))
         raise DataError(f"holds {what}, expected real numbers", where, "give an array of float64")
     if axes is not None and A.ndim != axes:
         what = f"has shape {A.shape}, expected {axes} axes"
