@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.motion.pose import log
 from forceid.pseudorigid.decomposition import bipolar, bipolar_rates
-from forceid.pseudorigid.given import numbers
 from forceid.pseudorigid.matching import SIGNED, multiplied_up, nearest, nearest_signed
+from forceid.pseudorigid.validation import numbers
 from forceid.records import Array, Flags, Indices
 
-STEP = 0.5  # of the change between frames: a gap so small is a cluster
-ROUNDING = 1e-11  # of the largest: in a gap so small the factors are noise
-SURE = 0.1  # rad from a cluster's block to exact factors that are taken instead
-TURN = 0.3  # rad against each other that L and R may turn from frame to frame unseen
+CLUSTER_GAP = 0.5  # of the change between frames: a gap so small is a cluster
+NOISE_GAP = 1e-11  # of the largest: in a gap so small the factors are noise
+SURE_TURN = 0.1  # rad from a cluster's block to exact factors that are taken instead
+FRAME_TURN = 0.3  # rad against each other that L and R may turn from frame to frame unseen
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,9 @@ def bipolar_path(F: ArrayLike, dF: ArrayLike | None = None) -> BipolarPath:
     if F.ndim < 3:
         raise DataError(f"has shape {F.shape}, expected (..., time, 3, 3)", "F", "use bipolar for one frame")
     L, D, R = bipolar(F)
-    tolerance = np.maximum(STEP * _stretch_step(L, D, R), ROUNDING * D[..., 0])[..., None]
+    tolerance = np.maximum(CLUSTER_GAP * _stretch_step(L, D, R), NOISE_GAP * D[..., 0])[..., None]
     gap = D[..., :2] - D[..., 1:]
-    near, noise = gap <= tolerance, gap <= ROUNDING * D[..., :1]
+    near, noise = gap <= tolerance, gap <= NOISE_GAP * D[..., :1]
     begins = np.zeros(D.shape[:-1], bool)
     begins[..., :1] = True
     first = begins.ravel()
@@ -127,7 +127,7 @@ def _followed(L: Array, R: Array, near: Flags, noise: Flags, first: Flags) -> tu
     part = np.where(through[run], part, tail[run] & ~head[run])[:, None, None]
     block = nearest((1 - part) * ahead[every] + part * behind[every], near[every])
     exact = SIGNED[nearest_signed(block)]
-    sure = np.einsum("nij,nij->n", exact, block) > 1 + 2 * np.cos(SURE)
+    sure = np.einsum("nij,nij->n", exact, block) > 1 + 2 * np.cos(SURE_TURN)
     sure &= ~noise[every].any(1)
     block[sure] = exact[sure]
     Q = SIGNED[multiplied_up(number, first)]
@@ -174,7 +174,7 @@ def turn_of_bases(L: Array, R: Array) -> Array:
 
 def _shown(turn: Array, runs: Indices, first: Flags) -> Flags:
     """Whether frames (n,) show that the factors go on: small turns, through clusters those of both sides."""
-    shown = np.asarray(np.linalg.norm(turn, axis=1) <= TURN)
+    shown = np.asarray(np.linalg.norm(turn, axis=1) <= FRAME_TURN)
     last = np.append(first, True)[1:]
     start, end = runs.T
     through = ~first[start] & ~last[end - 1]
@@ -184,6 +184,6 @@ def _shown(turn: Array, runs: Indices, first: Flags) -> Flags:
     rate = before[:, None] * turn[start - 1] + after[:, None] * turn[np.minimum(end + 1, len(turn) - 1)]
     rate /= np.maximum(before + after.astype(float), 1)[:, None]
     off = sums[end + 1] - sums[start] - (end - start + 1)[:, None] * rate
-    for s, e in runs[through][np.linalg.norm(off, axis=1) > TURN]:
+    for s, e in runs[through][np.linalg.norm(off, axis=1) > FRAME_TURN]:
         shown[s : e + 1] = False
     return shown

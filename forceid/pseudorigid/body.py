@@ -15,24 +15,24 @@ from numpy.typing import ArrayLike
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.cofactors import EYE, determinant
 from forceid.pseudorigid.constrained import RATTLE, check_volume, multiplier
-from forceid.pseudorigid.events import KIND, Event, Kinds, stop_of, tension_times
-from forceid.pseudorigid.given import instants, matrices, numbers
+from forceid.pseudorigid.events import EVENT_DTYPE, Event, Kinds, stop_of, tension_times
 from forceid.pseudorigid.integrators import STEPPERS, Stepper
 from forceid.pseudorigid.invariants import angular_momentum, circulation
 from forceid.pseudorigid.material_law import Material, check_material_of, constant
 from forceid.pseudorigid.reference import reference
-from forceid.pseudorigid.system import State, System
+from forceid.pseudorigid.system import AffineSystem, State
 from forceid.pseudorigid.trajectory import Trajectory
+from forceid.pseudorigid.validation import instants, matrices, numbers
 from forceid.records import Array
 
-TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
+BODIES_TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
 REFERENCE = "dop853"
 METHODS = (*STEPPERS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
 PHASE = {  # rad a step of the fastest vibration, where no step is given
     "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
     "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
 }  # fmt: skip
-MOST = 1e10  # steps of one motion: weeks
+STEPS_AT_MOST = 1e10  # steps of one motion: weeks
 UNSTABLE = 2.0  # rad a step, for Verlet
 
 
@@ -55,7 +55,7 @@ class Body:
     second_moment: ArrayLike
     material: Material
     incompressible: bool = False
-    system: System = field(init=False, repr=False, compare=False)
+    system: AffineSystem = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         E = numbers(self.second_moment, "second_moment", "give E = int rho X X^T dX, or mu")
@@ -63,7 +63,7 @@ class Body:
         check_second_moment(E)
         check_material_of("Body", self.material)
         object.__setattr__(self, "second_moment", E)
-        object.__setattr__(self, "system", System(self.material, E))
+        object.__setattr__(self, "system", AffineSystem(self.material, E))
 
     @property
     def constrained(self) -> bool:
@@ -100,7 +100,7 @@ class Body:
             step = self._step(method, step, F, V, t)
             counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
             longest = float((np.diff(t) / counts).max(initial=0.0))
-            blocks = [slice(i, i + TOGETHER) for i in range(0, len(F), TOGETHER)]
+            blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
             parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
         path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
         kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
@@ -139,7 +139,7 @@ class Body:
         # component first, as the state is: whole rows are written
         path, speed = (np.moveaxis(np.empty((len(time), 3, 3, len(F))), -1, 1) for _ in range(2))
         path[0], speed[0] = state.F, state.V
-        kind, when = np.full(len(F), "", KIND), np.full(len(F), np.nan)
+        kind, when = np.full(len(F), "", EVENT_DTYPE), np.full(len(F), np.nan)
         stop = partial(stop_of, self.system, constrained=self.constrained)
         with np.errstate(all="ignore"):  # a body that leaves det F > 0 is stopped and told
             for k, n in enumerate(counts):
@@ -158,7 +158,7 @@ class Body:
     def _referred(self, F: Array, V: Array, time: Array) -> tuple[Array, Array, Kinds, Array]:
         """The same by the reference integrator, body by body."""
         found = [reference(self.system, f, v, time, self.constrained) for f, v in zip(F, V, strict=True)]
-        kinds = np.array([p.kind for p in found], KIND)
+        kinds = np.array([p.kind for p in found], EVENT_DTYPE)
         stops = np.array([p.stop for p in found])
         return np.stack([p.F for p in found], 1), np.stack([p.V for p in found], 1), kinds, stops
 
@@ -239,6 +239,6 @@ def check_step(step: float, span: float) -> None:
     constant("simulate", "step", step)
     if not (np.isfinite(step) and step > 0):
         raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
-    if span / step > MOST:
+    if span / step > STEPS_AT_MOST:
         what = f"is {step:g} s, {span / step:.1e} of them over {span:g} s"
-        raise DataError(what, "step", f"give one of {span / MOST:.2g} s or more, or fewer samples")
+        raise DataError(what, "step", f"give one of {span / STEPS_AT_MOST:.2g} s or more, or fewer samples")

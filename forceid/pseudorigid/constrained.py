@@ -12,15 +12,15 @@ from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import cofactor, determinant, inner, inverse, product, trace
 from forceid.pseudorigid.integrators import Stepper
 from forceid.pseudorigid.splittings import COMPOSITIONS, Splitting
-from forceid.pseudorigid.system import State, System
+from forceid.pseudorigid.system import AffineSystem, State
 from forceid.records import Array
 
-ITERATIONS = 30
-ROUNDING = 4 * float(np.finfo(float).eps)
-HELD = 1e-9  # of det F = 1 and of tr F^-1 F' = 0 at the start, by the rate of F
+VOLUME_ITERATIONS = 30
+VOLUME_ROUNDING = 4 * float(np.finfo(float).eps)
+VOLUME_HELD = 1e-9  # of det F = 1 and of tr F^-1 F' = 0 at the start, by the rate of F
 
 
-def multiplier(system: System, F: Array, V: Array) -> Array:
+def multiplier(system: AffineSystem, F: Array, V: Array) -> Array:
     """Lambda (...,) that keeps det F constant; for a homogeneous fluid ball p_c = rho Lambda / 2.
 
     Lambda > 0 is pressure, Lambda < 0 tension. Units of energy. Source: pseudo-rigid bodies, section 8.
@@ -36,13 +36,13 @@ def multiplier(system: System, F: Array, V: Array) -> Array:
     return np.asarray(free / trace(product(inv, system.over_moment(C))))
 
 
-def constrained_acceleration(system: System, F: Array, V: Array) -> Array:
+def constrained_acceleration(system: AffineSystem, F: Array, V: Array) -> Array:
     """F'' (..., 3, 3) with the multiplier: index reduced, det F drifts with the errors of an integrator."""
     push = multiplier(system, F, V)[..., None, None] * system.over_moment(cofactor(F))
     return np.asarray(system.acceleration(F) + push)
 
 
-def rattle_steps(system: System, state: State, h: float, n: int, table: Splitting) -> None:
+def rattle_steps(system: AffineSystem, state: State, h: float, n: int, table: Splitting) -> None:
     """RATTLE n times, composed by `table`: det F = 1 to rounding, J and C exactly, H bounded."""
     push = system.acceleration(state.F) if state.push is None else state.push
     for gamma in table.drift * n:
@@ -70,19 +70,19 @@ def volume_root(A: Array, K: Array) -> Array:
     s = np.zeros_like(p0)
     last = np.full_like(p0, np.inf)
     settled = np.zeros(p0.shape, bool)
-    for _ in range(ITERATIONS):
+    for _ in range(VOLUME_ITERATIONS):
         slope = p1 + s * (2 * p2 + 3 * s * p3)
         step = (p0 + s * (p1 + s * (p2 + s * p3))) / np.where(slope == 0, np.nan, slope)
         s = s - step
         effect = np.abs(step * slope)  # on det F
-        settled |= (effect <= ROUNDING) & (effect < 1) | ((effect < 1e-12) & (effect >= 0.5 * last))
+        settled |= (effect <= VOLUME_ROUNDING) & (effect < 1) | ((effect < 1e-12) & (effect >= 0.5 * last))
         last = effect
         if (settled | ~np.isfinite(s)).all():
             break
     return np.asarray(np.where(settled, s, np.nan))
 
 
-def tangent(system: System, state: State) -> None:
+def tangent(system: AffineSystem, state: State) -> None:
     """Take from V what changes the volume, along cof(F) E^-1: tr F^-1 V = 0."""
     C = cofactor(state.F)
     normal = system.over_moment(C)
@@ -95,13 +95,13 @@ def check_volume(F: Array, V: Array) -> None:
     """DataError unless det F = 1 and tr F^-1 F' = 0 at the start of an incompressible body."""
     J = determinant(F)
     off = np.abs(J - 1)
-    if off.max() > HELD:
+    if off.max() > VOLUME_HELD:
         worst = float(J.flat[off.argmax()])
         advice = f"divide F0 by det(F0)^(1/3) = {np.cbrt(worst):.10g}"
         raise DataError(f"has det F0 = {worst:.10g}, expected 1", "incompressible body", advice)
     rate = trace(product(inverse(F), V))
     size = np.maximum(np.sqrt(inner(V, V)), 1e-300)
-    if (np.abs(rate) / size).max() > HELD:
+    if (np.abs(rate) / size).max() > VOLUME_HELD:
         worst = float(rate.flat[np.abs(rate / size).argmax()])
         advice = f"subtract {worst / 3:.6g} F0 from dF0"
         what = f"has tr(F0^-1 dF0) = {worst:.6g}, expected 0: its volume changes"
@@ -111,7 +111,7 @@ def check_volume(F: Array, V: Array) -> None:
 def rattle_stepper(table: Splitting) -> Stepper:
     """Steps of one composition."""
 
-    def steps(system: System, state: State, h: float, n: int) -> None:
+    def steps(system: AffineSystem, state: State, h: float, n: int) -> None:
         rattle_steps(system, state, h, n, table)
 
     return steps

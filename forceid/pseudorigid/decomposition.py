@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 from forceid.compiled import engine as compiled
 from forceid.errors import DataError
 from forceid.pseudorigid import twofold
-from forceid.pseudorigid.given import matrices, numbers
+from forceid.pseudorigid.validation import matrices, numbers
 from forceid.records import Array, Flags
 
-ROUNDED = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
+PRODUCT_ROUNDING = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
 COALESCED = 1e-8  # of the largest: singular values so close leave no digit of omega - lam
-BLOCK = 65536  # matrices at once in numpy
-NEXT = ((1, 2), (2, 0), (0, 1))  # i and j of each k
+MATRICES_TOGETHER = 65536  # matrices at once in numpy
+OTHERS = ((1, 2), (2, 0), (0, 1))  # i and j of each k
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,9 @@ def polar_rates(F: ArrayLike, dF: ArrayLike) -> PolarRates:
     omega = np.linalg.solve(inertia, _vee(A - A.swapaxes(-1, -2))[..., None])[..., 0]
     dU = A - np.cross(omega[..., None], U, axis=-2)
     sums = np.linalg.eigvalsh(inertia)  # of two stretches; the least may be rounding itself
-    rounding = ROUNDED * np.linalg.norm(V, axis=(-2, -1)) / np.maximum(sums[..., 0], 1e-16 * sums[..., 2])
+    rounding = (
+        PRODUCT_ROUNDING * np.linalg.norm(V, axis=(-2, -1)) / np.maximum(sums[..., 0], 1e-16 * sums[..., 2])
+    )
     return PolarRates(omega, 0.5 * (dU + dU.swapaxes(-1, -2)), rounding)
 
 
@@ -151,7 +153,7 @@ def bipolar_rates(
     """
     L, D, R = bipolar(F) if factors is None else factors
     dF = rate_of(L, dF)
-    i, j = np.array(NEXT).T
+    i, j = np.array(OTHERS).T
     close = np.abs(D[..., i] - D[..., j]) <= np.asarray(coalesced) * D.max(-1, keepdims=True)
     A = L.swapaxes(-1, -2) @ dF @ R.swapaxes(-1, -2)
     if factors is None and close.any():
@@ -163,7 +165,7 @@ def bipolar_rates(
     apart = np.where(close, np.nan, A[..., j, i] + A[..., i, j]) / gap
     dD = np.einsum("...ii->...i", A).copy()
     size = np.linalg.norm(dF, axis=(-2, -1))[..., None] * D.max(-1, keepdims=True)
-    rounding = np.where(close, np.nan, ROUNDED * size / gap**2)
+    rounding = np.where(close, np.nan, PRODUCT_ROUNDING * size / gap**2)
     return BipolarRates(L, D, R, 0.5 * (together + apart), 0.5 * (together - apart), dD, ~close, rounding)
 
 
@@ -207,7 +209,10 @@ def _matrices(F: ArrayLike) -> tuple[Array, Array]:
 
 def _in_numpy(F: Array, flat: Array) -> tuple[Array, Array, Array]:
     """The polar rotation, D and R of every matrix."""
-    blocks = [twofold.factors(flat[k : k + BLOCK]) for k in range(0, max(len(flat), 1), BLOCK)]
+    blocks = [
+        twofold.factors(flat[k : k + MATRICES_TOGETHER])
+        for k in range(0, max(len(flat), 1), MATRICES_TOGETHER)
+    ]
     Q, D, R, det = (np.concatenate(part) for part in zip(*blocks, strict=True))
     _refuse_folded(F, det)
     return Q, D, R

@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import numbers
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols
 from forceid.pseudorigid.material_law import constant
+from forceid.pseudorigid.validation import numbers
 from forceid.records import Array
 
-EDGE = 1e-13  # of w^2 + l^2: what rounding takes from w^2 + l^2 >= 2 |w l| where w = l or w = -l
+SPIN_ROUNDING = 1e-13  # of w^2 + l^2: what rounding takes from w^2 + l^2 >= 2 |w l| where w = l or w = -l
 THINNEST = 1e-6  # a3 where the search for an ellipsoid begins, in units of a2
-GRID = 60  # of a3, in which that search brackets
+BRACKETS = 60  # of a3, in which that search brackets
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def riemann_s(a2: ArrayLike, a3: ArrayLike, adjoint: bool = False) -> Ellipsoid:
     """
     b, c = np.broadcast_arrays(inside(a2, "a2", 1.0), inside(a3, "a3", np.inf))
     s, twice = conditions(b, c)
-    bad = s * (1 + EDGE) < np.abs(twice)
+    bad = s * (1 + SPIN_ROUNDING) < np.abs(twice)
     if bad.any():
         raise DataError(
             f"({b[bad].flat[0]:g}, {c[bad].flat[0]:g}) have w^2 + l^2 = {s[bad].flat[0]:.6g} below "
@@ -184,7 +184,7 @@ def riemann_sequence(a2: ArrayLike, f: float) -> Ellipsoid:
 
 def solve_a3(condition: Callable[[float], float], a2: float, f: float) -> float:
     """The largest a3 where `condition` changes its sign, between a disk and the longest axis."""
-    tried = a2 * np.geomspace(THINNEST, 1.001 / a2, GRID)
+    tried = a2 * np.geomspace(THINNEST, 1.001 / a2, BRACKETS)
     signs = np.sign([condition(c) for c in tried])
     changes = np.flatnonzero(signs[:-1] != signs[1:])
     if not len(changes):

@@ -20,11 +20,11 @@ from scipy.optimize import brentq
 
 from forceid.pseudorigid.constrained import multiplier
 from forceid.pseudorigid.reference import TooLongError, reference
-from forceid.pseudorigid.system import System
+from forceid.pseudorigid.system import AffineSystem
 from forceid.records import Array, Flags
 
 Kinds = NDArray[np.str_]
-KIND = "<U9"
+EVENT_DTYPE = "<U9"
 SEARCH = 20_000  # evaluations of the force spent on what stopped a body
 
 
@@ -47,7 +47,7 @@ class Event:
 
 
 def stop_of(
-    system: System, F: Array, V: Array, begin: float, end: float, constrained: bool
+    system: AffineSystem, F: Array, V: Array, begin: float, end: float, constrained: bool
 ) -> tuple[str, float]:
     """Kind and time of what stopped one body after the sample F, V (3, 3) at `begin`, by `end`."""
     try:
@@ -57,7 +57,7 @@ def stop_of(
     return ("step", begin) if found.kind == "" else (found.kind, found.stop)
 
 
-def tension_times(time: Array, F: Array, V: Array, pressure: Array, system: System) -> Array:
+def tension_times(time: Array, F: Array, V: Array, pressure: Array, system: AffineSystem) -> Array:
     """First time (body,) at which the multiplier (time, body) is negative, NaN where it never is.
 
     Between samples F is the cubic of F and F' at its ends.
@@ -71,7 +71,7 @@ def tension_times(time: Array, F: Array, V: Array, pressure: Array, system: Syst
     return out
 
 
-def crossing(time: Array, F: Array, V: Array, system: System, k: int) -> float:
+def crossing(time: Array, F: Array, V: Array, system: AffineSystem, k: int) -> float:
     """Where between samples k - 1 and k of one body (time, 3, 3) the multiplier changes sign."""
     ends = slice(k - 1, k + 1)
     path = CubicHermiteSpline(time[ends], F[ends], V[ends])

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import matrices, numbers, tensors
 from forceid.pseudorigid.gravity import SelfGravity
 from forceid.pseudorigid.material_law import constant, positive
+from forceid.pseudorigid.validation import matrices, numbers, tensors
 from forceid.records import Array
 
 MONATOMIC = 5 / 3

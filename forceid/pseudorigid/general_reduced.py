@@ -20,14 +20,14 @@ from forceid.pseudorigid.left_reduced import (
     check_unconstrained,
     checked_body,
     flat,
-    integrate,
-    parts,
+    integrate_form,
+    split_state,
 )
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.pseudorigid.two_sided import axis_forces, chart_ends, neighbors, quotient
 from forceid.records import Array
 
-HERE = "general_reduced.simulate"
+GENERAL_SIMULATE = "general_reduced.simulate"
 
 
 class GeneralState(NamedTuple):
@@ -78,7 +78,7 @@ def momentum(a: Array, p: Array, left: Array, right: Array) -> Array:
     """
     ai, aj = neighbors(a)
     skew = quotient(left + right, ai + aj)
-    even = spread(quotient(left - right, ai - aj))
+    even = off_diagonal(quotient(left - right, ai - aj))
     return p[..., None] * np.eye(3) + hat(skew) + even
 
 
@@ -129,21 +129,25 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     >>> np.ptp(np.linalg.norm(motion.left, axis=1)) < 1e-12
     np.True_
     """
-    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
-    check_unconstrained(material, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, GENERAL_SIMULATE)
+    check_unconstrained(material, GENERAL_SIMULATE)
     start = general_state(F0, dF0, E)
     L, R = rotation(start.q_L), rotation(start.q_R).T
-    check_symmetry(material.gradient(F0), (L * axis_forces(start.a, material)) @ R, "is isotropic", HERE)
+    check_symmetry(
+        material.gradient(F0), (L * axis_forces(start.a, material)) @ R, "is isotropic", GENERAL_SIMULATE
+    )
     E_R, A = R @ E @ R.T, L.T @ dF0 @ R.T
     # what nothing turns: no axial momentum, and none that the second moment would raise
     still = not (start.left.any() or start.right.any() or (E_R - np.diag(E_R.diagonal())).any())
-    ends = chart_ends(start.a, (still, still, still), HERE, float(time[0]), A)
+    ends = chart_ends(start.a, (still, still, still), GENERAL_SIMULATE, float(time[0]), A)
     shapes = [part.shape for part in start]
 
     def rates(y: Array) -> Array:
-        return flat(general_rates(GeneralState(*parts(y, shapes)), E, material))
+        return flat(general_rates(GeneralState(*split_state(y, shapes)), E, material))
 
-    a, p, left, right, q_L, q_R = parts(integrate(rates, flat(start), time, ends, HERE), shapes)
+    a, p, left, right, q_L, q_R = split_state(
+        integrate_form(rates, flat(start), time, ends, GENERAL_SIMULATE), shapes
+    )
     L, R_T = rotation(q_L), rotation(q_R)
     P = momentum(a, p, left, right)
     R = np.swapaxes(R_T, -1, -2)
@@ -151,7 +155,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     return GeneralMotion(time, (L * a[..., None, :]) @ R, dF, L, R, a, p, left, right)
 
 
-def spread(v: Array) -> Array:
+def off_diagonal(v: Array) -> Array:
     """Symmetric matrix (..., 3, 3) with v_k (..., 3) at (i, j) and (j, i), zero on the diagonal."""
     out = np.zeros((*v.shape, 3))
     out[..., [2, 0, 1], [1, 2, 0]] = out[..., [1, 2, 0], [2, 0, 1]] = v

@@ -12,9 +12,9 @@ from math import isfinite, pi, sqrt
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import tensors
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols, potential_integral
 from forceid.pseudorigid.material_law import constant
+from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
 

@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import numbers
+from forceid.pseudorigid.validation import numbers
 from forceid.records import Array
 
-STEP = (
+QUADRATURE_STEP = (
     0.16  # of the trapezoidal rule: error exp(-2 pi d / step), the poles being d = 1.2 or more off the line
 )
-SHORTEST, LONGEST = 1e-75, 1e75  # of semi-axes, whose fourth powers are numbers
+SHORTEST_AXIS, LONGEST_AXIS = 1e-75, 1e75  # of semi-axes, whose fourth powers are numbers
 ENDS = 3.8  # beyond the logarithms of the squared axes, where the integrand is below 1e-17 of its largest
 
 
@@ -28,7 +28,7 @@ def checked_axes(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Ar
     axes = []
     for name, given in zip(("a1", "a2", "a3"), (a1, a2, a3), strict=True):
         a = numbers(given, f"axis {name}")
-        bad = ~((a > SHORTEST) & (a < LONGEST))
+        bad = ~((a > SHORTEST_AXIS) & (a < LONGEST_AXIS))
         if bad.any():
             raise DataError(
                 f"is {a[bad].flat[0]:g}, expected a positive length",
@@ -80,7 +80,7 @@ def pair_symbols(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Ar
 def half_line(smallest: Array, largest: Array) -> tuple[Array, Array]:
     """Nodes u and weights (..., n) on (0, inf) for integrands that change about `smallest` to `largest`."""
     span = np.log(largest / smallest)
-    count = int(np.ceil((2 * ENDS + span.max(initial=0.0)) / STEP)) + 1
+    count = int(np.ceil((2 * ENDS + span.max(initial=0.0)) / QUADRATURE_STEP)) + 1
     step = ((2 * ENDS + span) / (count - 1))[..., None]
     s = -ENDS + step * np.arange(count)
     left, right = np.exp(-s), np.exp(s - span[..., None])

@@ -15,20 +15,20 @@ from forceid.compiled import engine as compiled
 from forceid.pseudorigid.cofactors import determinant, inner, product, scaled, transpose
 from forceid.pseudorigid.materials import HadamardGreen, MooneyRivlin, NeoHookean
 from forceid.pseudorigid.splittings import SPLITTINGS, Splitting
-from forceid.pseudorigid.system import State, System, along_basis
+from forceid.pseudorigid.system import AffineSystem, State, along_basis
 from forceid.records import Array, Flags
 
-ITERATIONS = 25
-ROUNDING = 4 * float(np.finfo(float).eps)
-NEAR = 1e-5  # of F: below, Newton keeps its derivative
-ALIKE = 1e-5  # of C: below, the midpoint force keeps the energy to rounding by itself
+NEWTON_ITERATIONS = 25
+STEP_ROUNDING = 4 * float(np.finfo(float).eps)
+KEPT_WITHIN = 1e-5  # of F: below, Newton keeps its derivative
+SAME_STRAIN = 1e-5  # of C: below, the midpoint force keeps the energy to rounding by itself
 
-Stepper = Callable[[System, State, float, int], None]
+Stepper = Callable[[AffineSystem, State, float, int], None]
 Law = tuple[float, float, float, float, bool, list[float]]  # a, b, c, d, with Gamma, 1/e
 Force = Callable[[Array], tuple[Array, Callable[[Array], Array]]]
 
 
-def split_steps(system: System, state: State, h: float, n: int, table: Splitting) -> None:
+def split_steps(system: AffineSystem, state: State, h: float, n: int, table: Splitting) -> None:
     """A splitting n times: linear group actions, so quadratic invariants J and C are kept exactly."""
     if compiled is not None and (law := compiled_law(system)) is not None:
         compiled_steps(law, state, h, n, table)
@@ -48,7 +48,7 @@ def split_steps(system: System, state: State, h: float, n: int, table: Splitting
     state.push = push
 
 
-def compiled_law(system: System) -> Law | None:
+def compiled_law(system: AffineSystem) -> Law | None:
     """Constants of bodies whose splittings are compiled: Mooney-Rivlin and E = diag(e); else nothing."""
     W = system.material
     # a class derived from one of these may mean something else
@@ -70,7 +70,7 @@ def compiled_steps(law: Law, state: State, h: float, n: int, table: Splitting) -
     state.stopped |= stopped.astype(bool)
 
 
-def midpoint_steps(system: System, state: State, h: float, n: int) -> None:
+def midpoint_steps(system: AffineSystem, state: State, h: float, n: int) -> None:
     """The implicit midpoint rule n times, Newton to rounding: order 2, J and C exactly, any stiffness.
 
     Z = F + h/2 V + h^2/4 a(Z), V += h a(Z), F += h/2 (V_0 + V_1).
@@ -84,13 +84,13 @@ def midpoint_steps(system: System, state: State, h: float, n: int) -> None:
         def slope(Z: Array) -> Array:
             return np.asarray(np.eye(9) + 0.25 * h**2 * system.stiffness(Z))
 
-        Z, failed = newton(residual, slope, known, state.stopped)
+        Z, failed = solve_step(residual, slope, known, state.stopped)
         state.park(failed)
         Z[state.stopped] = state.F[state.stopped]
         finish(state, h, system.acceleration(Z))
 
 
-def energy_steps(system: System, state: State, h: float, n: int) -> None:
+def energy_steps(system: AffineSystem, state: State, h: float, n: int) -> None:
     """The discrete gradient of Gonzalez n times, Newton to rounding: H and J exactly, order 2.
 
     The force is F_1/2 S with S = 2 dW/dC at the mean of C = F^T F, corrected along Delta C so that its work
@@ -101,7 +101,7 @@ def energy_steps(system: System, state: State, h: float, n: int) -> None:
         F0, W0 = state.F, system.material.energy(state.F)
         known = F0 + (state.F_low + h * state.V)
         change = product(transpose(known), known) - product(transpose(F0), F0)
-        worth = np.sqrt(inner(change, change)) > ALIKE * inner(F0, F0)
+        worth = np.sqrt(inner(change, change)) > SAME_STRAIN * inner(F0, F0)
         force = partial(discrete_gradient, system, F0, W0=W0, worth=worth)
 
         def residual(F1: Array, known: Array = known, force: Force = force) -> Array:
@@ -111,7 +111,7 @@ def energy_steps(system: System, state: State, h: float, n: int) -> None:
             rows = system.over_moment(force(F1)[1](along_basis(F1)[1])).reshape(9, len(F1), 9)
             return np.asarray(np.eye(9) + 0.5 * h**2 * np.moveaxis(rows, 0, -1))
 
-        F1, failed = newton(residual, slope, known, state.stopped)
+        F1, failed = solve_step(residual, slope, known, state.stopped)
         state.park(failed)
         F1[state.stopped] = state.F[state.stopped]
         finish(state, h, -system.over_moment(force(F1)[0]))
@@ -129,7 +129,7 @@ def finish(state: State, h: float, push: Array) -> None:
 
 
 def discrete_gradient(
-    system: System, F0: Array, F1: Array, W0: Array, worth: Flags
+    system: AffineSystem, F0: Array, F1: Array, W0: Array, worth: Flags
 ) -> tuple[Array, Callable[[Array], Array]]:
     """Force (body, 3, 3) whose work from F0 to F1 is W(F1) - W(F0), and its derivative along H by F1."""
     material = system.material
@@ -159,7 +159,7 @@ def discrete_gradient(
     return product(mean, total), along
 
 
-def newton(
+def solve_step(
     residual: Callable[[Array], Array], slope: Callable[[Array], Array], start: Array, skip: Flags
 ) -> tuple[Array, Flags]:
     """Root (body, 3, 3) by Newton's method to rounding, and where it fails; bodies of `skip` are left."""
@@ -170,14 +170,14 @@ def newton(
     Z[skip | folded] = np.eye(3)
     done = skip | folded
     derivative = None
-    for _ in range(ITERATIONS):
-        if derivative is None or (last[~done] > NEAR * size[~done]).any():
+    for _ in range(NEWTON_ITERATIONS):
+        if derivative is None or (last[~done] > KEPT_WITHIN * size[~done]).any():
             derivative = slope(Z)
         step = np.linalg.solve(derivative, residual(Z).reshape(len(Z), 9, 1)).reshape(Z.shape)
         moved = np.abs(step).max((-2, -1))
         moved[done] = 0.0
         # at rounding steps stop shrinking
-        settled = (moved <= ROUNDING * size) | ((moved < 1e-9 * size) & (moved >= 0.5 * last))
+        settled = (moved <= STEP_ROUNDING * size) | ((moved < 1e-9 * size) & (moved >= 0.5 * last))
         step[done] = 0.0
         Z = Z - step
         lost = ~done & ~(np.isfinite(moved) & (determinant(Z) > 0))
@@ -193,7 +193,7 @@ def newton(
 def splitting_stepper(table: Splitting) -> Stepper:
     """Steps of one table."""
 
-    def steps(system: System, state: State, h: float, n: int) -> None:
+    def steps(system: AffineSystem, state: State, h: float, n: int) -> None:
         split_steps(system, state, h, n, table)
 
     return steps

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from forceid.pseudorigid.given import tensors
+from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
 ISOTROPIC = 1e-13  # of E: what rounding leaves between the principal second moments of a ball

@@ -17,17 +17,17 @@ from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.decomposition import polar
-from forceid.pseudorigid.given import deformation, instants, matrix
 from forceid.pseudorigid.invariants import Elastic, axial, cross, hat
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.validation import deformation, instants, matrix
 from forceid.records import Array
 
-HERE = "left_reduced.simulate"
-RTOL, ATOL = 3e-14, 1e-15  # DOP853: the tightest that its error estimate can tell from rounding
+LEFT_SIMULATE = "left_reduced.simulate"
+REDUCED_RTOL, REDUCED_ATOL = 3e-14, 1e-15  # DOP853: the tightest that its estimate tells from rounding
 SYMMETRY = 1e-10  # of the force: what tells a material that lacks a symmetry from rounding
 SKEW = hat(np.eye(3))
 _PAIRS = np.array([[0, 0], [1, 1], [2, 2], [1, 2], [2, 0], [0, 1]])
-SYMMETRIC = np.array([(np.outer(*np.eye(3)[p]) + np.outer(*np.eye(3)[p[::-1]])) / 2 for p in _PAIRS])
+SYMMETRIC_BASIS = np.array([(np.outer(*np.eye(3)[p]) + np.outer(*np.eye(3)[p[::-1]])) / 2 for p in _PAIRS])
 
 
 class LeftState(NamedTuple):
@@ -68,12 +68,12 @@ def left_velocity(U: Array, m: Array, p_U: Array, second_moment: Array) -> tuple
     The matrix is the kinetic energy over omega and U', and regular, as any matrix is one hat(omega) U + U'.
     """
     basis = np.concatenate(
-        [SKEW @ U[..., None, :, :], np.broadcast_to(SYMMETRIC, (*U.shape[:-2], 6, 3, 3))], -3
+        [SKEW @ U[..., None, :, :], np.broadcast_to(SYMMETRIC_BASIS, (*U.shape[:-2], 6, 3, 3))], -3
     )
     kinetic = np.einsum("...aij,jk,...bik->...ab", basis, second_moment, basis)
-    momentum = np.concatenate([2 * m, np.einsum("aij,...ij->...a", SYMMETRIC, p_U)], -1)
+    momentum = np.concatenate([2 * m, np.einsum("aij,...ij->...a", SYMMETRIC_BASIS, p_U)], -1)
     rates = np.linalg.solve(kinetic, momentum[..., None])[..., 0]
-    return rates[..., :3], np.einsum("...a,aij->...ij", rates[..., 3:], SYMMETRIC)
+    return rates[..., :3], np.einsum("...a,aij->...ij", rates[..., 3:], SYMMETRIC_BASIS)
 
 
 def left_rates(state: LeftState, second_moment: Array, material: Elastic) -> LeftState:
@@ -103,26 +103,28 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     >>> (2 * motion.L @ motion.m[..., None])[:, 2, 0].round(12)
     array([0.6, 0.6])
     """
-    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
-    check_unconstrained(material, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, LEFT_SIMULATE)
+    check_unconstrained(material, LEFT_SIMULATE)
     start = left_state(F0, dF0, E)
     turned = rotation(start.q) @ material.gradient(start.U)
-    check_symmetry(material.gradient(F0), turned, "keeps its energy under rotations of space", HERE)
+    check_symmetry(material.gradient(F0), turned, "keeps its energy under rotations of space", LEFT_SIMULATE)
     shapes = [part.shape for part in start]
 
     def rates(y: Array) -> Array:
-        return flat(left_rates(LeftState(*parts(y, shapes)), E, material))
+        return flat(left_rates(LeftState(*split_state(y, shapes)), E, material))
 
     def volume(y: Array) -> float:
-        return float(np.linalg.det(parts(y, shapes)[1]))
+        return float(np.linalg.det(split_state(y, shapes)[1]))
 
     ends = [(volume, "J falls to 0: F has no polar rotation beyond")]
-    q, U, m, p_U = LeftState(*parts(integrate(rates, flat(start), time, ends, HERE), shapes))
+    q, U, m, p_U = LeftState(
+        *split_state(integrate_form(rates, flat(start), time, ends, LEFT_SIMULATE), shapes)
+    )
     L, (omega, dU) = rotation(q), left_velocity(U, m, p_U, E)
     return LeftMotion(time, L @ U, L @ (hat(omega) @ U + dU), L, U, m, p_U)
 
 
-def integrate(
+def integrate_form(
     rates: Callable[[Array], Array],
     start: Array,
     time: Array,
@@ -149,8 +151,8 @@ def integrate(
         "DOP853",
         time,
         events=[event(inside) for inside, _ in ends],
-        rtol=RTOL,
-        atol=ATOL,
+        rtol=REDUCED_RTOL,
+        atol=REDUCED_ATOL,
     )
     if run.status == 0:
         return np.asarray(run.y.T)
@@ -204,7 +206,7 @@ def flat(state: Sequence[Array]) -> Array:
     return np.concatenate([part.ravel() for part in state])
 
 
-def parts(y: Array, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+def split_state(y: Array, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
     """Parts of a state (..., size), each (..., *shape): the inverse of `flat`."""
     sizes = np.cumsum([int(np.prod(shape)) for shape in shapes])
     return [

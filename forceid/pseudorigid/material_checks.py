@@ -16,9 +16,9 @@ from forceid.pseudorigid.cofactors import EYE, determinant, inner, product, tran
 from forceid.pseudorigid.material_law import Material
 from forceid.records import Array
 
-EXACT = 1e-9  # of what rounding leaves of an identity, relative to the forces
+IDENTITY_ROUNDING = 1e-9  # of what rounding leaves of an identity, relative to the forces
 CLOSE = 1e-5  # of central differences
-STEP = 1e-4  # of central differences, refined once (Richardson)
+DIFFERENCE_STEP = 1e-4  # of central differences, refined once (Richardson)
 
 
 @dataclass(frozen=True)
@@ -41,22 +41,22 @@ class MaterialCheck:
     @property
     def consistent(self) -> bool:
         """Energy, force and stiffness are derivatives of each other."""
-        return max(self.gradient, self.hessian) < CLOSE and self.symmetry < EXACT
+        return max(self.gradient, self.hessian) < CLOSE and self.symmetry < IDENTITY_ROUNDING
 
     @property
     def frame_indifferent(self) -> bool:
         """Rotating the body in space changes nothing: angular momentum is kept."""
-        return max(self.frame, self.torque) < EXACT
+        return max(self.frame, self.torque) < IDENTITY_ROUNDING
 
     @property
     def isotropic(self) -> bool:
         """Rotating the reference body changes nothing: with E = mu I circulation is kept."""
-        return self.isotropy < EXACT
+        return self.isotropy < IDENTITY_ROUNDING
 
     @property
     def natural(self) -> bool:
         """F = I is free of stress."""
-        return self.stress < EXACT
+        return self.stress < IDENTITY_ROUNDING
 
 
 def check_material(material: Material, rng: np.random.Generator, samples: int = 32) -> MaterialCheck:
@@ -119,7 +119,7 @@ def differenced(material: Material, name: str, F: Array, H: Array) -> Array:
         ahead, behind = asked(material, name, F + step * H), asked(material, name, F - step * H)
         return np.asarray((ahead - behind) / (2 * step))
 
-    return np.asarray((4 * slope(STEP) - slope(2 * STEP)) / 3)
+    return np.asarray((4 * slope(DIFFERENCE_STEP) - slope(2 * DIFFERENCE_STEP)) / 3)
 
 
 def skew(A: Array) -> float:

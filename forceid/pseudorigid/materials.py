@@ -22,9 +22,9 @@ from forceid.pseudorigid.cofactors import (
     trace,
     transpose,
 )
-from forceid.pseudorigid.given import tensors
 from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
 from forceid.pseudorigid.material_law import Material as Material
+from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
 

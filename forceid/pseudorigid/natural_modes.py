@@ -14,13 +14,13 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import deformation
 from forceid.pseudorigid.material_law import constant
 from forceid.pseudorigid.spectra import Spectrum, checked_second_moment, cofactor_change, rotating_spectrum
+from forceid.pseudorigid.validation import deformation
 from forceid.records import Array
 
 CONTINUED = (1, 8, 64)  # steps of the rate from rest to the one that is asked for
-SETTLED = 1e-14  # of the stretch, in the last step of Newton's method
+NEWTON_SETTLED = 1e-14  # of the stretch, in the last step of Newton's method
 RESTING = 1e-9  # of the stiffness, that the stress of a body at rest may be
 
 
@@ -128,7 +128,7 @@ def spinning_body(
     for steps in CONTINUED:
         a: Array | None = np.array(start, float)
         for part in np.linspace(0, 1, steps + 1):
-            a = newton(material, e, (rate * part) ** 2, a) if a is not None else None
+            a = newton_stretch(material, e, (rate * part) ** 2, a) if a is not None else None
         if a is not None:
             break
     if a is None:
@@ -141,7 +141,7 @@ def spinning_body(
     return SpinningBody(a, rate, momentum, momentum * rate / 2 + float(material.energy(np.diag(a))), spectrum)
 
 
-def newton(material: Any, e: Array, rate_squared: float, start: Array) -> Array | None:
+def newton_stretch(material: Any, e: Array, rate_squared: float, start: Array) -> Array | None:
     """Stretches (3,) of steady spin, by Newton's method; None where it does not arrive."""
     a = start
     outward = rate_squared * e * np.array([1.0, 1.0, 0.0])
@@ -155,7 +155,7 @@ def newton(material: Any, e: Array, rate_squared: float, start: Array) -> Array 
         step = -np.linalg.solve(slope, left)
         step *= min(1.0, 0.5 / np.abs(step / a).max(initial=1e-300))
         a = a + step
-        if np.abs(step).max() <= SETTLED * np.abs(a).max():
+        if np.abs(step).max() <= NEWTON_SETTLED * np.abs(a).max():
             return np.asarray(a)
         if not (np.isfinite(a).all() and (a > 0).all() and a.max() < 1e6 * start.max()):
             return None

@@ -13,8 +13,8 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import EYE, determinant, transpose
-from forceid.pseudorigid.given import tensors
 from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
+from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
 PAIRS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two of every axis

@@ -18,7 +18,7 @@ from forceid.pseudorigid.material_law import constant
 from forceid.records import Array
 
 CONVERGED, SETTLED = 1e-14, 1e-7  # of the period, between a rule and the one with twice the nodes
-FARTHEST = 2.0**40  # times nearer or farther than the start: where the search for a turning point ends
+FARTHEST_TURNING = 2.0**40  # times nearer or farther than the start: where the search for it ends
 RULES = tuple(16 * 2**i for i in range(10))
 
 
@@ -80,7 +80,7 @@ def turning_point(above: Callable[[float], float], start: float) -> float:
     factor = 1.02**toward
     while above(outer) < 0:
         inner, outer = outer, outer * factor
-        if not start / FARTHEST < outer < start * FARTHEST:
+        if not start / FARTHEST_TURNING < outer < start * FARTHEST_TURNING:
             end = "expands forever" if toward > 0 else "collapses"
             raise DataError(f"{end}, so it has no period", "a body released there", "add what turns it back")
     return float(brentq(above, inner, outer, xtol=4e-16 * start, rtol=8.9e-16))

@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import determinant
 from forceid.pseudorigid.constrained import constrained_acceleration
-from forceid.pseudorigid.system import System
+from forceid.pseudorigid.system import AffineSystem
 from forceid.records import Array
 
-RTOL, ATOL = 1e-13, 1e-14
+REFERENCE_RTOL, REFERENCE_ATOL = 1e-13, 1e-14
 COLLAPSED = 1e-9  # of det F at the start: below, a body with a barrier has collapsed
 REFLECTION = np.diag([1.0, 1.0, -1.0])
 
@@ -38,12 +38,12 @@ class ReferencePath:
 
 
 def reference(
-    system: System,
+    system: AffineSystem,
     F0: Array,
     V0: Array,
     time: Array,
     constrained: bool = False,
-    rtol: float = RTOL,
+    rtol: float = REFERENCE_RTOL,
     most: float = float("inf"),
 ) -> ReferencePath:
     """One body from F0, V0 (3, 3) at time[0] through the samples `time`.
@@ -79,7 +79,7 @@ def reference(
         "t_eval": time,
         "events": volume,
         "rtol": rtol,
-        "atol": ATOL,
+        "atol": REFERENCE_ATOL,
     }
     with np.errstate(all="ignore"):
         found: Any = solve_ivp(rate, (float(time[0]), float(time[-1])), start, **options)
@@ -93,7 +93,7 @@ def reference(
     return ReferencePath(y[:, :9].reshape(-1, 3, 3), y[:, 9:].reshape(-1, 3, 3), kind, stop)
 
 
-def regular(system: System, F: Array) -> bool:
+def regular(system: AffineSystem, F: Array) -> bool:
     """Whether the force is finite at det F <= 0, as where there is no barrier."""
     try:
         with np.errstate(all="ignore"):

@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkm1, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.given import instants, matrix, rotation_matrix, vector
 from forceid.pseudorigid.invariants import cross, hat
+from forceid.pseudorigid.validation import instants, matrix, rotation_matrix, vector
 from forceid.records import Array
 
 HARMONICS = 7.0  # in units of K/K', the decay of the series: exp(-2 pi 7), below rounding
-BLOCK = 4096  # samples of the series at once
+SERIES_TOGETHER = 4096  # samples of the series at once
 SEPARATRIX = 1e-4  # of 1 - m: nearer, ellipj, which is told m, loses digits of cn and dn, below 1e-10 all
 
 
@@ -33,7 +33,7 @@ class RigidMotion:
 
 
 @dataclass(frozen=True)
-class Turning:
+class EllipticTurn:
     """Principal rates (A cn, B sn, C dn) of phase start + rate t; J (3,) is monotone, up or down.
 
     coefficients (3,): A, B, C; m: parameter, not modulus; m1 = 1 - m, without its cancellation.
@@ -140,7 +140,7 @@ def principal(inertia: Array) -> tuple[Array, Array]:
     return J, axes * np.linalg.det(axes)
 
 
-def turning(J: Array, w0: Array) -> Turning:
+def turning(J: Array, w0: Array) -> EllipticTurn:
     """Amplitudes, parameter and phase of rates that start at w0 (3,), of axes J (3,), circling the last.
 
     J rises, or falls: what is said of the largest moment then holds of the smallest. Differences of the
@@ -158,10 +158,10 @@ def turning(J: Array, w0: Array) -> Turning:
     sn, cn = unit(np.array([w0[1] / B, w0[0] / A])) if low != 0 else (0.0, 1.0)  # A has the sign of w0[0]
     start = float(sn * elliprf(cn * cn, cn * cn + m1 * sn * sn, 1.0))
     rate = float(np.sqrt((J3 - J2) * high / (J1 * J2 * J3)))
-    return Turning(J, np.array([A, B, C]), rate, start, float(m), float(m1))
+    return EllipticTurn(J, np.array([A, B, C]), rate, start, float(m), float(m1))
 
 
-def rates_and_angle(body: Turning, time: Array) -> tuple[Array, Array]:
+def rates_and_angle(body: EllipticTurn, time: Array) -> tuple[Array, Array]:
     """Principal rates (time, 3), and the angle (time,) from time 0 about the angular momentum.
 
     Angle: what turns besides the shortest rotation of the last axis to the unit momentum n; its rate
@@ -181,7 +181,7 @@ def rates_and_angle(body: Turning, time: Array) -> tuple[Array, Array]:
     half = 0.5 * np.remainder(passed, period)  # the same sines, of arguments that are not large
     waves = [
         np.sin(np.outer(x, n)) * np.cos(np.outer(body.start + x, n)) @ (2 * series[1:] / n)
-        for x in np.array_split(half, len(half) // BLOCK + 1)
+        for x in np.array_split(half, len(half) // SERIES_TOGETHER + 1)
     ]
     sn, cn, dn = elliptic(body.start + passed, body.m, body.m1)
     return np.stack([A * cn, B * sn, C * dn], -1), 0.5 * series[0] * time + np.concatenate(waves) / body.rate

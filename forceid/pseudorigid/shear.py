@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.cofactors import EYE, product
-from forceid.pseudorigid.given import instants, numbers
 from forceid.pseudorigid.material_law import check_range, constant
 from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.pseudorigid.trajectory import Trajectory
+from forceid.pseudorigid.validation import instants, numbers
 from forceid.records import Array
 
 E12 = np.outer(EYE[0], EYE[1])

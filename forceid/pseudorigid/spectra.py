@@ -14,15 +14,15 @@ from scipy.linalg import null_space
 
 from forceid.errors import DataError
 from forceid.pseudorigid.ellipsoids import Ellipsoid
-from forceid.pseudorigid.given import deformation, matrix, vector
 from forceid.pseudorigid.gravity import SelfGravity
+from forceid.pseudorigid.validation import deformation, matrix, vector
 from forceid.records import Array
 
-BALANCED = 1e-8  # of the forces, that their sum at an equilibrium may be
-STILL = (
+EQUILIBRIUM_SUM = 1e-8  # of the forces, that their sum at an equilibrium may be
+AT_REST = (
     1e-5  # of the fastest frequency: modes below it are zero, which come in pairs and carry sqrt(rounding)
 )
-SAME = 1e-6  # likewise: nearer frequencies are one, which rounding splits where it is defective
+SAME_FREQUENCY = 1e-6  # likewise: nearer frequencies are one, which rounding splits where it is defective
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Spectrum:
     def frequencies(self) -> Array:
         """Frequencies Im s above zero (mode,), ascending, each as often as it occurs."""
         s = self.eigenvalues
-        return np.sort(s.imag[s.imag > STILL * np.abs(s).max()])
+        return np.sort(s.imag[s.imag > AT_REST * np.abs(s).max()])
 
     @property
     def distinct(self) -> Array:
@@ -48,7 +48,7 @@ class Spectrum:
         f = self.frequencies
         if not len(f):
             return f
-        parts = np.split(f, np.flatnonzero(np.diff(f) > SAME * f[-1]) + 1)
+        parts = np.split(f, np.flatnonzero(np.diff(f) > SAME_FREQUENCY * f[-1]) + 1)
         return np.array([part.mean() for part in parts])
 
     @property
@@ -56,7 +56,7 @@ class Spectrum:
         """The largest growth rate Re s, 1/s; 0 where all modes oscillate or stand still."""
         s = self.eigenvalues
         rate = float(s.real.max())
-        return rate if rate > STILL * np.abs(s).max() else 0.0
+        return rate if rate > AT_REST * np.abs(s).max() else 0.0
 
 
 def rotating_spectrum(
@@ -96,7 +96,7 @@ def rotating_spectrum(
     multiplier = float(((carried + pull) * cofactor).sum() / (cofactor**2).sum()) if incompressible else 0.0
     left = carried + pull - multiplier * cofactor
     size = max(np.abs(carried).max(), np.abs(pull).max(), 1e-300)
-    if np.abs(left).max() > BALANCED * size and not at_rest_free(left, material, phi):
+    if np.abs(left).max() > EQUILIBRIUM_SUM * size and not at_rest_free(left, material, phi):
         raise DataError(
             f"leaves {np.abs(left).max() / size:.1e} of its forces unbalanced, so it is no equilibrium",
             "equilibrium",
@@ -124,7 +124,7 @@ def rotating_spectrum(
 def at_rest_free(left: Array, material: Any, phi: Array) -> bool:
     """Whether what is unbalanced is rounding of a material that is free of stress at phi."""
     stiffness = max(np.abs(np.asarray(material.hessian(phi, H))).max() for H in np.eye(9).reshape(9, 3, 3))
-    return bool(np.abs(left).max() <= BALANCED * stiffness * np.abs(phi).max())
+    return bool(np.abs(left).max() <= EQUILIBRIUM_SUM * stiffness * np.abs(phi).max())
 
 
 def cofactor_change(F: Array, H: Array) -> Array:

@@ -18,7 +18,7 @@ BASIS = np.eye(9).reshape(9, 3, 3)
 
 
 @dataclass(frozen=True)
-class System:
+class AffineSystem:
     """Material and second moment E (3, 3), symmetric positive definite."""
 
     material: Material

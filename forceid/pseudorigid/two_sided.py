@@ -17,11 +17,11 @@ import numpy as np
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.decomposition import bipolar
 from forceid.pseudorigid.invariants import Elastic, axial, cross, hat, is_symmetric_body
-from forceid.pseudorigid.left_reduced import check_symmetry, checked_body, flat, integrate, parts
+from forceid.pseudorigid.left_reduced import check_symmetry, checked_body, flat, integrate_form, split_state
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
-HERE = "two_sided.simulate"
+TWO_SIDED_SIMULATE = "two_sided.simulate"
 GAP = 1e-4  # of the longest axis; there rounding of a_i - a_j costs 3e-12 of F, at 1e-6 the step is lost
 
 
@@ -125,25 +125,29 @@ def simulate(
     >>> np.ptp(np.linalg.norm(motion.kappa, axis=1)) < 1e-12
     np.True_
     """
-    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, HERE)
+    E, F0, dF0, time = checked_body(second_moment, F0, dF0, time, TWO_SIDED_SIMULATE)
     if not is_symmetric_body(E):
         raise DataError(
-            "second_moment is not mu I", HERE, "use general_reduced.simulate, or integrate F itself"
+            "second_moment is not mu I",
+            TWO_SIDED_SIMULATE,
+            "use general_reduced.simulate, or integrate F itself",
         )
     mu, held = float(np.trace(E) / 3), incompressible or bool(getattr(material, "incompressible", False))
     start = two_sided_state(F0, dF0)
     check_held(F0, dF0, held)
     frame = rotation(start.q_L), np.swapaxes(rotation(start.q_R), -1, -2)
     expected = (frame[0] * axis_forces(start.a, material)) @ frame[1]
-    check_symmetry(material.gradient(F0), expected, "is isotropic", HERE)
+    check_symmetry(material.gradient(F0), expected, "is isotropic", TWO_SIDED_SIMULATE)
     quiet = quiet_pairs(start.pi, start.kappa)
-    ends = chart_ends(start.a, quiet, HERE, float(time[0]), frame[0].T @ dF0 @ frame[1].T)
+    ends = chart_ends(start.a, quiet, TWO_SIDED_SIMULATE, float(time[0]), frame[0].T @ dF0 @ frame[1].T)
     shapes = [part.shape for part in start]
 
     def rates(y: Array) -> Array:
-        return flat(two_sided_rates(TwoSidedState(*parts(y, shapes)), mu, material, held))
+        return flat(two_sided_rates(TwoSidedState(*split_state(y, shapes)), mu, material, held))
 
-    a, da, pi, kappa, q_L, q_R = parts(integrate(rates, flat(start), time, ends, HERE), shapes)
+    a, da, pi, kappa, q_L, q_R = split_state(
+        integrate_form(rates, flat(start), time, ends, TWO_SIDED_SIMULATE), shapes
+    )
     L, R = rotation(q_L), np.swapaxes(rotation(q_R), -1, -2)
     s, d = rates_of_rotation(a, pi, kappa)
     A = velocity(a, da, s, d)
@@ -162,7 +166,7 @@ def check_held(F0: Array, dF0: Array, held: bool) -> None:
     if held and (abs(J - 1) > 1e-9 or abs(rate) > 1e-9 * max(1.0, np.abs(dF0).max())):
         raise DataError(
             f"has det F0 = {J:.9g} and trace(F0^-1 dF0) = {rate:.3g}, expected 1 and 0",
-            HERE,
+            TWO_SIDED_SIMULATE,
             "divide F0 by the cube root of its determinant, take the trace out of F0^-1 dF0",
         )
 

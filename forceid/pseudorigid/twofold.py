@@ -11,8 +11,8 @@ import numpy as np
 
 from forceid.records import Array
 
-SPLIT = 2.0**27 + 1
-ROUNDS = 8
+DEKKER = 2.0**27 + 1
+JACOBI_ROUNDS = 8
 ARRIVED = 1e-9  # rad: a step so short leaves its square, and less
 Twofold = tuple[Array, Array]
 
@@ -39,7 +39,7 @@ def improved(F: Array, Q: Array) -> Array:
     """The polar rotation of F (n, 3, 3), from rotations near it, by Newton's rule on its quaternion."""
     q = quaternion(Q)
     moving = np.arange(len(F))
-    for _ in range(ROUNDS):
+    for _ in range(JACOBI_ROUNDS):
         w, x, y, z = q[moving].T
         skew, A = turned_back(q[moving], F[moving])
         S = 0.5 * (A + A.swapaxes(1, 2))
@@ -128,7 +128,7 @@ def rotation(q: Array) -> Array:
 
 def product(a: Array, b: Array) -> Twofold:
     """The exact product (Dekker 1971)."""
-    one, two = SPLIT * a, SPLIT * b
+    one, two = DEKKER * a, DEKKER * b
     a1, b1 = one - (one - a), two - (two - b)
     a2, b2 = a - a1, b - b1
     ab = a * b

@@ -12,7 +12,7 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.records import Array
 
-TURNED = 1e-6  # of L^T L = I, that rounding of a rotation written to few digits may miss
+ROTATION_ROUNDING = 1e-6  # of L^T L = I, that rounding of a rotation written to few digits may miss
 
 
 def numbers(value: Any, name: str, advice: str = "give real numbers") -> Array:
@@ -90,7 +90,7 @@ def rotation_matrix(value: Any, name: str) -> Array:
     """One rotation (3, 3)."""
     L = matrix(value, name)
     off = float(np.abs(L.T @ L - np.eye(3)).max())
-    if off > TURNED or not np.linalg.det(L) > 0:
+    if off > ROTATION_ROUNDING or not np.linalg.det(L) > 0:
         what = f"is no rotation: L^T L is off I by {off:.2g}, det L = {np.linalg.det(L):.3g}"
         raise DataError(what, name, "give its polar rotation, polar(L)[0]")
     return L

@@ -9,7 +9,7 @@ import pytest
 
 from forceid import pseudorigid as pr
 from forceid.pseudorigid import general_reduced, left_reduced, two_sided
-from forceid.pseudorigid.system import System
+from forceid.pseudorigid.system import AffineSystem
 
 RUBBER = pr.MooneyRivlin(0.73, 0.31, 0.52, 1.9)
 F, V = (
@@ -393,7 +393,7 @@ def test_second_rates_of_the_axes_are_those_along_the_master_motion():
 
 
 def test_multiplier_of_a_full_second_moment():
-    assert pr.multiplier(System(RUBBER, E), F, V) == pytest.approx(2.9290692286335598, rel=1e-13)
+    assert pr.multiplier(AffineSystem(RUBBER, E), F, V) == pytest.approx(2.9290692286335598, rel=1e-13)
 
 
 @pytest.mark.parametrize(("method", "step"), [("dop853", None), ("kahan_li_8", 0.03)])

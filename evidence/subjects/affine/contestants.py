@@ -12,7 +12,7 @@ from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, Frames
 from evidence.subjects.affine.problem import Problem
 from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
-from forceid.pseudorigid.bipolar_path import TURN
+from forceid.pseudorigid.bipolar_path import FRAME_TURN
 from forceid.records import Array, Flags
 
 RESIDUAL = 1e-13  # of F, that factors may leave
@@ -141,7 +141,7 @@ def of_path(
     jump = np.where(shown[1:], angle, 0.0).max()
     known = defined & np.isfinite(rate).all(1)
     miss = np.linalg.norm((rate - problem.rate)[known]) / np.linalg.norm(problem.rate[known])
-    return float(max(jump / TURN, left[defined].max() / RESIDUAL)), float(miss)
+    return float(max(jump / FRAME_TURN, left[defined].max() / RESIDUAL)), float(miss)
 
 
 def path_svd(problem: Problem) -> Answer:
