@@ -124,8 +124,7 @@ def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
     """What would become of a file: skipped, planned, left out, failed, or exists, which ends the batch."""
     from forceid.cli.pool import LEFT_OUT, cause_of, failure
     from forceid.cli.resume import current
-    from forceid.files.hdf5 import stamp
-    from forceid.files.result import is_result
+    from forceid.files import is_result, stamp
 
     try:
         stamp(job[0])
@@ -190,7 +189,7 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
 def write_page(records: Sequence[Record], folder: Path, undone: int) -> str:
     """The page over all files, beside the results; its path, or why it is not there."""
     from forceid.files.atomic import atomic
-    from forceid.report.batch_page import render_batch
+    from forceid.report import render_batch
 
     try:
         with atomic(folder / PAGE) as partial:
@@ -209,7 +208,7 @@ def show(records: Sequence[Record], json: bool) -> None:
 
 def table(records: Sequence[Record]) -> str:
     """The outcome: a line for every file that is not accurate, and why, those far off, then the counts."""
-    from forceid.report.outliers import find_outliers
+    from forceid.report import find_outliers
 
     lines = []
     for record in sorted(records, key=lambda r: str(r["file"])):

@@ -23,8 +23,8 @@ def run(
     Example: forceid demo -o demo
     """
     from forceid.config import load_settings
-    from forceid.files.hdf5 import write_motion
-    from forceid.scenes.recipe import load_recipe, simulate
+    from forceid.files import write_motion
+    from forceid.scenes import load_recipe, simulate
 
     output.mkdir(parents=True, exist_ok=True)
     motion, result, page = (output / f"boomerang{end}" for end in (".h5", ".result.h5", ".html"))

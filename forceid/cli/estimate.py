@@ -108,7 +108,7 @@ def estimate_file(
 
     from forceid.estimation.long.out_of_core import estimate_source
     from forceid.estimation.long.windows import unwatched
-    from forceid.files.result import write_result
+    from forceid.files import write_result
 
     if output.resolve() == source.resolve():
         raise ConfigError("is both input and output", str(output), "name another output with -o")

@@ -43,8 +43,7 @@ def run(
 
     Example: forceid import run7.tdms -o run7.h5 -c lab.toml
     """  # noqa: D301 (the backspace keeps the lines of the example apart)
-    from forceid.files.hdf5 import write_motion
-    from forceid.files.sources import import_sources, load_import_settings
+    from forceid.files import import_sources, load_import_settings, write_motion
 
     recordings = import_sources(sources, load_import_settings(config))
     for name, recording in recordings:

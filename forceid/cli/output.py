@@ -42,7 +42,7 @@ def describe(
     estimate: Estimate, source: Path, output: Path, truth: Mapping[str, Array] | None = None
 ) -> dict[str, Any]:
     """What --json says of an estimate: files, verdict, how it was made, and the numbers (SI, per axis)."""
-    from forceid.report.numbers import summarize
+    from forceid.report import wrench_numbers
 
     return {
         "file": str(source),
@@ -64,7 +64,7 @@ def describe(
         **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
         **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
         **witness_of(estimate.witness),
-        **summarize(estimate, truth).as_dict(),
+        **wrench_numbers(estimate, truth).as_dict(),
     }
 
 
@@ -155,7 +155,7 @@ def joint_lines(interface: Mapping[str, Any]) -> list[str]:
     """A line for the verdict of the joints, one for each of its reasons and one for each joint."""
     import numpy as np
 
-    from forceid.report.numbers import plus_minus
+    from forceid.report import plus_minus
 
     lines = [f"joints   {interface['verdict']}", *(wrap(f"       - {text}") for text in interface["reasons"])]
     for joint in interface["joint"]:
@@ -172,7 +172,7 @@ def summary(record: Mapping[str, Any]) -> str:
     """The same for people: the verdict first, then the numbers, then where the result is."""
     import numpy as np
 
-    from forceid.report.numbers import plain, plus_minus
+    from forceid.report import plain, plus_minus
 
     lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {reason}") for reason in record["reasons"])]
     lines.append(f"method   {record['method']}, model {record['model']}, engine {record['engine']}")
@@ -200,7 +200,7 @@ def known_error(record: Mapping[str, Any], name: str) -> str:
     """The error of the `force` or the `moment` against the truth, and what the estimate claimed of it."""
     import numpy as np
 
-    from forceid.report.numbers import plain
+    from forceid.report import plain
 
     size = plain(float(np.linalg.norm(record[f"{name}_error"])), 2)
     times = plain(float(np.sqrt(np.nanmean(np.square(record[f"{name}_score"])))), 2)

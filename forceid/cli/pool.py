@@ -142,8 +142,7 @@ def left(waiting: deque[Job]) -> Iterator[Record]:
 
 def run_job(source: Path, output: Path, settings: Settings) -> Record:
     """Estimate one file; every failure becomes a record that says why, a result that is given says so."""
-    from forceid.files.hdf5 import stamp
-    from forceid.files.result import is_result
+    from forceid.files import is_result, stamp
 
     try:
         stamp(source)

@@ -31,9 +31,9 @@ def run(
 
 def write_page(result: Path, page: Path) -> None:
     """Read the result and write its page."""
+    from forceid.files import read_result, read_title, read_truth
     from forceid.files.atomic import atomic
-    from forceid.files.result import read_result, read_title, read_truth
-    from forceid.report.page import render_page
+    from forceid.report import render_page
 
     title = read_title(result) or result.name.removesuffix(".result.h5")
     html = render_page(read_result(result), read_truth(result), title, result.name)

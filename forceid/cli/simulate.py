@@ -19,8 +19,8 @@ def run(
 
     Example: forceid simulate scene.toml -o toss.h5 --seed 7
     """
-    from forceid.files.hdf5 import write_motion
-    from forceid.scenes.recipe import load_recipe, simulate
+    from forceid.files import write_motion
+    from forceid.scenes import load_recipe, simulate
 
     recording = simulate(load_recipe(scene, seed))
     write_motion(output, recording)

@@ -9,8 +9,7 @@ from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
-from forceid.principal.loads import solve_loads
-from forceid.principal.wrench import transport, transport_cov
+from forceid.principal import solve_loads, transport, transport_cov
 from forceid.records import Array, Body, Finding, Loads
 
 SPLIT = 0.06  # of unit loads, what is left of one beside the others: below, they are alike

@@ -31,7 +31,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording
 
 ROUNDED = 1e-9  # percent that rounding leaves of nothing

@@ -51,7 +51,7 @@ from forceid.estimation.witness.witness import as_measured, judge_witness, witne
 from forceid.kalman.engines import engine
 from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation
-from forceid.principal.objectivity import objectivity
+from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarr
     Returns a DataTree with /estimate (and /load where loads are asked for), as in a result file. Raises
     DataError, ConfigError; an estimate that cannot be defended comes back as NaN with verdict "refused".
     """
-    from forceid.files.tree import recording_from_tree, tree_from_estimate
+    from forceid.files import recording_from_tree, tree_from_estimate
 
     merged = load_settings(config, **settings)
     recording = recording_from_tree(tree, merged.gravity)

@@ -1,1 +1,47 @@
-"""Files: the motion and result schema, and the formats of laboratories."""
+"""Files: the motion and result schema, and the formats of laboratories.
+
+What may be used from outside; each name loads on first use.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "read_motion": "forceid.files.hdf5",
+    "write_motion": "forceid.files.hdf5",
+    "stamp": "forceid.files.hdf5",
+    "open_motion": "forceid.files.tree",
+    "recording_from_tree": "forceid.files.tree",
+    "tree_from_estimate": "forceid.files.tree",
+    "read_result": "forceid.files.result",
+    "write_result": "forceid.files.result",
+    "read_truth": "forceid.files.result",
+    "read_title": "forceid.files.result",
+    "is_result": "forceid.files.result",
+    "import_sources": "forceid.files.sources",
+    "load_import_settings": "forceid.files.sources",
+}
+__all__ = [*_HOMES]
+
+if TYPE_CHECKING:
+    from forceid.files.hdf5 import read_motion as read_motion
+    from forceid.files.hdf5 import stamp as stamp
+    from forceid.files.hdf5 import write_motion as write_motion
+    from forceid.files.result import is_result as is_result
+    from forceid.files.result import read_result as read_result
+    from forceid.files.result import read_title as read_title
+    from forceid.files.result import read_truth as read_truth
+    from forceid.files.result import write_result as write_result
+    from forceid.files.sources import import_sources as import_sources
+    from forceid.files.sources import load_import_settings as load_import_settings
+    from forceid.files.tree import open_motion as open_motion
+    from forceid.files.tree import recording_from_tree as recording_from_tree
+    from forceid.files.tree import tree_from_estimate as tree_from_estimate
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'forceid.files' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)

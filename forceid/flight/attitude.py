@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from forceid.compiled import engine as compiled
 from forceid.motion.pose import exp, log
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 

@@ -25,7 +25,7 @@ from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load
 from forceid.kalman.lines import Line
 from forceid.kalman.model import StateSpace
 from forceid.motion.pose import log
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn

@@ -31,7 +31,7 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.motion.free_turn import free_turn, momentum_between
 from forceid.motion.pose import exp
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 ITERATIONS = 40  # Gauss-Newton steps at most; a path that settles takes 3 to 6

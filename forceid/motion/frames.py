@@ -8,7 +8,7 @@ import numpy as np
 
 from forceid.motion.noise_axes import through_fit
 from forceid.motion.pose import Pose, alike, body_axes, exp, pose_gain
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 BLIND = 1e-8  # of the information on the amplitude known best: less is none

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.motion.pose import exp, log
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from forceid.motion.pose import seen_together
-from forceid.principal.operator import cross_matrix
+from forceid.principal import cross_matrix
 from forceid.records import Array, Flags
 
 BETWEEN = 4  # steps from frame to frame in which a line is followed: what it sweeps aside turns the rest

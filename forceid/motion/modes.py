@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from forceid.errors import ConfigError
 from forceid.motion.pose import alike, body_axes, fit_rotation, log
 from forceid.motion.telling import log_evidence, shown_by
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 
 GAUGES = ("mass", "euclidean", "sensor")

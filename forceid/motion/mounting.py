@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array
 
 AT_NODE = 1e-3  # of the size of the body: nearer than that, a point stands on its node

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.compiled import engine as compiled
 from forceid.motion.noise_axes import through_fit
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 ROUNDS, AGAIN = 200, 30  # of the climb to the most likely variances, and once modes have left

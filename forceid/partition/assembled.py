@@ -20,7 +20,7 @@ from forceid.partition.separation import NodeCut, separated_mass, separated_stif
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, held
 from forceid.partition.validation import real_array, real_matrix, real_positions
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Indices
 
 PLACES_APART = 1e-6  # of the size of a body, that the places of one node may differ by between parts

@@ -15,7 +15,7 @@ import numpy as np
 from forceid.partition.elements import assemble, box_element
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.topology import boolean_from_positions, compatible, held
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 SAME_PLACE = 1e-6  # m, within which nodes are one

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from forceid.config import PartSetting, load_settings
 from forceid.errors import ConfigError, DataError
-from forceid.files.hdf5 import read_motion
-from forceid.files.tree import recording_from_tree
+from forceid.files import read_motion, recording_from_tree
 from forceid.partition.assembled import from_assembled
 from forceid.partition.system import PartitionedSystem
 

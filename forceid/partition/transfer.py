@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition.interpolation import surfaces
-from forceid.principal.loads import distribute
+from forceid.principal import distribute, summation_operator
 from forceid.principal.mass import SparseMatrix
-from forceid.principal.operator import sum_nodal, summation_operator
+from forceid.principal.operator import sum_nodal
 from forceid.records import Array
 
 REPRODUCED = 1e-12  # of one, or of the size of the surfaces, that H S_s - S_f may be off

@@ -1,1 +1,39 @@
-"""The report: the numbers, the figures and one self-contained page."""
+"""The report: the numbers, the figures and one self-contained page.
+
+What may be used from outside; each name loads on first use.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "plain": "forceid.report.numbers",
+    "plus_minus": "forceid.report.numbers",
+    "wrench_numbers": "forceid.report.numbers",
+    "render_page": "forceid.report.page",
+    "render_batch": "forceid.report.batch_page",
+    "find_outliers": "forceid.report.outliers",
+    "plot_wrench": "forceid.report.notebook",
+    "show_report": "forceid.report.notebook",
+    "summarize": "forceid.report.notebook",
+}
+__all__ = [*_HOMES]
+
+if TYPE_CHECKING:
+    from forceid.report.batch_page import render_batch as render_batch
+    from forceid.report.notebook import plot_wrench as plot_wrench
+    from forceid.report.notebook import show_report as show_report
+    from forceid.report.notebook import summarize as summarize
+    from forceid.report.numbers import plain as plain
+    from forceid.report.numbers import plus_minus as plus_minus
+    from forceid.report.numbers import wrench_numbers as wrench_numbers
+    from forceid.report.outliers import find_outliers as find_outliers
+    from forceid.report.page import render_page as render_page
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'forceid.report' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)

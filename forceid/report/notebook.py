@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from forceid.files import read_result, read_title, read_truth
 from forceid.files.atomic import atomic
-from forceid.files.result import read_result, read_title, read_truth
 from forceid.records import Array, Estimate
 from forceid.report.figures import draw_wrench
-from forceid.report.numbers import Numbers
-from forceid.report.numbers import summarize as numbers_of
+from forceid.report.numbers import Numbers, wrench_numbers
 from forceid.report.page import render_page
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ def summarize(result: xarray.DataTree | str | Path, truth: Mapping[str, Any] | N
     True
     """
     estimate, known, _ = contents(result, truth)
-    return numbers_of(estimate, known)
+    return wrench_numbers(estimate, known)
 
 
 class Page(str):

@@ -47,7 +47,7 @@ class Numbers:
         return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
 
 
-def summarize(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
+def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
     """What to quote of `estimate`; errors are NaN without `truth`."""
     e, truth = estimate, truth or {}
     force_error, moment_error = (wrench_error(e, truth, name) for name in ("force", "moment"))

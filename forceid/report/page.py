@@ -12,7 +12,7 @@ from forceid.report.figures import draw_loads, draw_motion, draw_wrench
 from forceid.report.first_moment_figure import draw_first_moments
 from forceid.report.hidden_figure import draw_hidden_load
 from forceid.report.joint_section import joint_section
-from forceid.report.numbers import Numbers, digits, plain, plus_minus, summarize, typeset
+from forceid.report.numbers import Numbers, digits, plain, plus_minus, typeset, wrench_numbers
 from forceid.report.path import draw_path
 from forceid.report.picture import Picture, pictured
 from forceid.report.template import render
@@ -29,7 +29,7 @@ def render_page(
     estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "", source: str = ""
 ) -> str:
     """The page as HTML text; it refers to no other file and no host. source: the name of the result file."""
-    quoted = summarize(estimate, truth)
+    quoted = wrench_numbers(estimate, truth)
     return render(
         "page.html.j2",
         title=title or "forceid result",

@@ -21,7 +21,7 @@ from forceid.estimation.body.kinematics import marker_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.load import LoadPrior
-from forceid.pseudorigid.decomposition import polar
+from forceid.pseudorigid import polar
 from forceid.records import Array, Finding, Flags, Recording
 
 FEWEST = 12  # frames that a load on a turning body needs

@@ -19,7 +19,7 @@ from forceid.estimation.affine.smoothing import smoothed
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.load import LoadPrior
 from forceid.kalman.engines import Engine, engine
-from forceid.pseudorigid.materials import Material
+from forceid.pseudorigid import Material
 from forceid.records import Array, Finding, Flags, Recording
 
 

@@ -17,7 +17,7 @@ from forceid.kalman.passes import LOG_2PI
 from forceid.motion.pose import body_axes, fit_rotation
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 
 CHANCE = 0.01  # of a veto where the level is right

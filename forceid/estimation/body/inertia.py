@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.principal.mass import mass_properties
+from forceid.principal import mass_properties
 from forceid.records import Array, Body
 
 
@@ -65,7 +65,7 @@ def affine_mass(mass: float, tensor: Array, X: Array) -> Array | None:
     For motions c + F X alone: it has their momentum and angular momentum. None for nodes in a plane. Source:
     pseudo-rigid bodies, section 1.
 
-    >>> from forceid.principal.mass import mass_properties
+    >>> from forceid.principal import mass_properties
     >>> X = np.vstack([np.eye(3), np.ones(3)])
     >>> p = mass_properties(affine_mass(2.0, np.diag([3.0, 4.0, 5.0]), X), X)
     >>> round(p.mass, 12), bool(np.abs(p.center).max() < 1e-12), p.inertia.diagonal().round(12).tolist()

@@ -29,7 +29,7 @@ from forceid.motion.pose import (
 )
 from forceid.motion.products import products
 from forceid.motion.window import noise_variance
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, Motion
 
 ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed

@@ -22,7 +22,7 @@ from forceid.motion.pose import (
     pose_rank,
 )
 from forceid.motion.telling import log_evidence, shown_by, telling_modes
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 
 SHIFT = 4.0  # standard errors by which a mean shape must leave the reference shape to replace it

@@ -17,7 +17,7 @@ from forceid.flight.smoother import FlightState
 from forceid.motion.derivative import derivatives
 from forceid.motion.pose import Pose, exp
 from forceid.motion.window import Window, choose_window, windows
-from forceid.principal.operator import axial, cross_matrix
+from forceid.principal import axial, cross_matrix
 from forceid.records import Array, Flags
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.principal.operator import cross_matrix
+from forceid.principal import cross_matrix
 from forceid.records import Array
 
 PLACED, ALIGNED = 1e-3, 5e-3  # m, rad: to which place and axes of a joint are known

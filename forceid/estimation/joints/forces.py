@@ -21,7 +21,7 @@ from forceid.estimation.joints.together import together
 from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
-from forceid.partition.resultants import link_resultants
+from forceid.partition import link_resultants
 from forceid.records import Estimate, Interface, Recording
 
 Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]

@@ -20,15 +20,9 @@ from forceid.estimation.joints.prospects import JointProspect, JointProspects, P
 from forceid.estimation.loads.bandwidth import bandwidths
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge_recording, refusing
-from forceid.partition.resultants import (
-    GROUND,
-    incidence,
-    link_resultants,
-    loop_count,
-    transmitted,
-)
-from forceid.principal.operator import cross_matrix
-from forceid.principal.wrench import transport_matrix
+from forceid.partition import link_resultants
+from forceid.partition.resultants import GROUND, incidence, loop_count, transmitted
+from forceid.principal import cross_matrix, transport_matrix
 from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 
 FRAMES = 40  # looked at
@@ -76,9 +70,7 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
     kins = [kinematics(p.recording.body, p.recording.motion, alone) for p in parts]
     judged = [judge_recording(kin) for kin in kins]
     findings = [
-        of_part(f, part.name, f.level)
-        for part, found in zip(parts, judged, strict=True)
-        for f in found
+        of_part(f, part.name, f.level) for part, found in zip(parts, judged, strict=True) for f in found
     ]
     poses = poses_of(parts, kins)
     passes = [passed(joint, np.eye(3)[None]).shape[2] for joint in joints]

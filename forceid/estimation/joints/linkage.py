@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.smoother import Solution
 from forceid.partition.resultants import GROUND, incidence, transmitted
-from forceid.principal.operator import cross_matrix
-from forceid.principal.wrench import transport, transport_cov, transport_matrix
+from forceid.principal import cross_matrix, transport, transport_cov, transport_matrix
 from forceid.records import Array, Estimate
 
 RANK = 1e-6  # of the largest singular value, with moments over the length of the joints' arms

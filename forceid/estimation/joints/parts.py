@@ -12,7 +12,7 @@ from forceid.config import JointSetting, PartSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.motion.pose import pose_rank
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Indices, Motion, Recording
 
 BESIDE = 1e-9  # of the largest entry of a mass matrix: what couples two parts beyond it

@@ -25,7 +25,7 @@ from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.load import along_world
 from forceid.kalman.engines import engine
-from forceid.principal.wrench import transport, transport_matrix
+from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held

@@ -25,9 +25,10 @@ from forceid.estimation.long.windows import Progress, estimate_stretches, unwatc
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
+from forceid.files import stamp
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
-from forceid.files.hdf5 import read_checked, stamp
+from forceid.files.hdf5 import read_checked
 from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
 from forceid.motion.window import noise_variance

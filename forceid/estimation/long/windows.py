@@ -22,7 +22,8 @@ from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge
 from forceid.estimation.verdict.innovations import chance_limit, wildest
-from forceid.files.result import read_result, read_version, write_result
+from forceid.files import read_result, write_result
+from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
 from forceid.records import Estimate, Finding, HiddenLoad, Loads, Recording, Verdict, Witness
 

@@ -17,7 +17,7 @@ from forceid.motion.derivative import Derivatives, derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel
 from forceid.motion.pose import fit_rotation
 from forceid.motion.window import Choice, Window, choose_window, windows
-from forceid.principal.operator import axial
+from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 
 

@@ -20,7 +20,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.leakage import gauge, marker_cov
 from forceid.flight.smoother import FlightState
 from forceid.motion.pose import pose_gain
-from forceid.principal.operator import cross_matrix, summation_operator
+from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
 
 SYMMETRIC = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]  # entries of dJ, in order

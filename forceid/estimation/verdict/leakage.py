@@ -14,7 +14,7 @@ import numpy as np
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.motion.modes import split, stretches
 from forceid.motion.pose import pose_gain, pose_rank
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 
 PATTERNS = 64  # sets of markers seen, the commonest ones, that are looked at

@@ -11,8 +11,7 @@ from forceid.estimation.verdict.leakage import marker_cov
 from forceid.estimation.verdict.sensitivity import follows
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
-from forceid.principal.loads import undetermined
-from forceid.principal.operator import summation_operator
+from forceid.principal import summation_operator, undetermined
 from forceid.records import Array, Finding, Loads
 
 COARSE = 0.5  # rad a frame, of a body that spins fast

@@ -18,7 +18,7 @@ from forceid.estimation.body.thin_mass import SLENDER, thinned
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.plain_cut import moves, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
-from forceid.principal.operator import cross, summation_operator
+from forceid.principal import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 
 LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one

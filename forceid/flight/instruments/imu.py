@@ -23,7 +23,7 @@ from forceid.flight.attitude import apply
 from forceid.flight.priors.load import LoadPrior, chain_along
 from forceid.kalman.model import StateSpace
 from forceid.motion.pose import exp
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array, Flags, Indices
 
 

@@ -18,7 +18,7 @@ from forceid.flight.instruments.imu import Moved, Sensors
 from forceid.flight.modes import FlyingModes
 from forceid.flight.vibration import STATES
 from forceid.motion.pose import exp
-from forceid.principal.operator import cross_matrix as skew
+from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 

@@ -15,7 +15,7 @@ from principal_bodies import (
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
-from forceid.principal.objectivity import DENSE_DOF, objectivity
+from forceid.principal.change_of_frame import DENSE_DOF, objectivity
 
 
 def test_two_spring_boomerang_has_a_hinge_mechanism_and_the_hinge_spring_cures_it():
