@@ -41,7 +41,7 @@ bench: .venv-bench/ready
 
 # what the estimators reach, into docs/
 study: .venv/test-ready
-	$(BIN)/python -m evidence.theory.estimation
+	$(BIN)/python -m evidence.theory.estimation -o docs
 
 # the site, into docs/_build/html; notebooks run when they have changed
 docs: .venv/test-ready

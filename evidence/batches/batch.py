@@ -8,7 +8,6 @@ run is kept in batch.json, so that the parts can be run one by one.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -26,7 +25,7 @@ import matplotlib
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import Settings, load_settings
 from forceid.files.hdf5 import read_motion, write_motion
 from forceid.records import Array, Body, Motion, Recording
@@ -355,31 +354,32 @@ def page(found: Found, command: str) -> str:
 
 def main() -> int:
     """Run the parts that were asked for."""
-    parser = argparse.ArgumentParser(
-        prog="batch", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    room, parts_of = tempfile.gettempdir(), ("files", "large", "cluster")
+    args = asked(
+        "evidence.batches.batch",
+        __doc__,
+        files=200,
+        gigabytes=20.0,
+        scratch=room,
+        cluster_files=40,
+        only=parts_of,
     )
-    parser.add_argument("-o", "--output", type=Path, default=Path("bench"))
-    parser.add_argument("--files", type=int, default=200)
-    parser.add_argument("--gigabytes", type=float, default=20.0)
-    parser.add_argument("--scratch", type=Path, default=Path(tempfile.gettempdir()), help="room for a file")
-    parser.add_argument("--cluster-files", type=int, default=40)
-    parser.add_argument("--only", nargs="+", choices=["files", "large", "cluster"])
-    args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     kept = args.output / "batch.json"
     found: Found = json.loads(kept.read_text()) if kept.exists() else {}
     parts: dict[str, Callable[[], Found]] = {
         "files": lambda: many_files(args.files),
-        "large": lambda: large_file(args.gigabytes, args.scratch),
+        "large": lambda: large_file(args.gigabytes, Path(args.scratch)),
         "cluster": lambda: on_cluster(args.cluster_files),
     }
-    for name in args.only or parts:
+    for name in args.only:
         found[name] = parts[name]()
         kept.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     if "files" in found:
         draw(found["files"], args.output / "batch.png")
-    (args.output / "batch.md").write_text(page(found, "python -m evidence.batches.batch"), encoding="utf-8")
-    print(page(found, "python -m evidence.batches.batch"))
+    text = page(found, "python -m evidence.batches.batch")
+    written(args.output, "batch.md", text)
+    print(text)
     return 0
 
 

@@ -10,7 +10,6 @@ although they were whole, tracebacks, exit codes that the contract does not have
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from evidence.batches.batch import bits, numbers
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.cli.app import main as forceid
 
 PATIENCE = 120  # s until a run counts as one that does not end
@@ -217,24 +216,16 @@ def page(found: dict[str, Counter[str]], count: int, command: str) -> str:
         "name that is torn, or holds other numbers than that of a batch left alone; *done twice*: written "
         "again although it was whole; *hangs*: no end within two minutes; *left behind*: hidden files in the "
         "folder. Damaged files are on a page of their own, [mutated_files](mutated_files.md).", "",
-        table(rows, list(rows[0])), "",
+        table(rows), "",
     ])  # fmt: skip
 
 
 def main() -> int:
     """Do it; the exit code says whether anything was lost."""
-    parser = argparse.ArgumentParser(prog="faults", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("bench"))
-    parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--files", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
+    args = asked("evidence.batches.faults", __doc__, rounds=12, files=24, seed=0)
     found = study(args.rounds, args.files, args.seed)
-    args.output.mkdir(parents=True, exist_ok=True)
-    command = "python -m evidence.batches.faults"
-    command += f" --rounds {args.rounds} --files {args.files} --seed {args.seed}"
-    text = page(found, args.files, command)
-    (args.output / "faults.md").write_text(text, encoding="utf-8")
+    text = page(found, args.files, args.command)
+    written(args.output, "faults.md", text)
     print(text)
     return int(any(counts[name] for counts in found.values() for name in COUNTED))
 

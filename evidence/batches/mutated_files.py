@@ -9,7 +9,6 @@ counted, and the rest go on in another.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import os
 import resource
@@ -27,7 +26,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import Settings
 from forceid.errors import DataError, ForceIdError
 from forceid.estimation.long.out_of_core import read_recording
@@ -208,16 +207,10 @@ def page(found: list[tuple[Any, ...]], command: str) -> str:
 
 def main() -> int:
     """Read what was asked for; the exit code says whether anything escaped."""
-    parser = argparse.ArgumentParser(prog="mutated_files", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("bench"))
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("-j", "--jobs", type=int, default=2)
-    args = parser.parse_args()
+    args = asked("evidence.batches.mutated_files", __doc__, count=100_000, first=0, jobs=2)
     found = study(args.first, args.count, args.jobs)
-    args.output.mkdir(parents=True, exist_ok=True)
-    text = page(found, f"python -m evidence.batches.mutated_files --first {args.first} --count {args.count}")
-    (args.output / "mutated_files.md").write_text(text, encoding="utf-8")
+    text = page(found, args.command)
+    written(args.output, "mutated_files.md", text)
     print(text)
     return int(any(row[3] not in ("refused", "read") for row in found))
 

@@ -10,6 +10,7 @@ import numpy as np
 from evidence.chart.charted import Charted
 from evidence.chart.front import Point, ahead, front, most_accurate, over_best
 from evidence.chart.front import points_of as points_in_order
+from evidence.written import tabled
 
 NEAR = 1.25  # times the error of the best point: where default settings are to be
 MEMORY = "Memory is the peak of what Python and numpy allocate."
@@ -174,19 +175,6 @@ def table(subject: Charted, case: Case) -> str:
     full = [row for row in rows if len(row) == len(heads)]
     kept = [i for i in range(len(heads)) if i < 2 or any(row[i] != "-" for row in full)]
     return tabled([heads[i] for i in kept], [[row[i] for i in kept if i < len(row)] for row in rows])
-
-
-def tabled(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in markdown; a row that ends early is filled up.
-
-    >>> print(tabled(("", "b"), [["1"]]))
-    | | b |
-    |---|---|
-    | 1 | |
-    """
-    lines = [[*cells, *[""] * (len(heads) - len(cells))] for cells in (heads, *rows)]
-    text = ["|" + "".join(f" {cell} |" if cell else " |" for cell in cells) for cells in lines]
-    return "\n".join([text[0], "|" + "---|" * len(heads), *text[1:]])
 
 
 def simpler(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -11,15 +11,13 @@ Silent: verdict `ok`, and an rms error over the central three quarters of more t
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
@@ -124,23 +122,15 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
 
 {(__doc__ or "").split("]", 2)[2].strip()}
 
-{table(rows, list(rows[0]))}
+{table(rows)}
 """
 
 
 def main() -> None:
     """Draw, estimate, and write the page."""
-    parser = argparse.ArgumentParser(description="affine bodies, markers off the mass center")
-    parser.add_argument("-o", type=Path, required=True, help="folder for affine_offsets.md")
-    parser.add_argument("--scenes", type=int, default=8)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--model", default="affine")
-    asked = parser.parse_args()
-    rows = study(asked.scenes, asked.seed, asked.model)
-    asked.o.mkdir(parents=True, exist_ok=True)
-    command = f"python -m evidence.drawn.affine_offsets -o docs --scenes {asked.scenes} --seed {asked.seed}"
-    command += "" if asked.model == "affine" else f" --model {asked.model}"
-    (asked.o / "affine_offsets.md").write_text(page(rows, command))
+    given = asked("evidence.drawn.affine_offsets", __doc__, scenes=8, seed=0, model="affine")
+    rows = study(given.scenes, given.seed, given.model)
+    written(given.output, "affine_offsets.md", page(rows, given.command))
 
 
 if __name__ == "__main__":

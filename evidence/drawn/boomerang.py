@@ -10,17 +10,15 @@ one may also differentiate our own channel of the moment. Source: principal equa
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, QUANTILE, RATES, flown
+from evidence.written import asked, each, pictured, written
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
@@ -200,27 +198,23 @@ def picture(cells: dict[Any, list[dict[str, Any]]]) -> Any:
 
 def main() -> int:
     """Write flight.md and flight.png; 1 where a cell is behind its rival or what was asked."""
-    parser = argparse.ArgumentParser(prog="evidence.drawn.boomerang", description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    args = parser.parse_args()
+    args = asked("evidence.drawn.boomerang", __doc__, seeds=3, jobs=2)
     keys = [(markers, noise, rate) for markers in SCENES for noise in NOISES for rate in RATES]
     jobs = [(*key, seed) for key in keys for seed in range(1, args.seeds + 1)]
     cells: dict[Any, list[dict[str, Any]]] = {key: [] for key in keys}
-    with ProcessPoolExecutor(args.jobs) as pool:
-        for case in pool.map(one, jobs, chunksize=args.seeds):
-            cells[case["job"][:3]].append(case)
-            print({k: v for k, v in case.items() if k != "grid"}, file=sys.stderr, flush=True)
+    for case in each(one, jobs, args.jobs, args.seeds):
+        cells[case["job"][:3]].append(case)
     import matplotlib.pyplot as plt
 
     with plt.rc_context(STYLE):
-        picture(cells).savefig(args.output / "flight.png", dpi=110)
+        pictured(args.output, "flight", picture(cells), dpi=110)
     text = text_of(cells, args.seeds)
-    (args.output / "flight.md").write_text(
+    written(
+        args.output,
+        "flight.md",
         "# The flexible boomerang, cell by cell\n\n"
-        "Made by `python -m evidence.drawn.boomerang`; every number is from that run.\n\n"
-        f"{text}\n![Error over rate](flight.png)\n"
+        f"Made by `{args.command}`; every number is from that run.\n\n"
+        f"{text}\n![Error over rate](flight.png)\n",
     )
     print(text)
     behind = [

@@ -1,6 +1,6 @@
 """Do 95 % intervals hold the truth? Every scene, rate, noise and seed, over the central three quarters.
 
-    python -m evidence.drawn.coverage [--seeds 5] [--jobs 2] [--scene NAME]...
+    python -m evidence.drawn.coverage [--seeds 5] [--jobs 2] [--scene NAME ...]
 
 Nothing is told of the truth but the standard deviation of the noise. An error stays alike for about as long
 as the load does, so one record gives few independent intervals: the share over all seeds is what counts.
@@ -8,11 +8,9 @@ as the load does, so one record gives few independent intervals: the share over 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import defaultdict
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -20,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from evidence.written import asked, each, tabled
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample_times
@@ -95,20 +94,15 @@ def shares(cases: Iterable[Held]) -> tuple[float, float, float, float]:
     return found[0], found[1], found[2], found[3]
 
 
-def table(title: str, groups: dict[Any, list[Held]]) -> list[str]:
-    """Rows of one way to group the records."""
-    rows = [
-        f"| {title} | records | force | moment | error over claim F, T | ok |",
-        "|---|---|---|---|---|---|",
-    ]
+def table(title: str, groups: dict[Any, list[Held]]) -> str:
+    """One way to group the records."""
+    rows = []
     for name, cases in groups.items():
         force, moment, over_f, over_t = shares(cases)
+        held = (f"{100 * share:.1f} %" for share in (force, moment))
         ok = sum(c.verdict == "ok" for c in cases)
-        rows.append(
-            f"| {name} | {len(cases)} | {100 * force:.1f} % | {100 * moment:.1f} % "
-            f"| {over_f:.2f}, {over_t:.2f} | {ok} |"
-        )
-    return rows
+        rows.append([str(name), str(len(cases)), *held, f"{over_f:.2f}, {over_t:.2f}", str(ok)])
+    return tabled((title, "records", "force", "moment", "error over claim F, T", "ok"), rows)
 
 
 def grouped(cases: list[Held], *names: str) -> dict[Any, list[Held]]:
@@ -121,12 +115,9 @@ def grouped(cases: list[Held], *names: str) -> dict[Any, list[Held]]:
 
 def main() -> int:
     """Tables by scene, rate and noise; 1 where the share over all is outside of 92 to 98 %."""
-    parser = argparse.ArgumentParser(prog="evidence.drawn.coverage", description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--scene", action="append")
-    args = parser.parse_args()
-    names = args.scene or sorted(p.stem for p in SCENES.glob("*.toml"))
+    args = asked("evidence.drawn.coverage", __doc__, page=False, seeds=5, jobs=2, scene=("all",))
+    shipped = sorted(p.stem for p in SCENES.glob("*.toml"))
+    names = shipped if "all" in args.scene else args.scene
     jobs = [
         (scene, rate, noise, seed, {})
         for scene in names
@@ -134,11 +125,7 @@ def main() -> int:
         for noise in NOISES
         for seed in range(1, args.seeds + 1)
     ]
-    cases = []
-    with ProcessPoolExecutor(args.jobs) as pool:
-        for case in pool.map(one, jobs, chunksize=args.seeds):
-            cases.append(case)
-            print(len(cases), "of", len(jobs), case, file=sys.stderr, flush=True)
+    cases = list(each(one, jobs, args.jobs, args.seeds))
     for title, groups in (
         ("scene", grouped(cases, "scene")),
         ("rate (Hz)", grouped(cases, "rate")),
@@ -146,7 +133,7 @@ def main() -> int:
         ("scene, rate, noise", grouped(cases, "scene", "rate", "noise")),
         ("all", {"all": cases}),
     ):
-        print("\n".join(table(title, groups)), end="\n\n")
+        print(table(title, groups), end="\n\n")
     force, moment, *_ = shares(cases)
     return 0 if 0.92 <= force <= 0.98 and 0.92 <= moment <= 0.98 else 1
 

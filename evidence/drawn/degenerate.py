@@ -8,7 +8,6 @@ own, through a file, under a limit of time.
 
 from __future__ import annotations
 
-import argparse
 import resource
 import tempfile
 import time
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.degenerate_bodies import ENOUGH, Drawn, draw
+from evidence.written import asked, tabled, written
 from forceid.config import Settings
 from forceid.errors import ForceIdError
 from forceid.estimation.inspection import inspect_recording
@@ -162,21 +162,16 @@ def page(found: list[Outcome], command: str) -> str:
         ("time of inspect and estimate, s, median (5 to 95 %)", quantiles([o.seconds for o in found])),
         *((f"verdict {name}", count) for name, count in sorted(verdicts.items())),
     ]
-    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-    head = f"# Bodies on points, lines and planes\n\n`{command}`\n\n{TEXT}"
-    return f"{head}\n\n| what | found |\n|---|---|\n{table}\n"
+    found_of = tabled(("what", "found"), [[name, str(value)] for name, value in rows])
+    return f"# Bodies on points, lines and planes\n\n`{command}`\n\n{TEXT}\n\n{found_of}\n"
 
 
 def main() -> None:
     """Count, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--first", type=int, default=0)
-    asked = parser.parse_args()
+    given = asked("evidence.drawn.degenerate", __doc__, count=300, first=0)
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(asked.first, asked.first + asked.count):
+        for seed in range(given.first, given.first + given.count):
             o = one(seed, folder)
             found.append(o)
             bad = o.missing or o.undue or o.verdict in ("unexpected", "too long") or o.worst > 3
@@ -186,10 +181,8 @@ def main() -> None:
                 f"{'missing ' + ' '.join(o.missing) if o.missing else ''}"
                 f"{'undue ' + ' '.join(o.undue) if o.undue else ''} [{o.kind}]{said}", flush=True,
             )  # fmt: skip
-    command = f"python -m evidence.drawn.degenerate -o docs --count {asked.count} --first {asked.first}"
-    asked.output.mkdir(parents=True, exist_ok=True)
-    (asked.output / "degenerate.md").write_text(page(found, command))
-    print(page(found, command))
+    written(given.output, "degenerate.md", page(found, given.command))
+    print(page(found, given.command))
 
 
 if __name__ == "__main__":

@@ -15,14 +15,11 @@ oscillating load beyond the band, larger than `hidden_load` there, was not found
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time as clock
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,6 +27,7 @@ from scipy.interpolate import interp1d
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked, each, tabled, written
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.run import estimate_recording
@@ -321,44 +319,43 @@ def page(rows: list[dict[str, Any]], kinds: list[str], command: str) -> str:
         "records would not show, so that one little larger may go unseen too. Error over claim: of force and "
         "moment within the band, the median, and the largest of all that call themselves `ok`.",
         "",
-        "| kind | records | ok | degraded | refused | silently wrong | error over claim | largest while ok |",
-        "|---|---|---|---|---|---|---|---|",
     ]
+    heads = (
+        "kind",
+        "records",
+        "ok",
+        "degraded",
+        "refused",
+        "silently wrong",
+        "error over claim",
+        "largest while ok",
+    )
+    counted = []
     for kind in (*kinds, "all"):
         of = [r for r in rows if kind in (r["kind"], "all")]
         level = [r["verdict"] for r in of]
         scores = [r[name] for r in of if "force" in r for name in ("force", "moment")]
         ok = [r[name] for r in of if r["verdict"] == "ok" for name in ("force", "moment")]
-        counts = " | ".join(str(level.count(v)) for v in ("ok", "degraded", "refused"))
-        wrong = sum(r["wrong"] for r in of)
-        far = f"{np.median(scores):.2f} | {max(ok, default=np.nan):.2f}"
-        lines.append(f"| {kind} | {len(of)} | {counts} | {wrong} | {far} |")
+        numbers = len(of), *map(level.count, ("ok", "degraded", "refused")), sum(r["wrong"] for r in of)
+        counted.append(
+            [kind, *map(str, numbers), f"{np.median(scores):.2f}", f"{max(ok, default=np.nan):.2f}"]
+        )
+    lines.append(tabled(heads, counted))
     if wrongs := [r for r in rows if r["wrong"]]:
         lines += ["", "Silently wrong:", ""]
         lines += [f"- record {r['record']}: `{told(r)}`" for r in wrongs]
     return "\n".join(lines) + "\n"
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Draw, estimate, judge, write the table."""
-    parser = argparse.ArgumentParser(prog="python -m evidence.drawn.hidden_loads", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--count", type=int, default=250)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=18)
-    parser.add_argument("-j", "--jobs", type=int, default=1)
-    parser.add_argument("--only", nargs="*", default=list(KINDS))
-    asked = parser.parse_args(arguments)
-    asked.output.mkdir(parents=True, exist_ok=True)
-    rows = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
-        which = range(asked.first, asked.first + asked.count)
-        for row in pool.map(partial(case_of, asked.seed, kinds=asked.only), which):
-            rows.append(row)
-            print(f"{row['record']:4}", told(row), flush=True)
-    command = f"python -m evidence.drawn.hidden_loads -o docs --count {asked.count} --seed {asked.seed}"
-    text = page(rows, asked.only, command)
-    (asked.output / "hidden_loads.md").write_text(text)
+    given = asked(
+        "evidence.drawn.hidden_loads", __doc__, count=250, first=0, seed=18, jobs=1, only=tuple(KINDS)
+    )
+    which = range(given.first, given.first + given.count)
+    rows = list(each(partial(case_of, given.seed, kinds=given.only), which, given.jobs))
+    text = page(rows, given.only, given.command)
+    written(given.output, "hidden_loads.md", text)
     print(text)
     return int(any(r["wrong"] for r in rows))
 

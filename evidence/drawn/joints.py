@@ -8,16 +8,14 @@ true wrenches on the parts; every record is drawn anew, with axes, swing and spi
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 
 from evidence.subjects.flights.true_prior import fitted
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import Settings
 from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.constraints import beside
@@ -172,15 +170,10 @@ def nees(off: Array, cov: Array) -> float:
 
 def main() -> None:
     """The study."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    parser.add_argument("--seeds", type=int, default=5)
-    asked = parser.parse_args()
+    given = asked("evidence.drawn.joints", __doc__, seeds=5)
     rows = []
     for name in CHAINS:
-        found = list(flights(name, asked.seeds))
+        found = list(flights(name, given.seeds))
         sizes, scores, took = zip(*found, strict=True)
         error, claim, limit, told = np.sqrt(np.square(sizes).mean((0, 2)))
         rows.append(
@@ -197,16 +190,15 @@ def main() -> None:
         print(rows[-1], flush=True)
     page = [
         "# Forces in the joints of chains in flight",
-        f"`python -m evidence.drawn.joints -o docs --seeds {asked.seeds}`: {asked.seeds} records of each "
+        f"`{given.command}`: {given.seeds} records of each "
         f"chain, eight markers a block, {1e3 * NOISE:g} mm, {RATE:g} Hz; "
         "rms over the central three quarters. "
         "Bound: what the same smoother claims when it is told the priors of the true wrenches on the parts; "
         "told: what its own error is. "
         "NEES: per direction that the joint can pass.",
-        table(rows, list(rows[0])),
+        table(rows),
     ]  # fmt: skip
-    asked.output.mkdir(exist_ok=True)
-    (asked.output / "joints.md").write_text("\n\n".join(page) + "\n")
+    written(given.output, "joints.md", "\n\n".join(page) + "\n")
 
 
 if __name__ == "__main__":

@@ -10,17 +10,16 @@ The judge of a level is its own estimate beside that of the level the scene was 
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
 from forceid.estimation.methods.smoother import Solution, estimate_flight
@@ -184,18 +183,10 @@ def case(job: tuple[str, float, int]) -> dict[str, Any]:
 
 def main() -> int:
     """A table of the records in which the ladder took the smallest sufficient level."""
-    parser = argparse.ArgumentParser(prog="evidence.drawn.ladder", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    args = parser.parse_args()
+    args = asked("evidence.drawn.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
     jobs = [(level, noise, seed) for seed in range(args.seeds) for level in LEVELS for noise in NOISE]
-    with ProcessPoolExecutor(args.jobs) as pool:
-        cases = []
-        for done in pool.map(case, jobs):
-            cases.append(done)
-            print(done, file=sys.stderr, flush=True)
-    print("| true level | " + " | ".join(f"{1e3 * noise:g} mm" for noise in NOISE) + " | levels taken |")
-    print("|---|" + "---|" * (len(NOISE) + 1))
+    cases = list(each(case, jobs, args.jobs))
+    rows = []
     for level in LEVELS:
         cells, names = [], Counter()
         for noise in NOISE:
@@ -203,7 +194,8 @@ def main() -> int:
             cells.append(f"{sum(c['taken'] == c['enough'] for c in these)}/{len(these)}")
             names.update(c["taken"] for c in these)
         said = ", ".join(f"{name} {count}" for name, count in sorted(names.items()))
-        print(f"| {level} | {' | '.join(cells)} | {said} |")
+        rows.append([level, *cells, said])
+    print(tabled(("true level", *(f"{1e3 * noise:g} mm" for noise in NOISE), "levels taken"), rows))
     right = sum(c["taken"] == c["enough"] for c in cases)
     explained = sum(c["most"] == c["job"][0] for c in cases)
     seconds = np.median([c["seconds"] for c in cases])

@@ -10,12 +10,10 @@ Told is nothing but the masses. The force in the plane is compared with the trut
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked, tabled, written
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array, Body, Motion, Recording
@@ -75,8 +73,8 @@ def in_plane(recording: Recording, axes: tuple[int, ...] = (0, 1)) -> tuple[floa
     return rms, rms / claim, found.verdict.level
 
 
-def study(seeds: range, stated: bool, planar: bool) -> list[str]:
-    """A line for every kind of noise; prints a line for every record."""
+def study(seeds: range, stated: bool, planar: bool) -> list[list[str]]:
+    """A row for every kind of noise; prints a line for every record."""
     errors = {noise: [] for noise in NOISE}
     for seed in seeds:
         for noise, found in errors.items():
@@ -88,29 +86,20 @@ def study(seeds: range, stated: bool, planar: bool) -> list[str]:
         ratio = np.array([one[0] / equal[0] for one, equal in zip(found, errors["equal"], strict=True)])
         over = np.array([one[1] for one in found])
         ok = sum(one[2] == "ok" for one in found)
-        lines.append(
-            f"| {noise} | {np.median(ratio):.2f} | {np.sqrt(np.mean(ratio**2)):.2f} | {ratio.max():.2f} | "
-            f"{np.sqrt(np.mean(over**2)):.2f} | {over.min():.2f} to {over.max():.2f} | {ok} of {len(found)} |"
-        )
+        shown = (f"{of:.2f}" for of in (np.median(ratio), np.sqrt(np.mean(ratio**2)), ratio.max()))
+        claims = f"{np.sqrt(np.mean(over**2)):.2f}", f"{over.min():.2f} to {over.max():.2f}"
+        lines.append([noise, *shown, *claims, f"{ok} of {len(found)}"])
     return lines
 
 
 def main() -> None:
     """Fly, estimate, and write the page."""
-    parser = argparse.ArgumentParser(description="records whose axes are not equally noisy")
-    parser.add_argument("-o", type=Path, required=True, help="folder for noise_by_axis.md")
-    parser.add_argument("--records", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--stated", action="store_true", help="the noise of the first axis is stated for all")
-    parser.add_argument("--space", action="store_true", help="a load and a motion along the third axis too")
-    asked = parser.parse_args()
-    lines = study(range(asked.first, asked.first + asked.records), asked.stated, not asked.space)
+    given = asked("evidence.drawn.noise_by_axis", __doc__, records=20, first=0, stated=False, space=False)
+    rows = study(range(given.first, given.first + given.records), given.stated, not given.space)
     heads = ["noise", "error over that of equal noise: median", "rms", "largest"]
     heads += ["error over claim: rms", "range", "verdict ok"]
-    rows = [" | ".join(heads), " | ".join("---" for _ in heads)]
-    page = "\n".join(["# Noise by axis", "", *(f"| {row} |" for row in rows), *lines, ""])
-    asked.o.mkdir(parents=True, exist_ok=True)
-    (asked.o / "noise_by_axis.md").write_text(page)
+    page = f"# Noise by axis\n\n{tabled(heads, rows)}\n"
+    written(given.output, "noise_by_axis.md", page)
     print(page)
 
 

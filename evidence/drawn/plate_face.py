@@ -10,8 +10,6 @@ and over those of `auto` where nothing is told.
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
@@ -159,28 +157,24 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
 | told over told nothing, largest: force, moment | {largest("over untold")} |
 | verdict `ok`, error at any frequency over twice the claim | {len(wrong)} |
 
-{table(rows, list(rows[0]))}
+{table(rows)}
 """
 
 
 def main() -> None:
     """Fly, estimate, and write the page."""
-    parser = argparse.ArgumentParser(description="a plate with markers on one face")
-    parser.add_argument("-o", type=Path, required=True, help="folder for plate_face.md")
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--markers", type=int, nargs="+", default=[3, 4, 5, 6, 7, 8])
-    parser.add_argument("--told", nargs="+", default=list(TOLD), choices=TOLD)
-    parser.add_argument(
-        "--lines", default="auto", choices=["auto", "none"], help="vibrating loads looked for"
+    given = asked(
+        "evidence.drawn.plate_face",
+        __doc__,
+        seeds=3,
+        first=0,
+        markers=(3, 4, 5, 6, 7, 8),
+        told=tuple(TOLD),
+        lines="auto",
     )
-    asked = parser.parse_args()
-    seeds = range(asked.first, asked.first + asked.seeds)
-    rows = study(seeds, tuple(asked.markers), tuple(asked.told), asked.lines)
-    asked.o.mkdir(parents=True, exist_ok=True)
-    command = f"python -m evidence.drawn.plate_face -o docs --seeds {asked.seeds} --first {asked.first}"
-    command += "" if asked.lines == "auto" else f" --lines {asked.lines}"
-    (asked.o / "plate_face.md").write_text(page(rows, command))
+    seeds = range(given.first, given.first + given.seeds)
+    rows = study(seeds, tuple(given.markers), tuple(given.told), given.lines)
+    written(given.output, "plate_face.md", page(rows, given.command))
 
 
 if __name__ == "__main__":

@@ -10,17 +10,15 @@ Butterworth filter has the cut that is best on the truth, by axis, and is told b
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
@@ -125,25 +123,21 @@ def study(seeds: int) -> list[dict[str, Any]]:
 
 PAGE = """# Runners of 31 points
 
-`python -m evidence.drawn.runner -o docs --seeds {0}`
+`{command}`
 
 A run of 5 s at 100 Hz, 500 frames, of 31 points with mass whose segments swing by 60 degrees; errors of 1 mm,
 white or low-passed at 12 Hz. Error of the force, rms over the record without its ends, over that of the best
 Butterworth filter, its cut chosen on the truth, over that of one of 6 Hz, and over the claim: each the worst
-axis of all runs. CPU: the longest. Seeds: {0}.
+axis of all runs. CPU: the longest. Seeds: {seeds}.
 
 """
 
 
 def main() -> None:
     """Run, estimate, and write the table."""
-    parser = argparse.ArgumentParser(description="runners of 31 points")
-    parser.add_argument("-o", type=Path, required=True, help="folder for runner.md")
-    parser.add_argument("--seeds", type=int, default=3)
-    asked = parser.parse_args()
-    rows = study(asked.seeds)
-    asked.o.mkdir(parents=True, exist_ok=True)
-    (asked.o / "runner.md").write_text(PAGE.format(asked.seeds) + table(rows, list(rows[0])) + "\n")
+    given = asked("evidence.drawn.runner", __doc__, seeds=3)
+    text = PAGE.format(command=given.command, seeds=given.seeds)
+    written(given.output, "runner.md", f"{text}{table(study(given.seeds))}\n")
 
 
 if __name__ == "__main__":

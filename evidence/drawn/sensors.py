@@ -11,7 +11,6 @@ at the start.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.run import estimate_recording
@@ -88,13 +88,9 @@ def one_flight(name: str, seed: int) -> tuple[Any, ...]:
     return (error**2).mean((0, 2)), var.mean((0, 2)), held, verdict.level, verdict.reasons
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--only", nargs="+", choices=list(ROWS), default=list(ROWS))
-    given = parser.parse_args(arguments)
+    given = asked("evidence.drawn.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(ROWS))
     print("| | F rmse, N | over claim | 95 % hold | T rmse, N m | over claim | 95 % hold | verdicts |")
     print("|---|---|---|---|---|---|---|---|")
     with ProcessPoolExecutor(given.jobs) as pool:

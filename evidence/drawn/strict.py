@@ -10,9 +10,7 @@ from integration of its own; no code is shared with the estimator.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +20,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked, each
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
 from forceid.flight.priors.load import LoadPrior
@@ -129,26 +128,21 @@ def one_draw(seed: int) -> Draw:
     return Draw((error**2).mean(0), var.mean(0), covered, float(np.nanmean(found.nis[4:])))
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Print the ratios; 1 where one of them is outside of what the strict test allows."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--draws", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=21)
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args(arguments)
+    given = asked("evidence.drawn.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
     seeds = [1000 * given.seed + k for k in range(given.draws)]
-    with ProcessPoolExecutor(given.jobs) as pool:
-        draws = list(pool.map(one_draw, seeds))
+    draws = list(each(one_draw, seeds, given.jobs))
     square, claimed = (np.array([getattr(d, name) for d in draws]) for name in ("square", "claimed"))
     passed = True
     for name, unit, rows, published in (("F", "N", slice(3), BOUND_F), ("T", "N m", slice(3, 6), BOUND_T)):
-        each = np.sqrt(square[:, rows].mean(1) / claimed[:, rows].mean(1))
+        apart = np.sqrt(square[:, rows].mean(1) / claimed[:, rows].mean(1))
         ratio = float(np.sqrt(square[:, rows].mean() / claimed[:, rows].mean()))
         bound = float(np.sqrt(claimed[:, rows].mean()))
         cover = float(np.mean([d.covered[rows] for d in draws]))
         print(
             f"{name}: bound {bound:.5f} {unit} (published {published}), rmse over bound {ratio:.3f} "
-            f"+- {each.std() / np.sqrt(len(each)):.3f}, 95 % intervals cover {100 * cover:.1f} %"
+            f"+- {apart.std() / np.sqrt(len(apart)):.3f}, 95 % intervals cover {100 * cover:.1f} %"
         )
         passed &= 0.95 <= ratio <= 1.06
     nis = float(np.mean([d.nis for d in draws]))

@@ -9,7 +9,6 @@ the central three quarters of a record, in the axes of the body at its first sam
 
 from __future__ import annotations
 
-import argparse
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -24,6 +23,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import forceid
+from evidence.written import asked, tabled, written
 from forceid.errors import ForceIdError
 from forceid.records import Array
 
@@ -205,10 +205,9 @@ the start are not observable. {slowest}
 
 def page(outcomes: Sequence[Outcome], command: str) -> str:
     """A table by bands of the sample rate, and what it is of."""
-    head = "| sample rate (Hz) | throws | ended | verdicts | silently wrong |"
+    heads, rows = ["sample rate (Hz)", "throws", "ended", "verdicts", "silently wrong"], []
     for name in ("force", "moment"):
-        head += f" {name}: error over claim, median and 90 % | throws within two claims | error over load |"
-    lines = [head, "|" + "---|" * 11]
+        heads += [f"{name}: error over claim, median and 90 %", "throws within two claims", "error over load"]
     pairs = [*pairwise(BANDS), (BANDS[0], BANDS[-1])]
     for low, high in pairs:
         mine = [o for o in outcomes if low <= o.rate < high]
@@ -224,22 +223,17 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
             relative = [o.relative[i] for o in ended if np.isfinite(o.relative[i])]
             cells += [f"{median:.2f}, {most:.2f}", f"{100 * np.mean(off < 2):.0f} %"]
             cells += [f"{100 * np.median(relative):.1f} %" if relative else "–"]
-        lines.append("| " + " | ".join(cells) + " |")
+        rows.append(cells)
     slowest = f"The slowest throw took {max(o.seconds for o in outcomes):.0f} s of CPU."
-    return PAGE.format(command=command, table="\n".join(lines) + "\n", slowest=slowest)
+    return PAGE.format(command=command, table=tabled(heads, rows) + "\n", slowest=slowest)
 
 
 def main() -> None:
     """Draw, write, estimate, compare, and say what came of it."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
+    args = asked("evidence.drawn.thrown_box", __doc__, count=100, seed=0)
     args.output.mkdir(parents=True, exist_ok=True)
     outcomes: list[Outcome] = []
-    command = "OPENBLAS_NUM_THREADS=1 python -m evidence.drawn.thrown_box -o docs"
-    command += f" --count {args.count} --seed {args.seed}"
+    command = f"OPENBLAS_NUM_THREADS=1 {args.command}"
     for k in range(args.count):
         thrown, path = draw(np.random.default_rng([args.seed, k])), args.output / "thrown_box.h5"
         write(path, thrown)
@@ -251,7 +245,7 @@ def main() -> None:
             f"{out.seconds:5.1f} s {out.said}",
             flush=True,
         )
-        (args.output / "thrown_box.md").write_text(page(outcomes, command))
+        written(args.output, "thrown_box.md", page(outcomes, command))
     print(page(outcomes, command))
 
 

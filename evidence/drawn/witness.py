@@ -9,13 +9,13 @@ of it. The best cut is that of the same low-pass, half an octave from one to the
 
 from __future__ import annotations
 
-import argparse
 from time import process_time
 from typing import Any
 
 import numpy as np
 
 from evidence.subjects.flights.bodies import INERTIA, MASS, NODES, Setup, fly
+from evidence.written import asked
 from forceid.config import load_settings
 from forceid.estimation import run
 from forceid.estimation.witness.plain_route import plain_route
@@ -67,9 +67,7 @@ def over_best(record: Recording, witness: Any) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--seeds", type=int, default=20)
-    seeds = parser.parse_args().seeds
+    seeds = asked("evidence.drawn.witness", __doc__, page=False, seeds=20).seeds
     spent: list[float] = []
 
     def timed(*args: Any) -> Any:

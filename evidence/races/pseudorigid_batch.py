@@ -11,7 +11,6 @@ and counted in proportion, the best of all rounds each.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -23,6 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.written import asked, tabled
 from forceid.pseudorigid import integrators
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.materials import MooneyRivlin
@@ -157,25 +157,21 @@ def ratios(bodies: int, peers: int, rounds: int) -> list[Ratio]:
 
 def table(found: list[Ratio]) -> str:
     """The lines in markdown."""
-    head = ("error", "forceid", "trajectories/s", "solve_ivp", "trajectories/s", "ratio")
-    rows = [(*head, "ratio, right-hand side in numpy"), ("---",) * 7]
+    rows = []
     for r in found:
         ours, theirs, plain = r.cost
         rows.append(
             (f"{r.error:.0e}", r.label[0], f"{1 / ours:.0f}", r.label[1], f"{1 / theirs:.1f}",
              f"{theirs / ours:.0f}", f"{plain / ours:.0f}")
         )  # fmt: skip
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    heads = ("error", "forceid", "trajectories/s", "solve_ivp", "trajectories/s", "ratio")
+    return tabled((*heads, "ratio, right-hand side in numpy"), rows) + "\n"
 
 
 def main() -> None:
     """Ratios at equal error."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bodies", type=int, default=1000)
-    parser.add_argument("--peers", type=int, default=12)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--numpy", action="store_true", help="without the compiled steps")
-    args = parser.parse_args()
+    taken = {"bodies": 1000, "peers": 12, "rounds": 3, "numpy": False}
+    args = asked("evidence.races.pseudorigid_batch", __doc__, page=False, **taken)
     if args.numpy:
         integrators.compiled = None
     print(table(ratios(args.bodies, args.peers, args.rounds)))

@@ -1,6 +1,6 @@
 """Force and nine first moments of force on affine bodies: error over the bound, coverage, the model chosen.
 
-    python -m evidence.theory.affine -o docs [--seeds 8] [--jobs 2] [--scene NAME]...
+    python -m evidence.theory.affine -o docs [--seeds 8] [--jobs 2] [--scene NAME ...]
 
 Writes affine.md and affine.png. Every seed draws loads and noise anew, and is estimated as
 `forceid estimate` does, under model = "auto", or "affine" where that takes another. "Alone": by the columns
@@ -10,10 +10,8 @@ this claims under priors fitted to the true loads. Errors are over the central t
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time as clock
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from evidence.subjects.flights.true_prior import fitted
+from evidence.written import asked, each, written
 from forceid.config import load_settings
 from forceid.estimation.affine.channels import AffineChannels, affine_channels, on_body
 from forceid.estimation.affine.loads import smooth_affine
@@ -290,22 +289,11 @@ def draw(cases: list[Held], recording: Recording, estimate: Estimate, path: Path
 
 def main() -> int:
     """The tables; 1 where a goal is missed."""
-    about = (__doc__ or "").splitlines()[0]
-    parser = argparse.ArgumentParser(prog="evidence.theory.affine", description=about)
-    parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--scene", action="append", choices=list(SCENES))
-    parser.add_argument("-o", "--output", type=Path, default=Path("."))
-    args = parser.parse_args()
-    jobs = [(name, seed) for name in args.scene or SCENES for seed in range(1, args.seeds + 1)]
-    cases = []
-    with ProcessPoolExecutor(args.jobs) as pool:
-        for case in pool.map(one, jobs):
-            cases.append(case)
-            print(len(cases), "of", len(jobs), case.scene, case.model, file=sys.stderr, flush=True)
+    args = asked("evidence.theory.affine", __doc__, seeds=8, jobs=2, scene=tuple(SCENES))
+    jobs = [(name, seed) for name in args.scene for seed in range(1, args.seeds + 1)]
+    cases = list(each(one, jobs, args.jobs))
     text, met = page(cases)
-    args.output.mkdir(parents=True, exist_ok=True)
-    (args.output / "affine.md").write_text(text)
+    written(args.output, "affine.md", text)
     recording, _ = flown("spinning_block", 1)
     draw(cases, recording, estimate_recording(recording, load_settings()), args.output / "affine.png")
     print(text)

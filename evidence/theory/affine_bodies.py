@@ -7,9 +7,7 @@ Writes affine_bodies.md, affine_bodies.png and affine_orders.png. Source: pseudo
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +18,12 @@ from evidence.races import polar, pseudorigid_batch
 from evidence.races.paired import Outcome, run
 from evidence.theory import affine_evidence as evidence
 from evidence.theory.affine_printed import deviation, printed
+from evidence.written import asked, tabled, written
 from forceid.report.style import BLUE, CYCLE, GRAY, GREEN, INK, STYLE, VERMILION, draw_line, label, panels
 
 COMMAND = "OPENBLAS_NUM_THREADS=1 python -m evidence.theory.affine_bodies -o docs"
 ROUNDS, BUDGET = 5, 0.5  # of the polar factors
 MISSES = np.geomspace(1e-9, 3.0, 25)  # of near-crossings, in the change from frame to frame
-
-
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in markdown."""
-    head = list(head)
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def met(good: bool) -> str:
@@ -48,7 +40,7 @@ def printed_section() -> str:
         rows.append([name, str(count), f"{off:.1e}", f"{allowed:.0e}"])
     text = f"{total} numbers, each against the one printed; groups beyond what is allowed: {missed}.\n\n"
     head = ("section, what", "numbers", "largest relative deviation", "allowed")
-    return "## Printed values, section 12 of the note\n\n" + text + table(head, rows)
+    return "## Printed values, section 12 of the note\n\n" + text + tabled(head, rows) + "\n"
 
 
 def invariants_section(runs: list[evidence.Kept]) -> str:
@@ -64,7 +56,7 @@ def invariants_section(runs: list[evidence.Kept]) -> str:
     text = (
         "Largest change at any sample, every step sampled. Asked: momenta 3e-14, no trend, det F 1e-15.\n\n"
     )
-    return "## Invariants\n\n" + text + table(head, rows)
+    return "## Invariants\n\n" + text + tabled(head, rows) + "\n"
 
 
 def orders_section(found: list[evidence.Order]) -> str:
@@ -76,7 +68,13 @@ def orders_section(found: list[evidence.Order]) -> str:
     ]  # fmt: skip
     head = ("integrator", "order", "measured", "steps, s", "errors of F", "within 0.1")
     text = "Error of F at the end, from one step to its half. DOP853, the reference, chooses its steps.\n\n"
-    return "## Order of every integrator\n\n" + text + table(head, rows) + "\n![orders](affine_orders.png)\n"
+    return (
+        "## Order of every integrator\n\n"
+        + text
+        + tabled(head, rows)
+        + "\n"
+        + "\n![orders](affine_orders.png)\n"
+    )
 
 
 def reduced_section(found: list[evidence.Reduced]) -> str:
@@ -99,7 +97,7 @@ def reduced_section(found: list[evidence.Reduced]) -> str:
         "Random bodies to T = 1.5, and bodies led to within 0.1 to 0 of equal stretches at 0.5 s, against "
         "DOP853 on the master system; of refused ones up to the refusal. Left-reduced has no such chart.\n\n"
     )
-    return "## Reduced forms\n\n" + text + table(head, rows) + f"\nA refusal: `{says}`\n"
+    return "## Reduced forms\n\n" + text + tabled(head, rows) + f"\n\nA refusal: `{says}`\n"
 
 
 def paths_section(paths: evidence.Paths) -> str:
@@ -109,13 +107,13 @@ def paths_section(paths: evidence.Paths) -> str:
         for n, D, Q, undefined, flagged in evidence.test_path()
     ]
     head = ("frames", "error of D", "error of L", "frames without rates", "flagged")
-    text = "The test path of section 2, three values crossing at t = 0:\n\n" + table(head, rows)
+    text = "The test path of section 2, three values crossing at t = 0:\n\n" + tabled(head, rows) + "\n"
     rows = [
         [str(n), str(flagged), f"{reach:.3f}", f"{turn:.2g}"]
         for n, flagged, reach, turn in evidence.counterexample()
     ]
     text += "\nThe C-infinity path without a limit, t from -0.5 to 0.5:\n\n"
-    text += table(("frames", "flagged", "within t of 0", "largest turn elsewhere, rad"), rows)
+    text += tabled(("frames", "flagged", "within t of 0", "largest turn elsewhere, rad"), rows) + "\n"
     flagged, marked = paths.flagged, paths.marked
     read = paths.crossed & ~flagged
     text += (
@@ -149,7 +147,7 @@ def polar_section(quick: bool) -> str:
         f"the sets: {', '.join(f'{k} {v}' for k, v in polar.SETS.items())}, matrices and answers exact.\n\n"
     )
     goals = [f"{text}: {value}, {met(bool(good))}" for text, value, good in outcome.verdicts()]
-    return "## Polar factors\n\n" + text + table(head, rows) + "\n" + "; ".join(goals) + ".\n"
+    return "## Polar factors\n\n" + text + tabled(head, rows) + "\n\n" + "; ".join(goals) + ".\n"
 
 
 def batch_section(quick: bool) -> str:
@@ -241,10 +239,7 @@ def fates(ax: Any, paths: evidence.Paths) -> None:
 
 def main() -> None:
     """Measure everything and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("."))
-    parser.add_argument("--quick", action="store_true", help="fewer bodies, paths and frames")
-    args = parser.parse_args()
+    args = asked("evidence.theory.affine_bodies", __doc__, quick=False)
     runs, orders = evidence.invariants(), evidence.orders()
     reduced = evidence.reduced(4 if args.quick else 20)
     paths = evidence.crossings(1000 if args.quick else 10_000)
@@ -260,7 +255,7 @@ def main() -> None:
     args.output.mkdir(parents=True, exist_ok=True)
     draw_orders(orders, args.output / "affine_orders.png")
     draw_bodies(runs, reduced, paths, args.output / "affine_bodies.png")
-    (args.output / "affine_bodies.md").write_text("\n".join(sections))
+    written(args.output, "affine_bodies.md", "\n".join(sections))
     print("\n".join(sections))
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from evidence.races.models import root
+from evidence.written import asked, pictured, written
 from forceid import kalman
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -301,10 +301,7 @@ def main() -> int:
     """Run the parts asked for; write the page when all ran."""
     import matplotlib as mpl
 
-    parser = argparse.ArgumentParser(prog="evidence.theory.estimation", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs")
-    parser.add_argument("--only", nargs="+", choices=list(PARTS), default=list(PARTS))
-    args = parser.parse_args()
+    args = asked("evidence.theory.estimation", __doc__, only=tuple(PARTS))
     page = [
         "# What the estimators reach\n",
         f'Made by `make study` on engine "{kalman.engine("auto").name}"; every number is from that run.\n',
@@ -316,12 +313,12 @@ def main() -> int:
             text, figure = part(pool.map)
             page.append(f"## {title}\n\n{text}\n")
             if figure is not None:
-                figure.savefig(args.output / f"estimation_{name}.png")
+                pictured(args.output, f"estimation_{name}", figure)
                 page.append(f"![{title}](estimation_{name}.png)\n")
             print(page[-1] if figure is None else page[-2], flush=True)
             print(f"({name}: {time.perf_counter() - began:.0f} s)", file=sys.stderr, flush=True)
     if args.only == list(PARTS):
-        (args.output / "estimation.md").write_text("\n".join(page))
+        written(args.output, "estimation.md", "\n".join(page))
     return 0
 
 

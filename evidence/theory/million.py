@@ -8,20 +8,18 @@ method is a process of its own, so that each shows its own peak of memory, and i
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from evidence.theory.partition import table
+from evidence.written import asked, table, written
 from forceid.partition.grids import Parts, solid_parts
 from forceid.records import Array, Flags
 
@@ -117,7 +115,7 @@ def judged(A: Any, load: Array, u: Array) -> Found:
 
 def alone(method: str, r: int) -> Found:
     """What one method does in a process of its own, or what stopped it."""
-    argv = [sys.executable, "-m", "evidence.theory.million", "--one", method, "--r", str(r)]
+    argv = [sys.executable, "-m", "evidence.theory.million", "-o", ".", "--one", method, "--r", str(r)]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     last = (done.stderr.strip().splitlines() or [f"stopped by signal {-done.returncode}"])[-1]
     found: Found = json.loads(done.stdout) if done.returncode == 0 else {"stopped by": last[:80]}
@@ -135,18 +133,12 @@ def one(method: str, r: int) -> None:
 
 def main() -> None:
     """The study."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    parser.add_argument("--r", type=int, nargs="+", default=[8, 17], help="bricks an edge of a part")
-    parser.add_argument("--one", choices=list(METHODS), help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.one:
-        one(asked.one, asked.r[0])
+    given = asked("evidence.theory.million", __doc__, r=(8, 17), one="all")
+    if given.one != "all":
+        one(given.one, given.r[0])
         return
     rows = []
-    for r in asked.r:
+    for r in given.r:
         for method in METHODS:
             rows.append(alone(method, r))
             print(rows[-1], flush=True)
@@ -156,16 +148,15 @@ def main() -> None:
     ]  # fmt: skip
     page = [
         "# A million degrees of freedom in 64 parts of 3-D bricks",
-        f"`python -m evidence.theory.million -o docs`: a cube of {PARTS} x {PARTS} x {PARTS} parts of "
-        f"{', '.join(f'{r}^3' for r in asked.r)} bricks, to {TOLERANCE:.0e} of the residual that each method "
+        f"`{given.command}`: a cube of {PARTS} x {PARTS} x {PARTS} parts of "
+        f"{', '.join(f'{r}^3' for r in given.r)} bricks, to {TOLERANCE:.0e} of the residual that each method "
         "iterates on. CPU time of one thread from the matrices on; every method is a process of its own; "
         f"memory: its peak, which includes making the matrices; residual: of the assembled equations. A "
         f"method is stopped after {PATIENCE:.0f} s, a direct one at {LIMIT:.0f} GB. Parts that are equal are "
         "factored once.",
         table(rows, heads),
     ]  # fmt: skip
-    asked.output.mkdir(exist_ok=True)
-    (asked.output / "million.md").write_text("\n\n".join(page) + "\n")
+    written(given.output, "million.md", "\n\n".join(page) + "\n")
 
 
 if __name__ == "__main__":

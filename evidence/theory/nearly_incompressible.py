@@ -10,7 +10,6 @@ by about 1/lambda (drawn). Source: pseudo-rigid bodies, sections 9 and 10.
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 
+from evidence.written import asked, tabled, written
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.constrained import multiplier
 from forceid.pseudorigid.materials import MooneyRivlin
@@ -128,13 +128,13 @@ def run(way: Way, lam: float, loud: bool, exact: Any) -> dict[str, float]:
 
 def table(rows: list[tuple[str, Way, dict[str, float]]]) -> str:
     """Every run, one a line."""
-    text = "| start | integrator | lambda | steps | CPU s | error of F(2) | det F - 1 | H | J | pressure |\n"
-    text += "|---|---|---|---|---|---|---|---|---|---|\n"
+    lines = []
     for kind, way, r in rows:
         cells = [kind, way.name, f"{r['lambda']:.0e}", f"{r['steps']:.0f}", f"{r['cpu']:.2g}"]
-        cells += [f"{r[k]:.1e}" for k in ("error", "volume", "energy", "momentum", "pressure")]
-        text += "| " + " | ".join(cells) + " |\n"
-    return text
+        errors = (f"{r[k]:.1e}" for k in ("error", "volume", "energy", "momentum", "pressure"))
+        lines.append([*cells, *errors])
+    heads = "start", "integrator", "lambda", "steps", "CPU s", "error of F(2)", "det F - 1", "H", "J"
+    return tabled((*heads, "pressure"), lines) + "\n"
 
 
 def draw(rows: list[tuple[str, Way, dict[str, float]]], path: Path) -> None:
@@ -164,10 +164,7 @@ def draw(rows: list[tuple[str, Way, dict[str, float]]], path: Path) -> None:
 
 def main() -> None:
     """Run every way at every lambda, both starts."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("."))
-    parser.add_argument("--quick", action="store_true", help="lambda to 1e5")
-    args = parser.parse_args()
+    args = asked("evidence.theory.nearly_incompressible", __doc__, quick=False)
     rows = []
     for lam in 10.0 ** np.arange(2, 6 if args.quick else 9):
         for kind in ("quiet", "loud"):
@@ -177,8 +174,7 @@ def main() -> None:
                     continue
                 rows.append((kind, way, run(way, lam, kind == "loud", exact)))
                 print(table(rows).splitlines()[-1], flush=True)
-    args.output.mkdir(parents=True, exist_ok=True)
-    (args.output / "nearly_incompressible.md").write_text(FOUND + table(rows))
+    written(args.output, "nearly_incompressible.md", FOUND + table(rows))
     draw(rows, args.output / "nearly_incompressible.png")
 
 

@@ -7,16 +7,15 @@ Writes partition.md and partition.png. Bodies, loads and tolerance are those of 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from math import log
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, minres, spsolve
 
+from evidence.written import asked, pictured, table, written
 from forceid.partition import PartitionedSystem
 from forceid.partition.grids import Parts, solid_parts
 from forceid.records import Array, Flags
@@ -153,24 +152,10 @@ def draw(by_size: Sequence[dict[str, Any]], by_parts: Sequence[dict[str, Any]], 
     return figure
 
 
-def table(rows: Sequence[dict[str, Any]], heads: Sequence[str]) -> str:
-    """Rows as a table in Markdown."""
-    cells = [
-        [f"{v:.3g}" if isinstance(v := row.get(h, ""), float) else str(v) for h in heads] for row in rows
-    ]
-    lines = [" | ".join(heads), " | ".join("---" for _ in heads), *(" | ".join(c) for c in cells)]
-    return "\n".join(f"| {line} |" for line in lines)
-
-
 def main() -> None:
     """The study."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    parser.add_argument("--quick", action="store_true")
-    asked = parser.parse_args()
-    sizes, grids = ((2, 4), (2, 3)) if asked.quick else ((2, 4, 8, 16), (2, 3, 4, 6, 8))
+    given = asked("evidence.theory.partition", __doc__, quick=False)
+    sizes, grids = ((2, 4), (2, 3)) if given.quick else ((2, 4, 8, 16), (2, 3, 4, 6, 8))
     by_size = [{"r": r, **counted(*plate((2, 2), r))} for r in sizes]
     by_parts = [{"parts": p * p, **counted(*plate((p, p), 4))} for p in grids]
     right = checked(*plate((grids[-1],) * 2, 4))
@@ -178,7 +163,7 @@ def main() -> None:
     heads = ["size", "multipliers", *NAMES, *(f"{n} condition" for n in NAMES), "minres", "violated"]
     page = [
         "# Bodies in parts: iterations",
-        f"`python -m evidence.theory.partition -o docs`: the plate of the theory "
+        f"`{given.command}`: the plate of the theory "
         f"note, section 5.3, to {TOLERANCE:.0e} of the projected residual. *violated*: what conjugate "
         "gradients without the principal part, on P_L F P_L, leave of the balance of the parts, over its "
         f"size. Against the assembled scipy solution the displacements of the largest plate are {right:.0e} "
@@ -186,11 +171,10 @@ def main() -> None:
         "![iterations](partition.png)",
         "## Against the size of a part, 2 x 2 parts", table(by_size, ["r", *heads]),
         "## Against the number of parts, r = 4", table(by_parts, ["parts", *heads]),
-        "## Stiffness that jumps, 4 x 4 parts, r = 4", table(jumps, list(jumps[0])),
+        "## Stiffness that jumps, 4 x 4 parts, r = 4", table(jumps),
     ]  # fmt: skip
-    asked.output.mkdir(exist_ok=True)
-    (asked.output / "partition.md").write_text("\n\n".join(page) + "\n")
-    draw(by_size, by_parts, jumps).savefig(asked.output / "partition.png", dpi=160)
+    written(given.output, "partition.md", "\n\n".join(page) + "\n")
+    pictured(given.output, "partition", draw(by_size, by_parts, jumps))
 
 
 if __name__ == "__main__":
