@@ -26,12 +26,17 @@ from forceid.partition.transfer import transfer_load as transfer_load
 from forceid.partition.transfer import transfer_motion as transfer_motion
 
 if TYPE_CHECKING:
+    from forceid.partition.matrix_file import read_matrix as read_matrix
     from forceid.partition.motion_file import from_motion_file as from_motion_file
 
 
 def __getattr__(name: str) -> Any:
-    if name != "from_motion_file":
-        raise AttributeError(f"module 'forceid.partition' has no attribute '{name}'")
-    from forceid.partition.motion_file import from_motion_file  # reads files, with xarray: on first use
+    if name == "from_motion_file":
+        from forceid.partition.motion_file import from_motion_file  # reads files, with xarray: on first use
 
-    return from_motion_file
+        return from_motion_file
+    if name == "read_matrix":
+        from forceid.partition.matrix_file import read_matrix  # with h5py
+
+        return read_matrix
+    raise AttributeError(f"module 'forceid.partition' has no attribute '{name}'")

@@ -11,10 +11,10 @@ import forceid
 from forceid.config import PartSetting
 from forceid.errors import ConfigError, DataError
 from forceid.files.hdf5 import write_motion
-from forceid.files.matrices import read_matrix
 from forceid.partition import from_assembled, from_meshes, from_motion_file, from_names
 from forceid.partition.elements import assemble, bar
 from forceid.partition.grids import solid_parts
+from forceid.partition.matrix_file import read_matrix
 from forceid.principal.operator import summation_operator
 from forceid.records import Body, Motion, Recording
 
