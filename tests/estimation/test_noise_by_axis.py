@@ -111,6 +111,7 @@ def test_a_planar_record_is_not_said_to_share_errors_nor_to_stick():
     x = np.einsum("tab,nb->tna", R, X)
     x[..., :2] += 0.3 * np.sin(4 * time)[:, None, None] + sigma * rng.standard_normal((len(time), 5, 2))
     body = Body(tuple("abcde"), X, np.full(5, 0.2))
+    settings = load_settings(internal_momentum=(0, 0, 0))
     for told in ({"position": sigma}, {}):
-        found = estimate_recording(Recording(body, Motion(time, x, noise_std=told)), load_settings())
+        found = estimate_recording(Recording(body, Motion(time, x, noise_std=told)), settings)
         assert found.verdict.level == "ok", found.verdict.reasons

@@ -14,10 +14,12 @@ from functools import partial
 import numpy as np
 
 from forceid.errors import EstimationError
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.model import Flight, Reference, linear_flight
 from forceid.flight.priors.load import LoadPrior, along_world
-from forceid.flight.smoother import settled
+from forceid.flight.smoother import FlightState, settled
 from forceid.kalman.engines import Engine
+from forceid.kalman.lines import OUTLIER
 from forceid.records import Array
 
 FAMILIES = ("angular_velocity", "specific_force")
@@ -85,6 +87,24 @@ def tune_together(
         if not level > before + UNEVEN:
             break
     return flight, force, moment
+
+
+def by_the_flight(
+    flight: Flight, priors: dict[str, LoadPrior], state: FlightState, engine: Engine
+) -> dict[str, LoadPrior]:
+    """The priors of a flight, by its own likelihood where its rotations contradict those of the channels.
+
+    Errors of a rotation turn the momentum of a fast spin, so that its first moment shows little of the
+    moment; the flight itself shows it. Wild innovations count as outliers: no prior explains them.
+    """
+    white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
+    if not np.isfinite(white).any() or np.nanmean(white**2) < NIS_BAND[1]:
+        return priors
+    try:
+        _, force, moment = tune_together(flight, priors["force"], priors["moment"], engine)
+    except EstimationError:
+        return priors
+    return priors | {"force": force, "moment": moment}
 
 
 def wandering(

@@ -25,6 +25,7 @@ from forceid.estimation.instruments.strain_gauges import judge_gauges, with_gaug
 from forceid.estimation.loads.body_axes import on_body
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.free_oscillation import allow_for_ringing
+from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
 from forceid.estimation.loads.inner_wheel import allowing, signals, with_momentum
 from forceid.estimation.loads.lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
@@ -165,6 +166,11 @@ def estimate_flight(
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
+    if kin.attitude and not kin.apart and flight.sensors is None and kin.inertia.line is None:
+        priors = by_the_flight(flight, priors, state, engine)
+        if priors["moment"] is not moment:
+            force, moment = priors["force"], priors["moment"]
+            state = solve(flight)
     more_dropped, wild = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
     if more_dropped.any:
         both, findings = dropped.beside(more_dropped), (*findings, *judge_wild(wild))
