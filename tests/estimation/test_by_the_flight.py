@@ -1,4 +1,4 @@
-"""Fast spins under weak loads, of which the first moment shows little: the flight itself tunes their priors."""
+"""Fast spins under weak loads: their first moment shows little, and the flight itself tunes their priors."""
 
 import numpy as np
 import pytest
