@@ -14,12 +14,11 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.hdf5 import guarded, open_hdf5, source_group
-from forceid.files.parse import Source, parse_recording, read_real, real_attr, text, unpack
+from forceid.files.parse import NC_FILL, READ, Stored, parse_recording, read_real, real_attr, text, unpack
 from forceid.files.schema import BODY, MOTION, TRUTH
 from forceid.files.units import si_factor
 from forceid.records import Array, Recording
 
-NC_FILL = 9.969209968386869e36
 LARGE = 1 << 30  # bytes of positions: an estimate that holds them takes some ten times as much
 MANY = 4000  # nodes: a covariance of all their components takes a gigabyte
 BLOCK = 1 << 23  # bytes of positions that are looked at together: they stay in the cache
@@ -100,15 +99,15 @@ def opened(path: str | Path, gravity: Sequence[float] | None = None) -> Iterator
         frames = positions.shape[0]
         still = np.zeros((frames, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (frames, 1))
         left = {k: v for k, v in motion.variables.items() if k not in ("position", "node")}
-        kept = Source({**left, "center": still[0], "orientation": still[1]}, motion.attrs, motion.found)
+        kept = Stored({**left, "center": still[0], "orientation": still[1]}, motion.attrs, motion.found)
         recording = parse_recording({**found, "motion": kept}, f.attrs, str(path), "", gravity)
         yield recording, positions
 
 
-def positions_of(item: Any, found: dict[str, Source], where: str) -> Positions:
+def positions_of(item: Any, found: dict[str, Stored], where: str) -> Positions:
     """The positions, their shape, type, units and noise judged by what is declared of them."""
     spec = MOTION["position"]
-    attrs = {key: item.attrs[key] for key in item.attrs if key in KEYS}
+    attrs = {key: item.attrs[key] for key in item.attrs if key in READ}
     shape = getattr(found.get("body", found["motion"]).variables.get("position"), "shape", (None,))
     if item.dtype.kind not in "fiu" or item.ndim != 3 or item.shape[2] != 3 or item.shape[1] != shape[0]:
         read_real(item, spec, {"axis": 3, "node": int(shape[0] or 0)}, where)  # says what is wrong
@@ -120,6 +119,3 @@ def positions_of(item: Any, found: dict[str, Source], where: str) -> Positions:
             what = f"has noise_std {noise:g}, expected a positive number"
             raise DataError(what, where, "correct the attribute, or leave it out and it is estimated")
     return Positions(item, where, factor, attrs, noise)
-
-
-KEYS = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")

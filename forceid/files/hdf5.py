@@ -19,14 +19,13 @@ from forceid.files.atomic import atomic
 from forceid.files.attributes import attributes, judge_attribute
 from forceid.files.heap import check_heaps, check_references, fingerprint
 from forceid.files.object_header import check_texts
-from forceid.files.parse import Source, parse_recording, text
+from forceid.files.parse import READ, Stored, parse_recording, text
 from forceid.files.schema import BODY, MOTION, TRUTH, Group, motion_groups
 from forceid.records import Recording
 
 _COMPRESSION_LIMIT = 2000  # deflate reaches 1032
 _CHUNK = 1 << 30  # bytes that reading a single value may unpack
 _NAMES = 1000  # members of a group that are looked at
-READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")
 DAMAGE = OSError, RuntimeError, KeyError, ValueError  # what h5py raises on damaged metadata
 _TABLES = {"body": BODY, "motion": MOTION, "truth": TRUTH, "estimate": {}}
 
@@ -139,7 +138,7 @@ def stamp(path: str | Path) -> tuple[int, int, int]:
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 
-def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Source:
+def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stored:
     """A group of the file with those of its variables that are known or names, each opened once.
 
     DataError: something in it reaches out of the file, or swells beyond what is stored.
@@ -151,7 +150,7 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Sour
         )
     wanted = [n for n in (*table, "node", "load_name") if n in group]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
-    return Source(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
+    return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 
 
 def guarded(group: Any, name: str, where: str) -> Any:

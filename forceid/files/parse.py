@@ -17,12 +17,12 @@ from forceid.files.validate import check_recording
 from forceid.records import Array, Body, Motion, Recording
 
 _SHOWN = 12  # names in a line
-_ATTRS = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")
-_NC_FILL = 9.969209968386869e36  # what netCDF leaves where nothing was written
+READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")  # of a variable
+NC_FILL = 9.969209968386869e36  # what netCDF leaves where nothing was written
 
 
 @dataclass(frozen=True)
-class Source:
+class Stored:
     """A group as found: variables of h5py or xarray (.dtype .shape .attrs, not read yet) and attributes."""
 
     variables: Mapping[str, Any]
@@ -31,7 +31,7 @@ class Source:
 
 
 def parse_recording(
-    groups: Mapping[str, Source],
+    groups: Mapping[str, Stored],
     attrs: Mapping[str, Any],
     where: str,
     sha256: str = "",
@@ -92,7 +92,7 @@ def parse_recording(
 
 
 def read_variables(
-    group: Source, table: Mapping[str, Variable], sizes: dict[str, int], where: str
+    group: Stored, table: Mapping[str, Variable], sizes: dict[str, int], where: str
 ) -> tuple[dict[str, Any], dict[str, float]]:
     """The variables of `table` in the group and their noise_std, in SI; `sizes` of dimensions is filled in.
 
@@ -104,7 +104,7 @@ def read_variables(
         if (source := group.variables.get(name)) is None:
             continue
         here, found = f"{where}/{name}", getattr(source, "attrs", {})
-        attrs = {key: found[key] for key in found if key in _ATTRS}
+        attrs = {key: found[key] for key in found if key in READ}
         factor = si_factor(text(attrs.get("units", spec.units)), spec.units, here)
         values[name] = unpack(read_real(source, spec, sizes, here), attrs, here)
         if factor != 1.0:
@@ -146,8 +146,8 @@ def read_real(source: Any, spec: Variable, sizes: dict[str, int], where: str) ->
 
 def unpack(values: Array, attrs: Mapping[str, Any], where: str) -> Array:
     """Fill values to NaN, then scale_factor and add_offset, as netCDF defines them."""
-    if np.fmax.reduce(values, axis=None, initial=-np.inf) == _NC_FILL:
-        values = np.where(values == _NC_FILL, np.nan, values)
+    if np.fmax.reduce(values, axis=None, initial=-np.inf) == NC_FILL:
+        values = np.where(values == NC_FILL, np.nan, values)
     for name in ("_FillValue", "missing_value"):
         if name in attrs and not np.isnan(fill := real_attr(attrs[name], where, name)):
             values = np.where(values == fill, np.nan, values)
@@ -177,7 +177,7 @@ def read_gravity(attrs: Mapping[str, Any], where: str, gravity: Sequence[float] 
     return array.astype(np.float64)
 
 
-def node_names(groups: Mapping[str, Source], count: int, where: str) -> tuple[str, ...]:
+def node_names(groups: Mapping[str, Stored], count: int, where: str) -> tuple[str, ...]:
     """Names of the nodes; those of the motion must be those of the body, in the same order."""
     named = {
         g: tuple(text(n) for n in np.asarray(groups[g].variables["node"]).ravel())

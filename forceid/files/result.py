@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.hdf5 import open_hdf5, source_group, write_groups
-from forceid.files.parse import Source, read_gravity, read_variables, real_attr, text
+from forceid.files.parse import Stored, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
     ESTIMATE,
     ESTIMATE_ATTRS,
@@ -129,7 +129,7 @@ def read_version(path: str | Path) -> str:
         return text(f.attrs.get("forceid_version", ""))
 
 
-def read_loads(group: Source, samples: int, path: str | Path) -> Loads:
+def read_loads(group: Stored, samples: int, path: str | Path) -> Loads:
     """The group /load of a result file."""
     names = read_names(group, "load_name")
     n = len(names)
@@ -184,6 +184,6 @@ def read_verdict(attrs: Mapping[str, Any]) -> Verdict:
     return Verdict(level, tuple(Finding(*line) for line in lines))
 
 
-def read_names(group: Source, dim: str) -> tuple[str, ...]:
+def read_names(group: Stored, dim: str) -> tuple[str, ...]:
     """The names along a dimension, none when the file has none."""
     return tuple(text(n) for n in np.asarray(group.variables[dim])) if dim in group.variables else ()

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from forceid.files.hdf5 import read_motion
-from forceid.files.parse import Source, parse_recording
+from forceid.files.parse import Stored, parse_recording
 from forceid.files.schema import Group, estimate_groups, hash_arrays, motion_groups
 from forceid.records import Estimate, Recording
 
@@ -32,10 +32,10 @@ def recording_from_tree(tree: xr.DataTree, gravity: Sequence[float] | None = Non
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
 
 
-def source_group(node: xr.DataTree) -> Source:
+def source_group(node: xr.DataTree) -> Stored:
     """A node of the tree as the parser takes it."""
     variables = {str(k): v for k, v in node.variables.items()}
-    return Source(variables, {str(k): v for k, v in node.attrs.items()}, tuple(variables))
+    return Stored(variables, {str(k): v for k, v in node.attrs.items()}, tuple(variables))
 
 
 def tree_from_recording(recording: Recording) -> xr.DataTree:

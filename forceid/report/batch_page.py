@@ -19,14 +19,14 @@ from forceid.report.picture import Picture, pictured
 from forceid.report.style import BLUE, STYLE, VERMILION, label, panels
 from forceid.report.template import render
 
-ORDER = ("failed", "refused", "degraded", "ok")
-HEADLINE = {
+VERDICTS = ("failed", "refused", "degraded", "ok")
+BATCH_HEADLINE = {
     "failed": "Some files have no result.",
     "refused": "Some estimates are refused: nothing can be defended from their data.",
     "degraded": "All files have a result, some of them with cautions.",
     "ok": "All files have an accurate result.",
 }
-NAMED = 12  # marks that get a name in the picture
+NAMED_MARKS = 12  # marks that get a name in the picture
 
 
 @dataclass(frozen=True)
@@ -55,18 +55,19 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
     """The page as HTML text, for DIR/index.html; it refers to no host. undone: files not reached."""
     outliers = find_outliers(records)
     rows = sorted(
-        (row_of(record, folder, outliers) for record in records), key=lambda r: (ORDER.index(r.level), r.file)
+        (row_of(record, folder, outliers) for record in records),
+        key=lambda r: (VERDICTS.index(r.level), r.file),
     )
     counts = Counter(row.level for row in rows)
-    level = next((name for name in ORDER if counts[name]), "ok")
+    level = next((name for name in VERDICTS if counts[name]), "ok")
     return render(
         "batch.html.j2",
         rows=rows,
-        counts=[(name, counts[name]) for name in reversed(ORDER) if counts[name]],
+        counts=[(name, counts[name]) for name in reversed(VERDICTS) if counts[name]],
         kept=sum(row.kept for row in rows),
         undone=undone,
         level=level if not undone else "failed",
-        headline=HEADLINE[level] if rows else "No file was done.",
+        headline=BATCH_HEADLINE[level] if rows else "No file was done.",
         causes=causes(records),
         outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
         picture=picture(records, outliers),
@@ -78,7 +79,7 @@ def level_of(record: Mapping[str, Any]) -> str:
     if record["status"] == "failed":
         return "failed"
     found: tuple[str, ...] = (record["verdict"], record.get("interface", {}).get("verdict", "ok"))
-    return min(found, key=ORDER.index)
+    return min(found, key=VERDICTS.index)
 
 
 def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> Row:
@@ -137,7 +138,7 @@ def causes(records: Sequence[Mapping[str, Any]]) -> list[Cause]:
         Cause(level, told[0][1], tuple(dict.fromkeys(n for n, _ in told)))
         for (level, *_), told in found.items()
     ]
-    return sorted(listed, key=lambda cause: (ORDER.index(cause.level), -len(cause.files)))
+    return sorted(listed, key=lambda cause: (VERDICTS.index(cause.level), -len(cause.files)))
 
 
 def reasons_of(record: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, ...], str]]:
@@ -177,7 +178,7 @@ def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -
             ax.set_yscale("log")
             for axis_part in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
                 axis_part(LogFormatter(minor_thresholds=(1.0, 0.4)))
-            for k in np.flatnonzero(odd)[:NAMED]:
+            for k in np.flatnonzero(odd)[:NAMED_MARKS]:
                 ax.annotate(
                     os.path.basename(names[k]),
                     (at[k], values[k]),

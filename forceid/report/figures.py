@@ -14,6 +14,7 @@ from forceid.records import Array, Estimate, Loads
 from forceid.report.bands import draw_estimate, explain
 from forceid.report.numbers import mean, truth_at
 from forceid.report.style import (
+    AXES,
     AXIS_COLOR,
     CYCLE,
     PURPLE,
@@ -23,8 +24,6 @@ from forceid.report.style import (
     label,
     panels,
 )
-
-AXES = ("x", "y", "z")
 
 
 @rc_context(STYLE)

@@ -11,9 +11,7 @@ from matplotlib.figure import Figure
 from forceid.records import Array, Estimate
 from forceid.report.bands import draw_estimate, explain
 from forceid.report.numbers import truth_at
-from forceid.report.style import STYLE, label, panels
-
-AXES = ("x", "y", "z")
+from forceid.report.style import AXES, STYLE, label, panels
 
 
 @rc_context(STYLE)

@@ -12,17 +12,16 @@ from matplotlib.figure import Figure
 from forceid.records import Array, Interface
 from forceid.report.bands import draw_estimate, explain
 from forceid.report.numbers import INTERVAL, rms
-from forceid.report.style import STYLE, label, panels
+from forceid.report.style import AXES, STYLE, label, panels
 
-AXES = ("x", "y", "z")
-NEAR = 5e-3  # m: within which a joint of the truth is this one
-LONGEST = 28  # letters of a name in a title
+SAME_JOINT = 5e-3  # m: within which a joint of the truth is this one
+TITLE_LETTERS = 28  # letters of a name in a title
 
 
 @rc_context(STYLE)
 def draw_joint(time: Array, interface: Interface, k: int, truth: Mapping[str, Array] | None = None) -> Figure:
     """Force and moment (about the joint) of joint k by axis with 95 % bands, and the truth where known."""
-    name, first, second = (shorten(text, LONGEST) for text in (interface.name[k], *interface.parts[k]))
+    name, first, second = (shorten(text, TITLE_LETTERS) for text in (interface.name[k], *interface.parts[k]))
     figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
     sides = (
         ("F", f"Force of {first} on {second}, world axes", "N", interface.force, interface.force_std),
@@ -58,7 +57,7 @@ def joint_truth(time: Array, interface: Interface, k: int, truth: Mapping[str, A
         at_times(time, clock, truth[f"joint_{what}"]) for what in ("force", "moment", "point")
     )
     apart = np.array([np.linalg.norm(rms(p - interface.point[:, k])) for p in np.moveaxis(point, 1, 0)])
-    if not (apart < NEAR).any():
+    if not (apart < SAME_JOINT).any():
         return nothing
     j = int(np.nanargmin(apart))
     arm = point[:, j] - interface.point[:, k]

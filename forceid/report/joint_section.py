@@ -13,12 +13,12 @@ from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive, rms, typeset
 from forceid.report.picture import Picture, pictured
 
-HEADLINE = {
+JOINT_HEADLINE = {
     "ok": "Accurate: forces between the parts and their sigma can be believed.",
     "degraded": "Degraded: forces between the parts are usable with the cautions below.",
     "refused": "Refused: no force between the parts can be defended from these data.",
 }
-MOST = 12  # joints that are drawn
+JOINTS_DRAWN = 12  # joints that are drawn
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
     heads = ("Joint", "Exerted", "Force, rms", "Moment, rms", "Parts apart, rms")
     return JointSection(
         level=found.verdict.level,
-        headline=HEADLINE[found.verdict.level],
+        headline=JOINT_HEADLINE[found.verdict.level],
         reasons=found.verdict.reasons,
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
         rows=[joint_row(found, k) + [score(errors[k])] * known for k in range(len(found.name))],
@@ -113,7 +113,7 @@ def joint_pictures(time: Array, found: Interface, truth: Mapping[str, Array]) ->
     told = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
     return [
         pictured(draw_joint(time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
-        for k in told[:MOST]
+        for k in told[:JOINTS_DRAWN]
     ]
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from forceid.records import Array
 from forceid.report.numbers import plain
 
-NORMAL = 1.4826  # deviations of a normal in a median absolute deviation
-FAR = 5.0  # deviations
-LEAST = np.log(1.1)  # the deviation that is taken at least: files so near each other are alike
-FEW = 8  # files below which nobody stands out
+NORMAL_PER_MAD = 1.4826  # deviations of a normal in a median absolute deviation
+OUTLYING = 5.0  # deviations
+LEAST_DEVIATION = np.log(1.1)  # the deviation that is taken at least: files so near each other are alike
+FEW_FILES = 8  # files below which nobody stands out
 QUANTITIES = {
     "nis_mean": ("NIS", ""),
     "force_rms": ("force, rms", " N"),
@@ -63,7 +63,7 @@ def find_outliers(records: Sequence[Mapping[str, Any]]) -> list[Outlier]:
                 float(np.nanmedian(values)),
                 float(off[k]),
             )
-            for k in np.flatnonzero(np.abs(off) > FAR).tolist()
+            for k in np.flatnonzero(np.abs(off) > OUTLYING).tolist()
         ]
     return sorted(found, key=lambda outlier: -abs(outlier.off))
 
@@ -80,9 +80,9 @@ def distances(values: Array) -> Array:
     """How many deviations the logarithm of each value (file,) is from the median; zero where unknown."""
     known = np.isfinite(values)
     off = np.zeros(len(values))
-    if known.sum() < FEW:
+    if known.sum() < FEW_FILES:
         return off
     scale = np.log(values[known])
     from_median = scale - np.median(scale)
-    off[known] = from_median / max(NORMAL * float(np.median(np.abs(from_median))), LEAST)
+    off[known] = from_median / max(NORMAL_PER_MAD * float(np.median(np.abs(from_median))), LEAST_DEVIATION)
     return off

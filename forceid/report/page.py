@@ -18,7 +18,7 @@ from forceid.report.picture import Picture, pictured
 from forceid.report.template import render
 from forceid.report.whiteness import draw_innovations
 
-HEADLINE = {
+PAGE_HEADLINE = {
     "ok": "Accurate: force, moment and their sigma can be believed.",
     "degraded": "Degraded: usable with the cautions below.",
     "refused": "Refused: no estimate can be defended from these data.",
@@ -35,7 +35,7 @@ def render_page(
         title=title or "forceid result",
         source=source,
         e=estimate,
-        headline=HEADLINE[estimate.verdict.level],
+        headline=PAGE_HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
         rows=[*table(quoted), *beside(estimate.witness)],
         joints=joint_section(estimate, truth),
@@ -149,7 +149,7 @@ UNITS = {
 }
 
 
-NOTHING = 1e-12  # N or N m: rounding
+LOAD_ROUNDING = 1e-12  # N or N m: rounding
 
 
 def tuned(estimate: Estimate) -> list[tuple[str, str]]:
@@ -166,7 +166,7 @@ def budget(estimate: Estimate) -> list[tuple[str, str]]:
     return [
         (name.replace("_", " ").capitalize(), f"{digits(value)} {'N' if '_force_' in name else 'N m'}")
         for name, value in estimate.sensitivity.items()
-        if value > NOTHING
+        if value > LOAD_ROUNDING
     ]
 
 

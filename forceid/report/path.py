@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from forceid.records import Array, Estimate
 from forceid.report.numbers import plain
-from forceid.report.style import BLUE, INK, STYLE, VERMILION, bins
+from forceid.report.style import AXES, BLUE, INK, STYLE, VERMILION, bins
 
-AXES = ("x", "y", "z")
 ARROWS = 24
 WIDTH, HEIGHT = 10.0, 5.6  # of the figure, inches
-ROOM = (7.6, 3.9)  # that the box may take of it: the rest is for tick labels and legend
-LONGEST = 0.22  # arrow, of the extent of the path
+BOX = (7.6, 3.9)  # that the box may take of it: the rest is for tick labels and legend
+LONGEST_ARROW = 0.22  # arrow, of the extent of the path
 DEPTH = 0.4  # least side of the box, of the same: thinner ones squeeze their tick labels together
 
 
@@ -39,7 +38,7 @@ def draw_path(estimate: Estimate) -> Figure:
     at = strongest(estimate)
     force = estimate.force[at]
     longest = float(np.linalg.norm(force, axis=1).max(initial=0.0))
-    arrows = force * (LONGEST * span / longest) if longest > 0 else force
+    arrows = force * (LONGEST_ARROW * span / longest) if longest > 0 else force
     drawn = np.concatenate([path, estimate.center[at] + arrows])
     vertical, floor = fit_box(ax, np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0), span, estimate.gravity)
 
@@ -92,7 +91,7 @@ def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tu
         [[ax.get_xlim()[i], ax.get_ylim()[j], ax.get_zlim()[k]] for i, j, k in np.ndindex(2, 2, 2)]
     )
     inches = project(ax, corners)
-    ax.set_box_aspect(size, zoom=float((ROOM / np.ptp(inches, axis=0)).min()))
+    ax.set_box_aspect(size, zoom=float((BOX / np.ptp(inches, axis=0)).min()))
     return vertical, float((upper if gravity[vertical] > 0 else lower)[vertical])
 
 

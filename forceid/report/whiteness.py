@@ -21,10 +21,10 @@ from forceid.report.style import (
     panels,
 )
 
-LAGS = 40
-CHANNELS = 12
-FEW = 2000  # points that still read when they are large
-FAR = 10  # sigma; beyond, scales are logarithmic
+LAGS_DRAWN = 40
+CHANNELS_DRAWN = 12
+LARGE_POINTS = 2000  # points that still read when they are large
+LOGARITHMIC = 10  # sigma; beyond, scales are logarithmic
 
 
 @rc_context(STYLE)
@@ -38,14 +38,14 @@ def draw_innovations(estimate: Estimate) -> Figure:
     label(lags, "Autocorrelation, each channel", "correlation (1)", "lag (samples)")
     white = channels(estimate.innovation)
     step = max(1, len(white) // BINS)
-    size = 2.0 if white[::step].size > FEW else 4.5
+    size = 2.0 if white[::step].size > LARGE_POINTS else 4.5
     series.plot(estimate.time[::step], white[::step], ".", ms=size, alpha=0.5, color=BLUE, mew=0)
     for level in (-2, 2):
         series.axhline(level, color=VERMILION, lw=0.9, ls=DASHED)
     reach = max(4.5, 1.05 * float(np.nanmax(np.abs(white[::step]))))
-    if reach > FAR:
+    if reach > LOGARITHMIC:
         series.set_yscale("symlog", linthresh=4.0, linscale=2.0)
-        series.set_yticks([-FAR, -2, 0, 2, FAR], ["−10", "−2", "0", "2", "10"])
+        series.set_yticks([-LOGARITHMIC, -2, 0, 2, LOGARITHMIC], ["−10", "−2", "0", "2", "10"])
         series.minorticks_off()
     series.set_ylim(-reach, reach)
     values = white[np.isfinite(white)]
@@ -58,7 +58,7 @@ def draw_innovations(estimate: Estimate) -> Figure:
     histogram.legend(loc="upper right", handlelength=1.2, borderaxespad=0.1)
     draw_line(squares, estimate.time, estimate.nis, color=BLUE, lw=0.9)
     squares.axhline(1, color=INK, lw=0.9, ls=DASHED)
-    if np.nanmax(estimate.nis) > FAR**2:
+    if np.nanmax(estimate.nis) > LOGARITHMIC**2:
         squares.set_yscale("log")
         squares.set_ylim(bottom=1e-3)
     else:
@@ -85,7 +85,7 @@ def draw_innovations(estimate: Estimate) -> Figure:
 def channels(innovation: Array) -> Array:
     """At most twelve channels (time, channel), evenly chosen from those that hold anything."""
     held = innovation[:, np.isfinite(innovation).any(axis=0)]
-    return held[:, :: max(1, -(-held.shape[1] // CHANNELS))]
+    return held[:, :: max(1, -(-held.shape[1] // CHANNELS_DRAWN))]
 
 
 def autocorrelation(values: Array) -> Array:
@@ -95,5 +95,7 @@ def autocorrelation(values: Array) -> Array:
     array([-0.99,  0.98])
     """
     x = np.nan_to_num(values - np.nanmean(values))
-    rho: Array = np.array([x[k:] @ x[:-k] for k in range(1, min(LAGS, len(x) - 1) + 1)]) / max(x @ x, 1e-300)
+    rho: Array = np.array([x[k:] @ x[:-k] for k in range(1, min(LAGS_DRAWN, len(x) - 1) + 1)]) / max(
+        x @ x, 1e-300
+    )
     return rho

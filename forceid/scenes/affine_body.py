@@ -16,7 +16,7 @@ from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic
 from forceid.scenes.mechanics import Flight, deforming_truth, integrate
 
-TOLERANCE = 1e-12
+AFFINE_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def trajectory(throw: Throw, time: Array) -> AffineMotion:
 
     dF = np.cross(throw.spin, throw.R, axisb=0, axisc=0) + throw.R @ throw.stretch_rate
     start = np.concatenate([throw.center, throw.velocity, throw.R.ravel(), dF.ravel()])
-    y = integrate(rate, start, time, TOLERANCE)
+    y = integrate(rate, start, time, AFFINE_TOLERANCE)
     return AffineMotion(y[:, :3], y[:, 3:6], y[:, 6:15].reshape(-1, 3, 3), y[:, 15:].reshape(-1, 3, 3))
 
 

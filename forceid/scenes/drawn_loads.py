@@ -18,14 +18,14 @@ from scipy.special import erf
 
 from forceid.records import Array
 
-ORDER = 3  # of the Matern loads: twice differentiable
+LOAD_ORDER = 3  # of the Matern loads: twice differentiable
 ORDER_PERIODIC = 2  # of those that repeat themselves
-PERIOD, HIGHEST = 4.0, 40.0  # s, Hz: after which these do, and up to which they go
-CUT = 12.0  # rates at which the spectrum ends: 1e-5 of its power lies beyond
-MOST = 260  # sinusoids
-SLOW = 0.01  # rates below which a long record holds none of it, so that the body stays where it is
-KNOTS = 8.0  # of the spline, in the time that a load remembers
-BLOCK = 4096  # samples evaluated at a time
+PERIOD, HIGHEST_PERIODIC = 4.0, 40.0  # s, Hz: after which these do, and up to which they go
+CUT_RATES = 12.0  # rates at which the spectrum ends: 1e-5 of its power lies beyond
+SINUSOIDS = 260  # sinusoids
+SLOWEST = 0.01  # rates below which a long record holds none of it, so that the body stays where it is
+KNOTS_PER_MEMORY = 8.0  # of the spline, in the time that a load remembers
+SAMPLES_TOGETHER = 4096  # samples evaluated at a time
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ class Drawn:
 
     def _waves(self, time: Array, a: Array, b: Array) -> Array:
         parts = []
-        for k in range(0, len(time), BLOCK):
-            phase = np.multiply.outer(time[k : k + BLOCK], self.w)
+        for k in range(0, len(time), SAMPLES_TOGETHER):
+            phase = np.multiply.outer(time[k : k + SAMPLES_TOGETHER], self.w)
             parts.append(np.cos(phase) @ a + np.sin(phase) @ b)
         return np.concatenate(parts)
 
@@ -111,13 +111,13 @@ def draw(std: float, rate: float, span: float, rng: np.random.Generator) -> Draw
     >>> bool(np.isclose(load.at(np.arange(0, 400, 0.5)).std(), 2.0, rtol=0.1))
     True
     """
-    count = int(np.ceil(CUT * rate * 2 * span / np.pi)) + 20
-    if count > MOST:
+    count = int(np.ceil(CUT_RATES * rate * 2 * span / np.pi)) + 20
+    if count > SINUSOIDS:
         none = np.zeros((0, 3))
         return Drawn(np.zeros(0), none, none, np.zeros(3), curve=drawn_curve(std, rate, span, rng))
-    grid = CUT * rate * np.linspace(0, 1, count + 1) ** 1.5  # finer where the power is
+    grid = CUT_RATES * rate * np.linspace(0, 1, count + 1) ** 1.5  # finer where the power is
     w = grid[:-1] + np.diff(grid) * rng.random(count)
-    size = std * np.sqrt(spectrum(w, rate, ORDER) * np.diff(grid))[:, None]
+    size = std * np.sqrt(spectrum(w, rate, LOAD_ORDER) * np.diff(grid))[:, None]
     return Drawn(
         w, size * rng.standard_normal((count, 3)), size * rng.standard_normal((count, 3)), np.zeros(3)
     )
@@ -132,7 +132,7 @@ def draw_periodic(std: ArrayLike, rate: float, rng: np.random.Generator) -> Draw
     >>> bool(np.allclose(load.at(np.array([0.5])), load.at(np.array([0.5 + PERIOD]))))
     True
     """
-    w = 2 * np.pi * np.arange(1.0, HIGHEST * PERIOD + 1) / PERIOD
+    w = 2 * np.pi * np.arange(1.0, HIGHEST_PERIODIC * PERIOD + 1) / PERIOD
     power = spectrum(w, rate, ORDER_PERIODIC)
     each = np.asarray(std, dtype=float)
     size = each * np.sqrt(power / power.sum())[:, None]
@@ -155,16 +155,16 @@ def drawn_curve(std: float, rate: float, span: float, rng: np.random.Generator) 
 
     Source: C. R. Dietrich, G. N. Newsam, SIAM J. Sci. Comput. 18 (1997) 1088, section 2.
     """
-    step = 1 / (KNOTS * rate)
+    step = 1 / (KNOTS_PER_MEMORY * rate)
     count = int(np.ceil(span / step)) + 12
     x = (
-        rate * step * np.arange(count + int(40 * KNOTS))
+        rate * step * np.arange(count + int(40 * KNOTS_PER_MEMORY))
     )  # so far round that the ends know nothing of each other
     covariance = std**2 * (1 + x + x**2 / 3) * np.exp(-x)  # of order three
     power = np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real.clip(0)
     round_trip = 2 * len(x) - 2
     w = 2 * np.pi * np.fft.rfftfreq(round_trip, step)
-    shape = np.sqrt(power) * w**2 / (w**2 + (SLOW * rate) ** 2)
+    shape = np.sqrt(power) * w**2 / (w**2 + (SLOWEST * rate) ** 2)
     white = np.fft.rfft(rng.standard_normal((round_trip, 3)), axis=0)
     drawn = np.fft.irfft(shape[:, None] * white, round_trip, axis=0)
     return make_interp_spline(step * (np.arange(count) - 5), drawn[:count], k=5)

@@ -19,7 +19,7 @@ NODES = tuple(
 )
 MASS = np.array([0.008, 0.007, 0.007, *2 * (0.0062, 0.0058, 0.0058, 0.0054, 0.0066, 0.0062)])
 AREA = np.array([0.0012] * 3 + [0.0014] * 12)
-REACH = 0.2
+HUB_TO_ARM = 0.2
 LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3)).transpose(2, 0, 1)
 
 
@@ -60,7 +60,7 @@ def springs(parameters: Parameters) -> Springs:
     """The springs: one between every two nodes closer than 0.2 m at rest, k = EA / length."""
     X = rest_shape()
     length = np.linalg.norm(X[:, None] - X, axis=-1)
-    pairs = np.argwhere(np.triu(length < REACH, k=1))
+    pairs = np.argwhere(np.triu(length < HUB_TO_ARM, k=1))
     return connect(X, pairs, parameters.axial_stiffness / length[tuple(pairs.T)], parameters.damping_time)
 
 

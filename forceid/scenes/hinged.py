@@ -22,8 +22,8 @@ from forceid.scenes.mechanics import Flight, deforming_truth, inertia_tensor, in
 
 Positive = Annotated[float, Field(gt=0.0)]
 Size = tuple[Positive, Positive, Positive]
-CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-TOLERANCE = 1e-13
+BLOCK_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+CHAIN_TOLERANCE = 1e-13
 
 
 class Parameters(Section):
@@ -76,7 +76,7 @@ def chain_of(parameters: Parameters) -> Chain:
     p = parameters
     mass, size = np.array(p.mass), np.array(p.size)
     inertia = np.stack(
-        [inertia_tensor(np.full(8, m / 8), CORNERS * s) for m, s in zip(mass, size, strict=True)]
+        [inertia_tensor(np.full(8, m / 8), BLOCK_CORNERS * s) for m, s in zip(mass, size, strict=True)]
     )
     arms = np.zeros((len(mass) - 1, 2, 3))
     arms[:, 0, 0], arms[:, 1, 0] = 0.5 * size[:-1, 0], -0.5 * size[1:, 0]
@@ -133,7 +133,7 @@ def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
 
     start = launch(p, chain)
     y0 = np.concatenate([start.center.ravel(), start.velocity.ravel(), start.R.ravel(), start.omega.ravel()])
-    return [unpack(y) for y in integrate(rate, y0, time, TOLERANCE)]
+    return [unpack(y) for y in integrate(rate, y0, time, CHAIN_TOLERANCE)]
 
 
 def fly(parameters: Parameters, time: Array) -> Flight:
@@ -144,7 +144,7 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     ends = np.cumsum(size[:, 0])
     middle = np.zeros((len(size), 3))
     middle[:, 0] = ends - 0.5 * size[:, 0]
-    own = CORNERS * size[:, None]
+    own = BLOCK_CORNERS * size[:, None]
     rest, mass = (own + middle[:, None]).reshape(-1, 3), np.repeat(chain.mass / 8, 8)
     c, v, R, w = (np.array([getattr(s, k) for s in states]) for k in ("center", "velocity", "R", "omega"))
     arm = np.einsum("tiab,inb->tina", R, own)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from forceid.report.batch_page import causes, render_batch
-from forceid.report.outliers import FEW, find_outliers
+from forceid.report.outliers import FEW_FILES, find_outliers
 
 
 def record(k, status="ok", **more):
@@ -131,7 +131,7 @@ def test_nobody_stands_out_by_chance(spread):
 
 
 def test_few_files_have_no_outlier_and_odd_ones_do_not_hide_each_other():
-    few = [{"file": str(k), "nis_mean": 1.0} for k in range(FEW - 2)]
+    few = [{"file": str(k), "nis_mean": 1.0} for k in range(FEW_FILES - 2)]
     assert find_outliers([*few, {"file": "odd", "nis_mean": 100.0}]) == []
     many = [{"file": str(k), "nis_mean": 1.0} for k in range(12)]
     odd = [{"file": f"odd{k}", "nis_mean": v} for k, v in enumerate((100.0, 80.0, 0.01, 90.0))]

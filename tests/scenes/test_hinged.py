@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 from stored_energy import chain_energy
 
-from forceid.scenes.hinged import CORNERS, Parameters, chain_of, drawn, fly, trajectory
+from forceid.scenes.hinged import BLOCK_CORNERS, Parameters, chain_of, drawn, fly, trajectory
 
 RATE = 1000.0
 TIME = np.arange(301) / RATE
@@ -110,7 +110,7 @@ def test_nodes_lie_on_the_corners_with_the_mass_of_their_block(flown):
     assert flight.body.node[:2] + flight.body.node[-1:] == ("a1", "a2", "c8")
     np.testing.assert_allclose(flight.body.mass.reshape(3, 8).sum(1), CHAIN.mass)
     last = flight.body.position[16:] - flight.body.position[16:].mean(0)
-    np.testing.assert_allclose(last, CORNERS * CHAIN.size[2], atol=1e-15)
+    np.testing.assert_allclose(last, BLOCK_CORNERS * CHAIN.size[2], atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from forceid.kalman.engines import engine
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import fit_pose
 from forceid.records import Array, Flags
-from forceid.scenes.drawn_loads import ORDER
+from forceid.scenes.drawn_loads import LOAD_ORDER
 
 LEAST = 1e-6  # of a load's size, along a direction that it does not have
 
@@ -54,7 +54,7 @@ def bound(
         (setup.moment_std * np.ones(3), np.eye(3), turned.time, path, 1.0),
     )
     for std, along, time, z, gain in loads:
-        tuned = Tuned(ORDER, std, np.full(3, setup.load_rate), np.ones(3), False, 0.0)
+        tuned = Tuned(LOAD_ORDER, std, np.full(3, setup.load_rate), np.ones(3), False, 0.0)
         priors.append(LoadPrior(tuned, along, start_of(time, z, gain)))
     whole = Flight(
         flight.time, pose.center, pose.rotation, cov, mass, flight.inertia, flight.h, flight.gravity
