@@ -12,6 +12,7 @@ import typer
 from evidence.completion import failures
 from forceid.cli.estimate import Json
 from forceid.cli.output import finite, to_json
+from forceid.cli.progress import progress
 
 if TYPE_CHECKING:
     from evidence.stress.run import Job, Map
@@ -58,13 +59,12 @@ def run(
     kept = output / "stress.jsonl"
     records = finished(kept, todo)
     left = [job for job in todo if job not in records]
-    with kept.open("a", encoding="utf-8") as lines, progress() as bar:
-        task = bar.add_task("", total=len(todo), completed=len(records))
+    with kept.open("a", encoding="utf-8") as lines, progress(len(left), "records") as advance:
         for job, record in done(left, jobs):
             lines.write(to_json(record) + "\n")
             lines.flush()
             records[job] = finite(record)
-            bar.advance(task)
+            advance()
     maps = maps_of(records.values(), chosen, short)
     write(maps, output, count, short)
     print(to_json(as_plain(maps, count, short)) if json else summary(maps, output))
@@ -125,19 +125,4 @@ def summary(maps: Sequence[Map], folder: Path) -> str:
         f"cells    {total['cells']}: {colors}\n"
         f"amber    {total['needless amber']} needless\n"
         f"page     {folder / 'stress.md'}, numbers in {folder / 'stress.json'}"
-    )
-
-
-def progress() -> Any:
-    """A bar on stderr with count and time left."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
-
-    return Progress(
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
     )
