@@ -27,7 +27,7 @@ def multiplier(system: AffineSystem, F: Array, V: Array) -> Array:
 
     >>> from forceid.pseudorigid.materials import MooneyRivlin
     >>> W = MooneyRivlin(0.5, 0.25, incompressible=True)
-    >>> float(multiplier(System(W, np.eye(3)), np.eye(3), np.zeros((3, 3))))  # carries Gamma'(1)
+    >>> float(multiplier(AffineSystem(W, np.eye(3)), np.eye(3), np.zeros((3, 3))))  # carries Gamma'(1)
     2.0
     """
     C, inv = cofactor(F), inverse(F)

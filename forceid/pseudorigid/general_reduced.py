@@ -15,7 +15,7 @@ import numpy as np
 
 from forceid.pseudorigid.decomposition import bipolar
 from forceid.pseudorigid.invariants import Elastic, axial, cross, hat
-from forceid.pseudorigid.left_reduced import (
+from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,

@@ -17,7 +17,7 @@ import numpy as np
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.decomposition import bipolar
 from forceid.pseudorigid.invariants import Elastic, axial, cross, hat, is_symmetric_body
-from forceid.pseudorigid.left_reduced import check_symmetry, checked_body, flat, integrate_form, split_state
+from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, flat, integrate_form, split_state
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
