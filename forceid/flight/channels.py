@@ -12,6 +12,7 @@ from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize, integrate, matern, superpose, with_mean
 from forceid.records import Array
 
+JITTER = 1e-6  # of a step: far less than any clock keeps, and more than rounding leaves
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
 
 
@@ -82,6 +83,28 @@ def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Ar
         F, Q = F[which], Q[which]
     H = gain * chain.output[None, None, None]
     return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
+
+
+def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:
+    """Every tick of a regular clock, frames of which are gone, and rows (time, ...), NaN where they are.
+
+    As given on an irregular clock, or with fewer frames left than gone. Equal steps share their
+    matrices: with NaN in its gaps a regular clock has one.
+
+    >>> [a.tolist() for a in on_clock(np.array([0.0, 1.0, 3.0]), np.array([5.0, 6.0, 8.0]))]
+    [[0.0, 1.0, 2.0, 3.0], [5.0, 6.0, nan, 8.0]]
+    """
+    step = np.diff(time)
+    if len(step) < 2:
+        return (time, *rows)
+    tick = np.round((time - time[0]) / step.min()).astype(int)
+    regular = np.linspace(time[0], time[-1], tick[-1] + 1)
+    if not len(time) <= tick[-1] < 2 * len(time) or np.abs(regular[tick] - time).max() > JITTER * step.min():
+        return (time, *rows)
+    wide = tuple(np.full((len(regular), *row.shape[1:]), np.nan) for row in rows)
+    for out, row in zip(wide, rows, strict=True):
+        out[tick] = row
+    return (regular, *wide)
 
 
 def stretch(z: Array) -> list[slice]:

@@ -263,10 +263,11 @@ def with_translation(state: FlightState, free: FlightState) -> FlightState:
     for cov, own in ((wrench_cov, free.wrench_cov), (pose_cov, free.pose_cov)):
         cov[:, :3, :3], cov[:, :3, 3:], cov[:, 3:, :3] = own[:, :3, :3], 0.0, 0.0
     innovation = np.concatenate([free.innovation, state.innovation[:, 3:]], 1)
-    gauged = state.gauge_innovation
+    gauged, about = state.gauge_innovation, state.reference
+    about = None if about is None else replace(about, force=None)
     return replace(
-        state, center=free.center, velocity=free.velocity, force=free.force, wrench_cov=wrench_cov,
-        pose_cov=pose_cov, innovation=innovation,
+        state, reference=about, center=free.center, velocity=free.velocity, force=free.force,
+        wrench_cov=wrench_cov, pose_cov=pose_cov, innovation=innovation,
         nis=mean_square(np.concatenate([innovation, *([gauged] if len(gauged) else [])], 1)),
     )  # fmt: skip
 

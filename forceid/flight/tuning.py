@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from forceid.flight.channels import (
     driven,
     load_chain,
+    on_clock,
     search_box,
     start_of,
     stretch,
@@ -56,6 +57,7 @@ def tune_loads(
     orders: tuple[int, ...] = ORDERS,
     lines: tuple[Line, ...] = (),
     engine: Engine | None = None,
+    near: Tuned | None = None,
 ) -> Tuned:
     """Prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -64,9 +66,12 @@ def tune_loads(
     for all axes that do not ask for their own. Of the orders, the smoothest that no rougher one beats by
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
-    fastest, if none is given.
+    fastest, if none is given. near: a prior about where this one is, which has its order.
     """
-    stretches, axes, likelihood = stretch(z), z.shape[1], for_tuning(engine).log_likelihood
+    axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, []
+    for run in stretch(z):
+        t, y, var = on_clock(time[run], z[run] - z[run][np.isfinite(z[run]).all(1)][0], noise_var[run])
+        runs.append((t, y, np.where(np.isfinite(var), var, 1.0)))
 
     def box(order: int) -> tuple[Array, Array]:
         lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order))
@@ -78,11 +83,10 @@ def tune_loads(
         axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
         noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
-        for run in stretches:
-            y, t = z[run] - z[run][np.isfinite(z[run]).all(1)][0], time[run]
+        for t, y, var in runs:
             beside = [line.scaled(np.abs(line.direction[axis])) for line in lines]
             chain = load_chain(order, std, rate, start_of(t, y, gain), beside)
-            model = driven(chain, gain, noise_var[run][:, axis] * noise, drift[axis] * noise, np.diff(t))
+            model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t))
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
@@ -102,12 +106,16 @@ def tune_loads(
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])
-    if limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
+    first = None
+    if near is not None:
+        orders, level = (near.order,), np.clip(np.log(near.noise), *limits)
+        first = (np.clip(points_of(near), *box(near.order)), level)
+    elif limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
         (_, level, _), _ = by_axis(lambda same: search(2, limits, None, same), axes)
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
-        found[order] = search(order, (level, level))
+        found[order] = search(order, (level, level), first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - ASKED
         worse = 0 if pays else worse + (order <= FREE)
         if worse == MISSED:
@@ -168,6 +176,12 @@ def natural(points: Array, order: int) -> tuple[Array, Array]:
     """
     rate = np.exp(points[..., 1])
     return np.exp(points[..., 0]) / rate ** (order - 0.5), rate
+
+
+def points_of(tuned: Tuned) -> Array:
+    """The search points (axis, 2) of a prior: those whose `natural` it is."""
+    level = np.log(np.maximum(tuned.std, np.finfo(float).tiny)) + (tuned.order - 0.5) * np.log(tuned.rate)
+    return np.stack([level, np.log(tuned.rate)], 1)
 
 
 def smoothest(evidence: dict[int, float]) -> int:

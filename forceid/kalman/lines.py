@@ -153,11 +153,13 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
     phase = np.exp(root * (time - time[0])[:, None])
     pushed = np.expm1(turned) / root * phase[:-1]
     moved = (np.expm1(turned) - turned) / root**2 * phase[:-1]
+    by_load = np.empty((len(step), 6, 3, len(root)), complex)
+    by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
+    by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
     x = np.zeros((len(time), 6, 3, len(root)), complex)
-    for k in range(len(step)):
-        by_load = axes.T[..., None] * np.stack([moved[k], pushed[k]])[:, None, None]
-        by_load[0] = np.tensordot(F[k, :3, 3:] / step[k], by_load[0], 1)
-        x[k + 1] = np.tensordot(F[k], x[k], 1) + by_load.reshape(6, 3, -1)
+    moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
+    for k, more in enumerate(by_load.view(float).reshape(len(step), 6, -1)):
+        moving[k + 1] = F[k] @ moving[k] + more
     seen = np.einsum("...cs,...sdf->...cdf", H, x)
     return np.stack([seen.real, -seen.imag], -1)
 

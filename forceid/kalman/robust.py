@@ -77,13 +77,15 @@ def reject(model: StateSpace, z: Array, engine: str = "auto") -> tuple[Array, tu
     return np.where(dropped, np.nan, z), tuple(sorted(found, key=lambda r: (r.sample, r.channel)))
 
 
-def drop_wild(innovation: Array, again: Callable[[Flags], Array]) -> tuple[Flags, bool]:
+def drop_wild(
+    innovation: Array, again: Callable[[Flags], Array], before: Flags | None = None
+) -> tuple[Flags, bool]:
     """Samples (time, channel) to drop so that none is wild, and whether that came to an end.
 
     innovation (time, channel): whitened, of all samples; again(dropped): the same without some. It ends if
-    few enough are dropped, and no run of them is longer than LONGEST_BURST.
+    few enough are dropped, and no run of them is longer than LONGEST_BURST; with those dropped `before`.
     """
-    dropped = np.zeros(innovation.shape, bool)
+    dropped = np.zeros(innovation.shape, bool) if before is None else before.copy()
     most = max(2, MOST * len(innovation))
     while (size := np.abs(np.nan_to_num(innovation))).max(initial=0.0) > WILD:
         wild = np.flatnonzero((size > WILD).any(1))

@@ -11,6 +11,7 @@ from forceid.errors import EstimationError
 from forceid.flight import model as flight_model
 from forceid.flight import smoother as flights
 from forceid.flight.model import Reference, rotation, stack, translation, turn
+from forceid.flight.priors.load import any_force
 from forceid.flight.smoother import first_reference, smooth_flight
 from forceid.kalman.lines import Line
 
@@ -242,6 +243,14 @@ def test_stacked_models_do_not_disturb_each_other():
     for part, model, data in ((slice(0, n), free, z[:, :3]), (slice(n, None), spun, z[:, 3:])):
         alone = kalman.smooth(model, data)
         np.testing.assert_allclose(joint.x[:, part], alone.x, atol=1e-8 * np.abs(alone.x).max())
+
+
+def test_without_shared_errors_any_prior_of_the_force_leaves_the_same_moment():
+    flight, _ = drawn_flight(FORCE, MOMENT, np.random.default_rng(3))
+    full, bare = (smooth(flight, force) for force in (FORCE, any_force(FORCE)))
+    np.testing.assert_allclose(bare.moment, full.moment, atol=1e-9 * np.abs(full.moment).max())
+    claim, same = (state.wrench_cov[:, 3:, 3:] for state in (full, bare))
+    np.testing.assert_allclose(same, claim, atol=1e-9 * claim.max())
 
 
 @pytest.mark.long

@@ -227,3 +227,30 @@ def test_an_axis_with_less_noise_or_more_has_no_say_in_that_of_the_others(third)
         assert uneven.noise[2] == pytest.approx(max(0.5 * third, 0.02), rel=0.25)
         assert not uneven.noise_at_limit
         np.testing.assert_allclose(np.log(uneven.std / equal.std)[:2], 0, atol=0.3)
+
+
+def test_frames_that_are_gone_from_a_regular_clock_change_no_likelihood():
+    """As steps of two frames, and as ticks that show nothing."""
+    time, z, *_ = three_axes(seed=41, time=200)
+    kept = np.random.default_rng(0).uniform(size=len(z)) > 0.1
+    kept[[0, -1]] = True
+    gone = np.where(kept[:, None], z, np.nan)
+    var, still = np.full(z.shape, NOISE**2), np.zeros(3)
+    ticks, steps = (
+        tune_loads(time[k], a[k], GAIN, var[k], still, orders=(2,)) for a, k in ((gone, ...), (z, kept))
+    )
+    np.testing.assert_allclose(steps.std, ticks.std, rtol=0.02)
+    np.testing.assert_allclose(steps.rate, ticks.rate, rtol=0.02)
+    at = (2, steps.std, steps.rate, NOISE)
+    assert evidence(time, gone, *at) == pytest.approx(steps.log_likelihood, abs=0.05)
+
+
+def test_a_search_that_begins_near_ends_where_one_from_afar_does():
+    time, z, *_ = three_axes(seed=42, time=250)
+    stated, still = np.full(z.shape, (2 * NOISE) ** 2), np.zeros(3)
+    before = tune_loads(time, z, GAIN, stated, still, (0.02, 10.0))
+    z[[40, 90, 91]] = np.nan
+    found, near = (tune_loads(time, z, GAIN, stated, still, (0.02, 10.0), near=n) for n in (None, before))
+    assert near.order == found.order
+    assert near.log_likelihood == pytest.approx(found.log_likelihood, abs=0.1)
+    np.testing.assert_allclose(near.noise, found.noise, rtol=0.02)

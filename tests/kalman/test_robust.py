@@ -8,7 +8,7 @@ from linear_models import draw
 
 from forceid.kalman import StateSpace, discretize, smooth
 from forceid.kalman.process import integrate, matern
-from forceid.kalman.robust import counted, reject, runs, unswap
+from forceid.kalman.robust import MOST, WILD, counted, drop_wild, reject, runs, unswap
 
 NOISE, STEP, TIME = 1e-3, 0.01, 300
 
@@ -125,3 +125,18 @@ def test_markers_that_stay_in_place_are_not_traded():
 def test_runs_of_flags():
     assert runs(np.zeros(4, bool)) == []
     assert runs(np.array([1, 1, 0, 1], bool)) == [(0, 2), (3, 1)]
+
+
+def test_samples_dropped_before_count_among_the_few_that_may_be():
+    innovation = np.zeros((100, 1))
+    innovation[50] = 2 * WILD
+
+    def again(dropped):
+        return np.where(dropped, 0.0, innovation)
+
+    before = np.zeros((100, 1), bool)
+    assert drop_wild(innovation, again, before)[1]
+    before[: 10 * int(MOST * len(before)) : 10] = True
+    dropped, ended = drop_wild(innovation, again, before)
+    assert not ended
+    assert dropped.sum() == before.sum() + 1

@@ -112,24 +112,35 @@ def kinematics_without(
 
 
 def wild_frames(
-    flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState], apart: bool
+    flight: Flight,
+    first: FlightState,
+    solve: Callable[[Flight], FlightState],
+    apart: bool,
+    before: Dropped = NONE_DROPPED,
 ) -> tuple[Dropped, Wild | None]:
     """Frames to be taken out since nothing else agrees with them, and what is to say of such frames.
 
-    apart: whether mass center and rotation are smoothed by themselves, and are judged so.
+    apart: whether mass center and rotation are smoothed by themselves, and are judged so; before: frames
+    taken out already, which count among the few that may be.
     """
     none = np.zeros(len(flight.time), bool)
+    before = before if before.any else Dropped(none, none)
     if not apart:
-        wild = wild_among(slice(None), flight, first, solve)
+        wild = wild_among(slice(None), flight, first, solve, before.rotation)
         dropped = wild.frames if wild is not None and wild.ended else none
         return Dropped(dropped, dropped), wild
-    each = [wild_among(channels, flight, first, solve) for channels in (slice(0, 3), slice(3, 6))]
+    parts = ((slice(0, 3), before.center), (slice(3, 6), before.rotation))
+    each = [wild_among(channels, flight, first, solve, gone) for channels, gone in parts]
     center, rotation = (w.frames if w is not None and w.ended else none for w in each)
     return Dropped(center, rotation), each[0] or each[1]
 
 
 def wild_among(
-    channels: slice, flight: Flight, first: FlightState, solve: Callable[[Flight], FlightState]
+    channels: slice,
+    flight: Flight,
+    first: FlightState,
+    solve: Callable[[Flight], FlightState],
+    before: Flags,
 ) -> Wild | None:
     """Frames that nothing else agrees with in some channels of a pose; None where there are none.
 
@@ -143,8 +154,8 @@ def wild_among(
         return wildest(solve(replace(flight, center=center, rotation=rotation)), channels)
 
     every = wildest(first, channels)
-    wild, ended = drop_wild(every, again)
-    frames = wild[:, 0]
+    wild, ended = drop_wild(every, again, before[:, None])
+    frames = wild[:, 0] & ~before
     if not frames.any():
         return None
     return Wild(frames, float(every.max()), float(flight.time[frames][0]), bool(ended))

@@ -22,7 +22,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.imu import Sensors
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.load import LoadPrior, any_force
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.free_turn import largest_turn
@@ -102,14 +102,15 @@ def fused(
         flight = aligned(flight, force, moment, engine)
     elif flight.sensors is not None and gyro_rate(flight.time, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
-    known = set(motion.noise_std | settings.noise_std)
+    known, alone = set(motion.noise_std | settings.noise_std), kin.apart and flight.sensors is None
+    given = any_force(force) if alone else force
     try:
-        flight, force, moment = tune_together(flight, force, moment, engine, known)
+        flight, tuned, moment = tune_together(flight, given, moment, engine, known, alone=alone)
     except EstimationError:
         if flight.sensors is not None:
             raise
         return flight, priors  # read in the wrong sense, perhaps: what the first moment says has to do
-    return flight, priors | {"force": force, "moment": moment}
+    return flight, priors | {"force": force if alone else tuned, "moment": moment}
 
 
 def turn_a_frame(flight: Flight) -> float:

@@ -46,14 +46,21 @@ def tune_channel(
     lines: tuple[Line, ...],
     orders: tuple[int, ...] = ORDERS,
     engine: Engine | None = None,
+    near: LoadPrior | None = None,
 ) -> LoadPrior:
-    """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds."""
+    """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds.
+
+    near: of a channel hardly different, where the search begins if it holds the same lines.
+    """
     time, z, gain = channel.time, channel.z, channel.gain
     seen = np.isfinite(z).all(1)
-    axes = load_axes(time[seen], z[seen])
+    if near is not None and list(map(id, near.lines)) != list(map(id, lines)):
+        near = None
+    axes = load_axes(time[seen], z[seen]) if near is None else near.axes
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
-    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine)
+    first = None if near is None else near.tuned
+    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

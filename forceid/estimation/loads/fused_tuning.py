@@ -15,7 +15,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.verdict.innovations import NIS_BAND
-from forceid.flight.model import Flight, Reference, linear_flight
+from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.load import LoadPrior, along_world
 from forceid.flight.smoother import FlightState, settled
 from forceid.kalman.engines import Engine
@@ -45,6 +45,7 @@ def tune_together(
     stated: Set[str] = frozenset(),
     first: Reference | None = None,
     even: bool = False,
+    alone: bool = False,
 ) -> tuple[Flight, LoadPrior, LoadPrior]:
     """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
 
@@ -52,7 +53,8 @@ def tune_together(
     load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
     for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
     moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between,
-    from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes.
+    from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes;
+    alone: the force stays as it is, that of a mass center which nothing links to the rotation.
     """
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
     loud = [i for i in free if FAMILIES[i] not in stated]
@@ -60,13 +62,15 @@ def tune_together(
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
         middle = max((len(flight.time) - LONGEST) // 2, 0)
         part = slice(middle, middle + LONGEST)
-        value = partial(
-            evidence, stretched(flight, part), force, moment, stretched_reference(about, part), engine, loud
-        )
+        cut, near = stretched(flight, part), stretched_reference(about, part)
+        if alone:
+            by = climb(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
+            return flight, force, moved(moment, by)
+        value = partial(evidence, cut, force, moment, near, engine, loud)
         best = climb(value, np.zeros(4 + len(loud)))
         return louder(flight, loud, best[4:]), moved(force, best[:2]), moved(moment, best[2:4])
 
-    force, moment = round_prior(force), round_prior(moment)
+    force, moment = force if alone else round_prior(force), round_prior(moment)
     _, _, _, about = settled(flight, force, moment, engine, first)
     flight, force, moment = searched(about)
     flight = wandering(
@@ -75,7 +79,7 @@ def tune_together(
     model, z, _, about = settled(flight, force, moment, engine, about)
     level = float(engine.log_likelihood(model, z))
     # one after the other: one may be uneven, and the other not
-    for load in () if even else ("force", "moment"):
+    for load in () if even else ("moment",) if alone else ("force", "moment"):
         pair, turned = uneven(load, force, moment, about)
         model, z, _, reached = settled(flight, *pair, engine, turned)
         if (likely := float(engine.log_likelihood(model, z))) > level + UNEVEN:
@@ -176,6 +180,14 @@ def evidence(
     try:
         return float(engine.log_likelihood(model, z))
     except EstimationError:  # numbers so far off that a covariance loses its sign
+        return -np.inf
+
+
+def of_rotation(flight: Flight, moment: LoadPrior, about: Reference, engine: Engine, by: Array) -> float:
+    """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved."""
+    try:
+        return float(engine.log_likelihood(*seen_part(flight, moved(moment, by), about)))
+    except EstimationError:
         return -np.inf
 
 

@@ -1,7 +1,7 @@
 """Tracks whose errors follow each other: where the likelihood of white noise misleads, and what is done then.
 
-Then the noise is what the spectrum of the mass center shows where the motion ends, whatever was stated; and
-errors of that size may be slow and common to all markers: the claims are widened by them.
+Then the noise is what the spectrum of the mass center shows where the motion ends, and no less than was
+stated; and errors of that size may be slow and common to all markers: the claims are widened by them.
 """
 
 from __future__ import annotations
@@ -54,9 +54,10 @@ def slow_and_small(innovation: Array, nis: Array) -> bool:
     return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
 
 
-def noise_beyond_motion(channel: Channel) -> float:
+def noise_beyond_motion(channel: Channel, stated: bool = False) -> float:
     """Factor on a noise that follows itself: to what the spectrum of a channel shows where the motion ends.
 
+    Of a `stated` noise at least one: what smoothed the tracks took errors out beyond the motion, not within.
     Errors of tracks are alike along all axes: the mean of what the axes show, but for those that show none,
     as in a planar video. Source: the plain cut.
     """
@@ -66,7 +67,8 @@ def noise_beyond_motion(channel: Channel) -> float:
     some = noisy(shown)
     # the factor is one on the noise of markers, and what bridges add to it is none: frames with the least
     taken = np.diagonal(channel.noise_cov[seen], axis1=1, axis2=2)[:, some].mean(1).min()
-    return float(np.sqrt(max(shown[some].mean(), np.finfo(float).tiny) / taken))
+    found = float(np.sqrt(max(shown[some].mean(), np.finfo(float).tiny) / taken))
+    return max(found, 1.0) if stated else found
 
 
 def widened(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,8 +37,8 @@ from forceid.estimation.loads.whitened import whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.estimation.verdict.tracks import judge_mending, judge_wild
-from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.model import Flight, Reference, translation
+from forceid.flight.priors.load import LoadPrior, any_force
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.robust import WILD
@@ -90,11 +92,13 @@ def estimate_flight(
     lines: Lines = NO_LINES,
     dropped: Dropped = NONE_DROPPED,
     slow: dict[str, Array] | None = None,
+    near: Mapping[str, LoadPrior] = MappingProxyType({}),
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
     findings: of a first pass that rejected frames, dropped: those frames; lines: of the loads,
-    that a pass without them found; slow: noise of tracks whose errors follow each other, that it found.
+    that a pass without them found; slow: noise of tracks whose errors follow each other, that it found; near:
+    priors of a pass before, which those of the same lines are near to.
     """
     motion, mended = prepared(body, motion)
     findings = (*findings, *judge_mending(mended))
@@ -114,7 +118,8 @@ def estimate_flight(
         return kin, with_momentum(deformation, body.internal_momentum)
 
     kin, deformation = at_rest(kin)
-    force = tune_channel(force_channel(kin, gravity), limits, lines.force, engine=engine)
+    channel, before = force_channel(kin, gravity), near.get("force")
+    force = tune_channel(channel, limits, lines.force, engine=engine, near=before)
     at_limit = {source: force.tuned.noise_at_limit}
     if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
         kin = look(scaled(kin, {source: force.noise}))
@@ -130,7 +135,8 @@ def estimate_flight(
             else force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
         )
     ):
-        slow = scaled(kin, {source: noise_beyond_motion(force_channel(kin, gravity)) * np.eye(3)})
+        beyond = noise_beyond_motion(force_channel(kin, gravity), stated)
+        slow = scaled(kin, {source: beyond * np.eye(3)})
         kin = look(slow)
         kin, deformation = at_rest(kin)
         force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
@@ -143,26 +149,31 @@ def estimate_flight(
         limits = (1.0, 1.0)
         if "orientation" in kin.noise:
             limits = STATED if kin.stated["orientation"] else UNSTATED
-        moment = tune_channel(moment_channel(kin, deformation), limits, lines.moment, engine=engine)
+        channel, before = moment_channel(kin, deformation), near.get("moment")
+        moment = tune_channel(channel, limits, lines.moment, engine=engine, near=before)
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
             kin = look(scaled(kin, {"orientation": moment.noise}))
 
-    def solve(flight: Flight) -> FlightState:
+    def solve(flight: Flight, first: Reference | None = None) -> FlightState:
         if not kin.attitude:
             return smooth_translation(flight, force, engine, causal)
         if not kin.apart or flight.sensors is not None:
-            return turning(smooth_flight(flight, force, moment, engine, causal), kin.spin, kin.inertia.line)
+            state = smooth_flight(flight, force, moment, engine, causal, first)
+            return turning(state, kin.spin, kin.inertia.line)
         free = smooth_translation(flight, force, engine, causal)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, force, moment, engine, causal)
+        state = smooth_flight(beside, any_force(force), moment, engine, causal, first)
+        beyond = engine.log_likelihood(translation(beside, any_force(force)), beside.center)
+        state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return turning(with_translation(state, free), kin.spin, kin.inertia.line)
 
     measured = any(m is not None for m in (motion.specific_force, motion.angular_velocity, motion.strain))
     flight = with_gauges(flight_of(kin, deformation, gravity, measured), kin, body, motion, settings)
+    apiece = priors
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)
     state = solve(flight)
@@ -171,10 +182,11 @@ def estimate_flight(
         if priors["moment"] is not moment:
             force, moment = priors["force"], priors["moment"]
             state = solve(flight)
-    more_dropped, wild = wild_frames(flight, state, solve, kin.apart and flight.sensors is None)
+    again, parts = partial(solve, first=state.reference), kin.apart and flight.sensors is None
+    more_dropped, wild = wild_frames(flight, state, again, parts, dropped)
     if more_dropped.any:
         both, findings = dropped.beside(more_dropped), (*findings, *judge_wild(wild))
-        return estimate_flight(body, motion, settings, engine, findings, lines, both, slow)
+        return estimate_flight(body, motion, settings, engine, findings, lines, both, slow, apiece)
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": force} if mass_hidden(kin) else priors
     more = lines
@@ -182,7 +194,7 @@ def estimate_flight(
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        found = estimate_flight(body, motion, settings, engine, findings, more, dropped, slow)
+        found = estimate_flight(body, motion, settings, engine, findings, more, dropped, slow, apiece)
         if wild is None or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
             return found
     told = judge_sensors(flight, state, set(motion.noise_std | settings.noise_std))

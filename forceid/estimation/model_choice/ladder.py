@@ -149,6 +149,8 @@ def descend(
         return steps[i].change <= NEAR
 
     def enough(i: int) -> bool:
+        if holds(solved(i), body, motion, rungs[best].settings):
+            return True
         if from_view(solved(i), top, motion.time) <= WORSE:
             return True
         if steps[i].change > CLEAR:
@@ -166,6 +168,13 @@ def descend(
     several = [i for k, i in enumerate(nested[first:]) if near(i) and (not k or steps[i].change <= CLEAR)]
     taken = next((i for i in several if enough(i)), best)
     return chosen(taken)
+
+
+def holds(solution: Solution, body: Body, motion: Motion, level: Settings) -> bool:
+    """Whether a solution has all shapes that a level is left with under the noise that the solution found."""
+    found = solution.kinematics
+    shapes = kinematics(body, motion, level, found.noise_root).shapes
+    return 0 < len(shapes) <= len(found.shapes) and np.allclose(shapes, found.shapes[: len(shapes)])
 
 
 def allowing(solution: Solution, step: Step) -> Solution:

@@ -223,9 +223,9 @@ NOISE = (
     ),
     Entry(
         "slow-errors-allowed", "degraded",
-        "the tracks are smoother than independent errors of the stated size allow: {noise:.1e} is taken, as "
-        "the spectrum of the mass center shows where the motion ends, and the claimed errors allow for slow "
-        "errors of that size; markers that slide together, or a wrong body, cost more",
+        "the tracks are smoother than independent errors of the stated size allow: {noise:.1e} is taken, the "
+        "larger of that and of what the spectrum of the mass center shows where the motion ends; the claimed "
+        "errors allow for slow errors of it; markers that slide together, or a wrong body, cost more",
         "The errors of the markers are slow, not new in every frame: the record was smoothed, or skin moves.",
         "Give the data before filtering. Take the claimed errors as a lower bound.",
     ),

@@ -7,7 +7,7 @@ principal equations 4e, 4f.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -42,6 +42,11 @@ class LoadPrior:
     def noise(self) -> Array:
         """The factor (3, 3) on the noise of the channel that was found with it, world axes."""
         return np.asarray(self.axes * self.tuned.noise @ self.axes.T)
+
+
+def any_force(prior: LoadPrior) -> LoadPrior:
+    """The force prior of fewest states, for a rotation whose errors nothing links to those of the center."""
+    return replace(prior, tuned=replace(prior.tuned, order=1), lines=())
 
 
 def chain_along(prior: LoadPrior, step: Array, rotation: Array | None = None) -> tuple[Array, Array, Array]:
