@@ -61,7 +61,7 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
     ]
 
 
-class Columns(Mapping[str, Array]):
+class CsvTable(Mapping[str, Array]):
     """The columns of a table as numbers, each read when it is asked for: others may hold text."""
 
     def __init__(self, table: Table, where: str) -> None:
@@ -82,7 +82,7 @@ class Columns(Mapping[str, Array]):
 
 def csv_channels(table: Table, where: str) -> Channels:
     """The columns of a table as channels; a CSV file has no place for units and no clock of its own."""
-    return Channels(where, "column", Columns(table, where), table="import.csv")
+    return Channels(where, "column", CsvTable(table, where), table="import.csv")
 
 
 def numbers(table: Table, name: str, where: str) -> Array:

@@ -30,7 +30,7 @@ NAMED_MARKS = 12  # marks that get a name in the picture
 
 
 @dataclass(frozen=True)
-class Row:
+class FileRow:
     """One file of the table: its standing and what the page says of it; links relative to the folder."""
 
     file: str
@@ -82,7 +82,7 @@ def level_of(record: Mapping[str, Any]) -> str:
     return min(found, key=VERDICTS.index)
 
 
-def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> Row:
+def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> FileRow:
     """What the table says of one file."""
     output = Path(record["output"])
     page = output.with_suffix(".html")
@@ -98,7 +98,7 @@ def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier])
             f"{record.get('samples', '–')}",
             f"{number(record, 'runtime_s'):.2g} s",
         )
-    return Row(
+    return FileRow(
         file=str(record["file"]),
         level=level_of(record),
         kept=record["status"] == "skipped",

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic
-from forceid.scenes.mechanics import Flight, deforming_truth, integrate
+from forceid.scenes.mechanics import KnownFlight, deforming_truth, integrate
 
 AFFINE_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
-class Throw:
+class AffineThrow:
     """An affine body as it is thrown.
 
     mass (node,) kg; rest (node, 3) m about the mass center; gradient: dW/dF (3, 3) J of F (3, 3); force and
@@ -65,7 +65,7 @@ class AffineMotion:
     dF: Array
 
 
-def trajectory(throw: Throw, time: Array) -> AffineMotion:
+def trajectory(throw: AffineThrow, time: Array) -> AffineMotion:
     """The motion at `time` (time,) s."""
     E_inverse, mass = np.linalg.inv(throw.second_moment), throw.mass.sum()
 
@@ -80,7 +80,7 @@ def trajectory(throw: Throw, time: Array) -> AffineMotion:
     return AffineMotion(y[:, :3], y[:, 3:6], y[:, 6:15].reshape(-1, 3, 3), y[:, 15:].reshape(-1, 3, 3))
 
 
-def fly_affine(throw: Throw, node: tuple[str, ...], time: Array) -> Flight:
+def fly_affine(throw: AffineThrow, node: tuple[str, ...], time: Array) -> KnownFlight:
     """The flight at `time` (time,) s, with what acted on the body as truth.
 
     Beside force and moment, first_moment F'' E F^T, of all forces that act on the body, and
@@ -99,7 +99,7 @@ def fly_affine(throw: Throw, node: tuple[str, ...], time: Array) -> Flight:
         "first_moment": (N - stress) @ motion.F.mT,
         "applied_first_moment": N @ motion.F.mT,
     }
-    return Flight(Body(node=node, position=throw.rest, mass=throw.mass), x, throw.gravity, truth)
+    return KnownFlight(Body(node=node, position=throw.rest, mass=throw.mass), x, throw.gravity, truth)
 
 
 def rotation(turn: tuple[float, float, float]) -> Array:

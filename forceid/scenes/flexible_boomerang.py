@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.mechanics import Flight, center_of, deforming_truth, integrate_nodes
+from forceid.scenes.mechanics import KnownFlight, center_of, deforming_truth, integrate_nodes
 from forceid.scenes.springs import Springs, connect, spring_force, spring_stiffness
 
 NODES = tuple(
@@ -81,14 +81,14 @@ def aerodynamic_load(parameters: Parameters, t: float | Array, x: Array, v: Arra
     return load
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The thrown boomerang at `time` (time,) s, with its exact aerodynamic wrench as truth."""
     x, v = trajectory(parameters, time)
     X = rest_shape()
     K = spring_stiffness(springs(parameters), X) if parameters.stiffness else None
     load = aerodynamic_load(parameters, time, x, v)
     body = Body(node=NODES, position=X, mass=MASS, stiffness=K)
-    return Flight(body, x, np.array(parameters.gravity), deforming_truth(MASS, X, x, v, load))
+    return KnownFlight(body, x, np.array(parameters.gravity), deforming_truth(MASS, X, x, v, load))
 
 
 def trajectory(parameters: Parameters, time: Array) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.mechanics import KnownFlight
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
 
 
@@ -111,7 +111,7 @@ def launch(parameters: Parameters) -> RigidState:
     return RigidState(np.array(p.center), np.array([p.speed, 0.0, 0.0]), R0, p.spin * R0[:, 2])
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The flying disc at `time` (time,) s."""
     p = parameters
     X, gravity = marker_positions(p), np.array(p.gravity)
@@ -119,4 +119,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     truth = fly_rigid(p.mass, J, lambda t, now: aerodynamic_wrench(p, now), launch(p), gravity, time)
     node = tuple([f"rim_{i + 1}" for i in range(p.markers)] + [f"top_{i}" for i in (1, 2, 3)])
     body = Body(node=node, position=X, total_mass=p.mass, mass_center=np.zeros(3), inertia=J)
-    return Flight(body, rigid_positions(truth, X), gravity, truth)
+    return KnownFlight(body, rigid_positions(truth, X), gravity, truth)

@@ -18,7 +18,7 @@ from forceid.config import Section, Vector
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic
 from forceid.scenes.jointed_blocks import Chain, ChainState, skew, solve_joints
-from forceid.scenes.mechanics import Flight, deforming_truth, inertia_tensor, integrate
+from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, integrate
 
 Positive = Annotated[float, Field(gt=0.0)]
 Size = tuple[Positive, Positive, Positive]
@@ -136,7 +136,7 @@ def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
     return [unpack(y) for y in integrate(rate, y0, time, CHAIN_TOLERANCE)]
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The flying chain at `time` (time,) s; node a1 is the first corner of the first block."""
     p, chain, loads = parameters, chain_of(parameters), [drawn(parameters)(t) for t in time]
     states = trajectory(p, time)
@@ -160,4 +160,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
         "joint_point": c[:, :-1] + np.einsum("tjab,jb->tja", R[:, :-1], chain.arms[:, 0]),
     }
     names = tuple(f"{chr(97 + i)}{k}" for i in range(len(size)) for k in range(1, 9))
-    return Flight(Body(node=names, position=rest, mass=mass), x, np.array(p.gravity), truth)
+    return KnownFlight(Body(node=names, position=rest, mass=mass), x, np.array(p.gravity), truth)

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.mechanics import KnownFlight
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
 
 
-class Swing(Section):
+class Sine(Section):
     """amplitude N or N m along world axes, frequency Hz, phase rad of one sine."""
 
     amplitude: Vector
@@ -48,13 +48,13 @@ class Parameters(Section):
     )
     total_mass: float = Field(default=0.3, gt=0.0)
     inertia: tuple[Vector, Vector, Vector] = ((6e-4, 2e-5, 0.0), (2e-5, 1.1e-3, -3e-5), (0.0, -3e-5, 1.5e-3))
-    force: tuple[Swing, ...] = (
-        Swing(amplitude=(1.0, 0.4, -0.6), frequency=1.3),
-        Swing(amplitude=(-0.3, 0.5, 0.4), frequency=2.3, phase=1.0),
+    force: tuple[Sine, ...] = (
+        Sine(amplitude=(1.0, 0.4, -0.6), frequency=1.3),
+        Sine(amplitude=(-0.3, 0.5, 0.4), frequency=2.3, phase=1.0),
     )
-    moment: tuple[Swing, ...] = (
-        Swing(amplitude=(0.03, -0.02, 0.015), frequency=1.7, phase=0.4),
-        Swing(amplitude=(-0.01, 0.02, 0.02), frequency=5.3),
+    moment: tuple[Sine, ...] = (
+        Sine(amplitude=(0.03, -0.02, 0.015), frequency=1.7, phase=0.4),
+        Sine(amplitude=(-0.01, 0.02, 0.02), frequency=5.3),
     )
     gravity: Vector = (0.0, 0.0, -9.81)
     center: Vector = (0.0, 0.0, 1.0)
@@ -97,7 +97,7 @@ def body(parameters: Parameters) -> Body:
     )
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The flight at `time` (time,) s."""
     p = parameters
     R0 = Rotation.from_rotvec(p.turn).as_matrix()
@@ -107,10 +107,10 @@ def fly(parameters: Parameters, time: Array) -> Flight:
         return swung(p.force, t), swung(p.moment, t)
 
     truth = fly_rigid(p.total_mass, np.array(p.inertia), wrench, start, np.array(p.gravity), time)
-    return Flight(body(p), rigid_positions(truth, np.array(p.position)), np.array(p.gravity), truth)
+    return KnownFlight(body(p), rigid_positions(truth, np.array(p.position)), np.array(p.gravity), truth)
 
 
-def swung(swings: tuple[Swing, ...], t: float) -> Array:
+def swung(swings: tuple[Sine, ...], t: float) -> Array:
     """Sum of sines (3,) at time t."""
     total = np.zeros(3)
     for s in swings:

@@ -17,7 +17,7 @@ from forceid.records import Array, Body
 
 
 @dataclass(frozen=True)
-class Flight:
+class KnownFlight:
     """A scene at the sampled instants, before any measurement: no noise, no gap.
 
     position (time, node, 3) m, world axes, gravity (3,) m/s2. truth: variables named as in Estimate.

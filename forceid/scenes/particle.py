@@ -8,7 +8,7 @@ from pydantic import Field
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
 from forceid.scenes.harmonic import Frequencies, harmonic_flight
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.mechanics import KnownFlight
 
 
 class Parameters(Section):
@@ -24,7 +24,7 @@ class Parameters(Section):
     velocity: Vector = (2.0, 0.0, 5.0)
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The particle at `time` (time,) s; its truth has no orientation."""
     p = parameters
     gravity, start = np.array(p.gravity), (np.array(p.center), np.array(p.velocity))
@@ -32,4 +32,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     truth = harmonic_flight(p.mass, load, frequency, start, gravity, time)
     truth["moment"] = np.zeros_like(truth["force"])
     body = Body(node=("particle",), position=np.zeros((1, 3)), mass=np.array([p.mass]))
-    return Flight(body, truth["center"][:, None], gravity, truth)
+    return KnownFlight(body, truth["center"][:, None], gravity, truth)

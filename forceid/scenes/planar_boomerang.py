@@ -12,7 +12,7 @@ import numpy as np
 
 from forceid.config import Section
 from forceid.records import Array, Body
-from forceid.scenes.mechanics import Flight, deforming_truth, integrate_nodes
+from forceid.scenes.mechanics import KnownFlight, deforming_truth, integrate_nodes
 from forceid.scenes.springs import Springs, connect, spring_force
 
 NODES = ("tip_1", "elbow", "tip_3")
@@ -61,7 +61,7 @@ def internal_force(parameters: Parameters, network: Springs, x: Array, v: Array)
     return force
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The thrown boomerang at `time` (time,) s, embedded in the plane z = 0 of the three-axis layout."""
     p, network = parameters, arms(parameters)
     amplitude, gravity = np.array(p.load), np.array(p.gravity)
@@ -78,4 +78,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     load = amplitude * np.sin(w * time)[:, None, None]
     x, v, load, rest = (np.pad(a, [(0, 0)] * (a.ndim - 1) + [(0, 1)]) for a in (x, v, load, REST))
     body = Body(node=NODES, position=rest, mass=MASS)
-    return Flight(body, x, np.array([*p.gravity, 0.0]), deforming_truth(MASS, rest, x, v, load))
+    return KnownFlight(body, x, np.array([*p.gravity, 0.0]), deforming_truth(MASS, rest, x, v, load))

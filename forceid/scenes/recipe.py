@@ -27,7 +27,7 @@ from forceid.scenes import (
     top,
     wobbling_drop,
 )
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.mechanics import KnownFlight
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Scene:
     """
 
     parameters: type[Section]
-    fly: Callable[[Any, Array], Flight]
+    fly: Callable[[Any, Array], KnownFlight]
     instruments: Callable[..., tuple[dict[str, Array], dict[str, float]]] | None = None
 
 
@@ -128,13 +128,13 @@ def sample_times(recipe: SceneRecipe, rng: np.random.Generator) -> Array:
     return times
 
 
-def fly(recipe: SceneRecipe, time: Array) -> Flight:
+def fly(recipe: SceneRecipe, time: Array) -> KnownFlight:
     """The exact flight of the recipe's scene at `time` (time,) s."""
     parameters = _parameters(recipe, "recipe:")
     return SCENES[recipe.scene].fly(parameters, time)
 
 
-def measure(flight: Flight, recipe: SceneRecipe, time: Array, rng: np.random.Generator) -> Recording:
+def measure(flight: KnownFlight, recipe: SceneRecipe, time: Array, rng: np.random.Generator) -> Recording:
     """A flight as the recipe's instruments see it: noise, missing markers, dropouts (NaN, never 0)."""
     see = _see_markers if recipe.measure == "markers" else _see_mean_motion
     seen, std = see(flight, recipe, time, rng)
@@ -154,7 +154,7 @@ def measure(flight: Flight, recipe: SceneRecipe, time: Array, rng: np.random.Gen
 
 
 def _see_markers(
-    flight: Flight, recipe: SceneRecipe, time: Array, rng: np.random.Generator
+    flight: KnownFlight, recipe: SceneRecipe, time: Array, rng: np.random.Generator
 ) -> tuple[dict[str, Array], dict[str, float]]:
     noise = recipe.noise_std * rng.standard_normal(flight.position.shape)
     lost = rng.random(flight.position.shape[:2]) < recipe.dropout_fraction
@@ -169,7 +169,7 @@ def _see_markers(
 
 
 def _see_mean_motion(
-    flight: Flight, recipe: SceneRecipe, time: Array, rng: np.random.Generator
+    flight: KnownFlight, recipe: SceneRecipe, time: Array, rng: np.random.Generator
 ) -> tuple[dict[str, Array], dict[str, float]]:
     if "orientation" not in flight.truth:
         raise ConfigError(f"scene '{recipe.scene}' has no orientation", "recipe:", 'use measure = "markers"')

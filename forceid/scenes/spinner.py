@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
 from forceid.scenes.harmonic import Frequencies, harmonic_flight
-from forceid.scenes.mechanics import Flight, inertia_tensor
+from forceid.scenes.mechanics import KnownFlight, inertia_tensor
 from forceid.scenes.rigid import rigid_positions
 
 
@@ -39,7 +39,7 @@ class Parameters(Section):
     velocity: Vector = (0.0, 0.0, 5.0)
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The spinning ring at `time` (time,) s."""
     p = parameters
     place = 2.0 * np.pi * np.arange(p.markers) / p.markers
@@ -60,4 +60,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
         "angular_momentum": J[2, 2] * rate[:, None] * about_z,
     }
     body = Body(node=tuple(f"marker_{i + 1}" for i in range(p.markers)), position=X, mass=mass)
-    return Flight(body, rigid_positions(truth, X), gravity, truth)
+    return KnownFlight(body, rigid_positions(truth, X), gravity, truth)

@@ -13,8 +13,8 @@ from pydantic import Field
 
 from forceid.config import Section, Vector
 from forceid.records import Array
-from forceid.scenes.affine_body import Throw, fly_affine, rotation
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation
+from forceid.scenes.mechanics import KnownFlight
 
 Positive = Annotated[float, Field(gt=0.0)]
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -58,16 +58,16 @@ def gradient(parameters: Parameters, F: Array) -> Array:
     return np.asarray(2 * p.a * F + 2 * p.b * (np.trace(C) * F - F @ C) + volume * np.linalg.inv(F).T)
 
 
-def throw(parameters: Parameters) -> Throw:
+def throw(parameters: Parameters) -> AffineThrow:
     """The block as it is thrown, free of stress."""
     p, R = parameters, rotation(parameters.turn)
-    return Throw(
+    return AffineThrow(
         np.full(8, p.mass / 8), rest_shape(p), lambda F: gradient(p, F), np.array(p.gravity),
         np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin), np.zeros((3, 3)),
         p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
     )  # fmt: skip
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The thrown block at `time` (time,) s."""
     return fly_affine(throw(parameters), tuple(f"corner_{k + 1}" for k in range(8)), time)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, Vector
 from forceid.errors import ConfigError
 from forceid.records import Array, Body
-from forceid.scenes.mechanics import Flight, center_of, inertia_tensor
+from forceid.scenes.mechanics import KnownFlight, center_of, inertia_tensor
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
 
 
@@ -58,7 +58,7 @@ def body(parameters: Parameters) -> Body:
     return Body(node=node, position=X, total_mass=p.total_mass, **whole)
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The tumbling top at `time` (time,) s. ConfigError: no rotation about some axis has any inertia."""
     p = parameters
     top, X, gravity = body(p), np.array(p.position), np.array(p.gravity)
@@ -73,4 +73,4 @@ def fly(parameters: Parameters, time: Array) -> Flight:
     R0 = Rotation.from_rotvec(p.turn).as_matrix()
     start = RigidState(np.array(p.center), np.array(p.velocity), R0, R0 @ p.spin)
     truth = fly_rigid(total, J, lambda t, now: (np.zeros(3), np.zeros(3)), start, gravity, time)
-    return Flight(top, rigid_positions(truth, X - middle), gravity, truth)
+    return KnownFlight(top, rigid_positions(truth, X - middle), gravity, truth)

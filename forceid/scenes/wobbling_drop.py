@@ -13,8 +13,8 @@ from pydantic import Field
 
 from forceid.config import Section, Vector
 from forceid.records import Array
-from forceid.scenes.affine_body import Throw, fly_affine, rotation
-from forceid.scenes.mechanics import Flight
+from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation
+from forceid.scenes.mechanics import KnownFlight
 
 Positive = Annotated[float, Field(gt=0.0)]
 GOLDEN = 0.5 * (1 + np.sqrt(5.0))
@@ -66,16 +66,16 @@ def gradient(parameters: Parameters, F: Array) -> Array:
     return np.asarray((L * g) @ R)
 
 
-def throw(parameters: Parameters) -> Throw:
+def throw(parameters: Parameters) -> AffineThrow:
     """The round drop as it is struck."""
     p, R = parameters, rotation(parameters.turn)
-    return Throw(
+    return AffineThrow(
         np.full(12, p.mass / 12), p.radius * CORNERS, lambda F: gradient(p, F), np.array(p.gravity),
         np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin),
         p.strike * np.diag([1.0, -0.5, -0.5]), p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
     )  # fmt: skip
 
 
-def fly(parameters: Parameters, time: Array) -> Flight:
+def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The struck drop at `time` (time,) s."""
     return fly_affine(throw(parameters), tuple(f"marker_{k + 1}" for k in range(12)), time)
