@@ -32,7 +32,7 @@ PHASE = {  # rad a step of the fastest vibration, where no step is given
     "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
     "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
 }  # fmt: skip
-STEPS_AT_MOST = 1e10  # steps of one motion: weeks
+STEPS_AT_MOST = 1e8  # steps of one motion: an hour and more
 UNSTABLE = 2.0  # rad a step, for Verlet
 
 
@@ -125,7 +125,12 @@ class Body:
         vibration = float(self.system.vibration(F).max())
         if step is None:
             fastest = max(vibration, float(self.system.rate(F, V).max()))
-            return PHASE[method] / fastest if fastest > 0 else float(time[-1] - time[0]) or 1.0
+            span = float(np.ptp(time))
+            found = PHASE[method] / fastest if fastest > 0 else span or 1.0
+            if span / found > STEPS_AT_MOST:
+                what = f"vibrates at {fastest:.1e} rad/s: {span / found:.1e} steps over {span:g} s"
+                raise DataError(what, "the body at the start", 'start it nearer to rest, or give a "step"')
+            return found
         if step * vibration > UNSTABLE:
             what = f"is {step:g} s, beyond {UNSTABLE / vibration:.3g} s, where Verlet grows without bound"
             raise DataError(what, "step", 'take a shorter one, or method="implicit_midpoint"')
