@@ -162,7 +162,7 @@ def pass_over(case: Case, raw: bool, problem: Problem | None = None) -> Job:
     force, moment = problem.priors["force"], problem.priors["moment"]
     flight = problem.flight
     model, z, about, _ = settled(flight, force, moment, engine())
-    n = 3 * (force.tuned.order + 3)
+    n = force.states
     if raw:
         model, z = with_marker_rows(case, model, about.rotation, n, force.axes)
 

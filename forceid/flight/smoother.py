@@ -95,7 +95,7 @@ def smooth_flight(
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
     model, z, about, _ = settled(flight, force, moment, engine, first)
     path = engine.smooth(model, z)
-    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
+    n = force.states
     return read(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
 
 
@@ -103,7 +103,7 @@ def smoothed_once_more(
     flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, about: Reference
 ) -> FlightState:
     """A flight smoothed about where its path about a reference leads: the same where that is at rest."""
-    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
+    n = force.states
     model, z = linear_flight(flight, force, moment, about)
     further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
     path = engine.smooth(*linear_flight(flight, force, moment, further))
@@ -147,7 +147,7 @@ def settled(
     gets is taken: what is left of the way stands in the smoothed states.
     """
     reference = first_reference(flight, moment) if first is None else first
-    n = 3 * (force.tuned.order + 3) + 2 * len(force.lines)
+    n = force.states
     seen = np.isfinite(flight.rotation).all((1, 2))
     told = is_told(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
@@ -199,7 +199,7 @@ def led(
     Where sensors alone tell the rotation, the chains are turned along with the body: what these read depends
     on the vectors in body axes alone, so it stays linear in the step, however far that turns the path.
     """
-    n, m = (3 * (p.tuned.order + 3) + 2 * len(p.lines) for p in (force, moment))
+    n, m = force.states, moment.states
     theta = share * x[:, n : n + 3]
     chain, pushed = x[:, n : n + m], x[:, :n]
     was = np.zeros_like(pushed) if reference.force is None else reference.force
@@ -321,7 +321,7 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     frames.
     """
     time = flight.time
-    chain = np.zeros((len(time), 3 * (moment.tuned.order + 3) + 2 * len(moment.lines)))
+    chain = np.zeros((len(time), moment.states))
     rate = gyro_rate(time, flight.sensors)
     if rate is not None:
         H_body = np.einsum("tij,tj->ti", flight.inertia, rate) + flight.h

@@ -106,6 +106,17 @@ def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     return Process(A, Qc, scale[..., :, None] * P0 * scale[..., None, :], np.eye(order)[0])
 
 
+def matern_density(order: int, std: ArrayLike, rate: ArrayLike, w: ArrayLike) -> Array:
+    """Spectral density (...), two-sided, per Hz, of a Matern load at w (...) rad/s. Source: as `matern`.
+
+    >>> w = np.linspace(-4000.0, 4000.0, 200001)
+    >>> bool(np.isclose(matern_density(2, 3.0, 10.0, w).mean() * 8000.0 / (2 * np.pi), 9.0, rtol=1e-4))
+    True
+    """
+    driven = matern(order, std, rate).Qc[..., -1, -1]
+    return np.asarray(driven / (values(rate) ** 2 + values(w) ** 2) ** order)
+
+
 def resonator(frequency: ArrayLike, std: ArrayLike, bandwidth: ArrayLike) -> Process:
     """A load at one line: a phasor that turns at `frequency` (...) Hz and forgets at `bandwidth` (...) 1/s.
 

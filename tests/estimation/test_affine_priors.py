@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from forceid.estimation.affine.powers import Axes, powers, richest, spectrum
+from forceid.estimation.affine.powers import Axes, powers, richest
 from forceid.estimation.affine.priors import least_error, likeliest
 from forceid.estimation.affine.resonances import find_swings
 from forceid.kalman.engines import engine
+from forceid.kalman.process import matern_density
 from forceid.scenes.drawn_loads import draw_periodic
 
 TIME, SIGMA, AXES = np.arange(800) / 500, 1e-4, 9
@@ -31,9 +32,9 @@ def ringing(w, size):
 def over_claim(p, tuned, line, size):
     """Rms error over claim of a load of known power, with a line in it, under a prior: of all frequencies."""
     S = np.stack(
-        [s**2 * spectrum(tuned.order, r, p.w) for s, r in zip(tuned.std, tuned.rate, strict=True)], 1
+        [matern_density(tuned.order, s, r, p.w) for s, r in zip(tuned.std, tuned.rate, strict=True)], 1
     )
-    true = np.tile(spectrum(2, RATE, p.w)[:, None], (1, AXES))
+    true = np.tile(matern_density(2, 1.0, RATE, p.w)[:, None], (1, AXES))
     true[np.abs(p.w - line).argmin()] += 0.25 * size**2 * 2 * np.pi / (p.w[1] - p.w[0])
     G = S / (S + p.noise)
     return np.sqrt(((1 - G) ** 2 * true + G**2 * p.noise).sum() / (G * p.noise).sum())
@@ -42,7 +43,7 @@ def over_claim(p, tuned, line, size):
 def test_total_power_is_that_of_load_and_noise():
     chosen, record = engine(), seen(drawn(1))
     p = powers(likeliest(record, chosen), record, chosen)
-    truth = spectrum(2, RATE, p.w)[:, None] + p.noise
+    truth = matern_density(2, 1.0, RATE, p.w)[:, None] + p.noise
     band = (p.w > 2 * np.pi * 3.0) & (p.w < 2 * np.pi * 150.0)
     assert (p.total / truth)[band].mean() == pytest.approx(1.0, abs=0.05)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import lgamma, pi
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import OUTLIER, Tuned
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, resonator
+from forceid.kalman.process import Process, matern_density, resonator
 from forceid.records import Array
 
 LONGEST = 4096  # samples that are looked at
@@ -61,7 +60,7 @@ def powers(tuned: Tuned, seen: Axes, engine: Engine, swings: Sequence[Swing] = (
     """What a record shows of load and noise at every frequency, under a prior that whitens it roughly."""
     time, step = seen.time, float(np.median(np.diff(seen.time)))
     w: Array = 2 * np.pi * np.fft.rfftfreq(len(time), step)[1:].astype(float)
-    lines = [resonator(s.w / (2 * pi), s.std, s.bandwidth) for s in swings]
+    lines = [resonator(s.w / (2 * np.pi), s.std, s.bandwidth) for s in swings]
     chain = load_chain(tuned.order, tuned.std, tuned.rate, start_of(time, seen.z, 1.0), lines)
     white = np.empty((len(w), seen.z.shape[1]))
     for a in range(seen.z.shape[1]):
@@ -75,24 +74,8 @@ def powers(tuned: Tuned, seen: Axes, engine: Engine, swings: Sequence[Swing] = (
     known = np.isfinite(seen.z)
     var = known.sum(0) / np.where(known, 1 / seen.noise_var, 0.0).sum(0)  # of frames that show the most
     noise = step * var * swing**4 + seen.drift * swing**2
-    rates = np.broadcast_to(tuned.rate, tuned.std.shape)
-    prior = np.stack(
-        [s**2 * spectrum(tuned.order, r, w) for s, r in zip(tuned.std, map(float, rates), strict=True)], 1
-    )
+    prior = matern_density(tuned.order, tuned.std, tuned.rate, w[:, None])
     for s in swings:
         near, far = (s.bandwidth / (s.bandwidth**2 + (w + sign * s.w) ** 2) for sign in (-1, 1))
         prior += s.std**2 * (near + far)[:, None]
     return Powers(w, white * (prior + noise), np.asarray(noise), np.asarray(prior))
-
-
-def spectrum(order: int, rate: float, w: Array) -> Array:
-    """Two-sided power per Hz (frequency,) of a Matern load of unit variance at w rad/s.
-
-    Source: principal equations 4e.
-
-    >>> w = np.linspace(-4000.0, 4000.0, 200001)
-    >>> bool(np.isclose(spectrum(2, 10.0, w).mean() * 8000.0 / (2 * np.pi), 1.0, rtol=1e-4))
-    True
-    """
-    scale = 2 * np.sqrt(pi) * np.exp(lgamma(order) - lgamma(order - 0.5))
-    return np.asarray(scale * rate ** (2 * order - 1) / (w**2 + rate**2) ** order)

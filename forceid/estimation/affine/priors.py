@@ -14,13 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.affine.channels import AffineChannels, in_body, on_body
-from forceid.estimation.affine.powers import Axes, Powers, powers, richest, spectrum
+from forceid.estimation.affine.powers import Axes, Powers, powers, richest
 from forceid.estimation.affine.resonances import find_swings
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.tuning import ORDERS, Tuned, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE, Line
+from forceid.kalman.process import matern_density
 from forceid.records import Array
 
 SURE = 1.0  # log-likelihood by which a smoother prior must be likelier: too smooth a one claims too little
@@ -107,7 +108,7 @@ def least_error(tuned: Tuned, seen: Axes, engine: Engine) -> Tuned:
     middle = float(np.exp(np.log(p.w[alike][shown.any(0)]).mean()))
     best, least = tuned, np.inf
     for rate in middle * np.array(SLOWER):
-        base = spectrum(tuned.order, rate, p.w)[:, None]
+        base = matern_density(tuned.order, 1.0, rate, p.w)[:, None]
         level = np.log(p.prior[alike, axis] / base[alike, 0])  # alike where error is made
         S = base * np.exp(level + 2 * SCALES[:, None, None])
         gain = S / (S + p.noise)

@@ -73,7 +73,7 @@ def refined_reference(
     H = first.chain[last, 3:6]
     since = fine.time - flight.time[last]
     R = free_turn(since, first.rotation[last], H @ moment.axes.T, fine.inertia, fine.h)[0]
-    pushed = np.zeros((len(fine.time), 3 * (force.tuned.order + 3) + 2 * len(force.lines)))
+    pushed = np.zeros((len(fine.time), force.states))
     return replace(first, rotation=R, chain=first.chain[last], force=pushed)
 
 

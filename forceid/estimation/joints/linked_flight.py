@@ -189,8 +189,7 @@ def widened(prior: LoadPrior, factor: float) -> LoadPrior:
 
 def load_rows_of(prior: LoadPrior) -> Array:
     """Rows (3, state) that read a load out of its own chain."""
-    axes = prior.axes
-    return load_rows(3 * (prior.tuned.order + 3) + 2 * len(prior.lines), axes, prior.lines)
+    return load_rows(prior.states, prior.axes, prior.lines)
 
 
 def stretches(time: int, longest: int) -> Iterator[tuple[slice, slice]]:

@@ -18,7 +18,7 @@ from forceid.flight.channels import Channel
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.lines import PATIENCE, REACH, near
-from forceid.kalman.process import matern
+from forceid.kalman.process import matern_density
 from forceid.records import Array, Finding, HiddenLoad, deviation
 
 POINTS = 64  # frequencies of the curve
@@ -134,7 +134,7 @@ def densities(
     white = channel.var(axes)[seen].mean(0) * span / seen.sum()
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes) / w**2
     noise = (white + drift) * w**4 / channel.gain**2
-    smooth = matern(tuned.order, std, rate).Qc[:, -1, -1] / (rate**2 + w**2) ** tuned.order
+    smooth = matern_density(tuned.order, std, rate, w)
     if prior.carried is not None and rotation is not None:
         smooth = smooth @ ((rotation @ prior.carried) ** 2).mean(0).T
     return noise, smooth, axes

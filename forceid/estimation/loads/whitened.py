@@ -17,7 +17,7 @@ from forceid.flight.channels import Channel
 from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import OUTLIER
-from forceid.kalman.process import matern
+from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
 
 LONGEST = 2048  # samples that are looked at: the middle of a longer record
@@ -54,7 +54,7 @@ class Candidates:
         for order in ORDERS:
             own = self.order == order
             rate, which = np.unique(self.rate[own], return_inverse=True)
-            found[own] = self.size[own] * (unit_density(order, rate, frequency) @ weight)[which]
+            found[own] = self.size[own] * (densities_of(order, rate, frequency) @ weight)[which]
         return found
 
 
@@ -150,7 +150,7 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     size = np.exp(np.arange(np.log(LEAST), np.log(most), np.log(STEP)))
     total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
     for order in ORDERS:
-        shape = unit_density(order, rate, frequency)
+        shape = densities_of(order, rate, frequency)
         scaled = size[:, None] / (shape / noise).max(1)
         sizes.append(scaled.ravel())
         ratios.append(((scaled[:, :, None] * shape + noise) / total).reshape(-1, len(frequency)))
@@ -165,7 +165,6 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     )  # fmt: skip
 
 
-def unit_density(order: int, rate: Array, frequency: Array) -> Array:
+def densities_of(order: int, rate: Array, frequency: Array) -> Array:
     """Density (rate, frequency) of a Matern load of unit deviation."""
-    driven = matern(order, 1.0, rate).Qc[:, -1, -1, None]
-    return np.asarray(driven / (rate[:, None] ** 2 + (2 * np.pi * frequency) ** 2) ** order)
+    return matern_density(order, 1.0, rate[:, None], 2 * np.pi * frequency)

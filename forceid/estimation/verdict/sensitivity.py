@@ -7,7 +7,6 @@ by the smoother in part only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from forceid.estimation.verdict.body_errors import (
     wrong_mass,
 )
 from forceid.flight.smoother import FlightState
+from forceid.kalman.process import matern_density
 from forceid.records import Array
 
 PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
@@ -103,12 +103,9 @@ def noise(kin: Kinematics, name: str) -> float:
 
 def spectrum(tuned: dict[str, float], name: str, w: Array) -> Array:
     """Spectral density of the tuned Matern prior of a load at w rad/s, mean over its axes."""
-    n = int(tuned[f"{name}_order"])
-    S = np.zeros_like(w)
-    for i in (1, 2, 3):
-        std, k = tuned[f"{name}_std_{i}"], tuned[f"{name}_rate_{i}"]
-        S += std**2 * (2 * k) ** (2 * n - 1) / (w**2 + k**2) ** n / 3
-    return np.asarray(S * factorial(n - 1) ** 2 / factorial(2 * n - 2))
+    order = int(tuned[f"{name}_order"])
+    std, rate = (np.array([tuned[f"{name}_{key}_{i}"] for i in (1, 2, 3)]) for key in ("std", "rate"))
+    return np.asarray(matern_density(order, std, rate, w[:, None]).mean(1))
 
 
 def follows(kin: Kinematics, tuned: dict[str, float], name: str) -> float:

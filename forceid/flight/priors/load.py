@@ -39,6 +39,11 @@ class LoadPrior:
     carried: Array | None = None
 
     @property
+    def states(self) -> int:
+        """Of its chain: Y, H, mean, the load and its derivatives along three axes, and two a line."""
+        return 3 * (self.tuned.order + 3) + 2 * len(self.lines)
+
+    @property
     def noise(self) -> Array:
         """The factor (3, 3) on the noise of the channel that was found with it, world axes."""
         return np.asarray(self.axes * self.tuned.noise @ self.axes.T)
