@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from evidence.drawn import plate_face
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.run import estimate_recording
@@ -55,3 +56,12 @@ def test_innovations_that_are_zero_or_missing_are_judged_without_a_warning():
     for odd, nis in ((zero, np.ones(200)), (missing, np.ones(200)), (0 * v, np.zeros(200))):
         said = [f.text for f in judge_innovations(time, odd, nis, np.full(6, np.inf))]
         assert not any("correlated" in text for text in said)
+
+
+@pytest.mark.long
+def test_a_flight_that_does_not_settle_beside_its_lines_is_estimated_without_them():
+    # a plate whose bending, unseen by a rigid model, stands out of its innovations as lines
+    found = estimate_recording(plate_face.flown(300, 5, "masses"), Settings(model="rigid"))
+    assert np.isfinite(found.force).all()
+    assert np.isfinite(found.moment).all()
+    assert found.verdict.level == "degraded"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -10,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from forceid.config import Settings
+from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import (
     NONE_DROPPED,
     Dropped,
@@ -194,9 +196,10 @@ def estimate_flight(
         asked = () if isinstance(settings.lines, str) else settings.lines
         more = more_lines(flight, state, searched, engine, asked)
     if len(lines) < len(more) <= MOST_LINES:
-        found = estimate_flight(body, motion, settings, engine, findings, more, dropped, slow, apiece)
-        if wild is None or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
-            return found
+        with suppress(EstimationError):  # what does not settle beside lines leaves them in its innovations
+            found = estimate_flight(body, motion, settings, engine, findings, more, dropped, slow, apiece)
+            if wild is None or wildest(found.state).max() < WILD:  # an impact holds every line, and stays
+                return found
     told = judge_sensors(flight, state, set(motion.noise_std | settings.noise_std))
     told = (*told, *judge_gauges(flight, state, body, motion))
     findings = (*findings, *notes, *told, *judge_wild(wild))

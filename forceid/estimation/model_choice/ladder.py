@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from forceid.config import Settings
+from forceid.errors import EstimationError
 from forceid.estimation.body.affine_lever import speaks_for_mass
 from forceid.estimation.body.deformation_residual import CHANCE, Beyond, beyond_rigid, principal_axes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
@@ -149,6 +150,10 @@ def descend(
         return steps[i].change <= NEAR
 
     def enough(i: int) -> bool:
+        try:
+            solved(i)
+        except EstimationError:  # a level at which the flight does not settle explains nothing
+            return False
         if holds(solved(i), body, motion, rungs[best].settings):
             return True
         if from_view(solved(i), top, motion.time) <= WORSE:
