@@ -8,8 +8,10 @@ import pytest
 from evidence.drawn import plate_face
 from forceid.config import Settings
 from forceid.errors import EstimationError
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.innovations import judge_innovations
+from forceid.estimation.witness.stand_in import stand_in
 from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -65,3 +67,12 @@ def test_a_flight_that_does_not_settle_beside_its_lines_is_estimated_without_the
     assert np.isfinite(found.force).all()
     assert np.isfinite(found.moment).all()
     assert found.verdict.level == "degraded"
+
+
+def test_a_force_is_given_where_markers_that_bend_let_no_flight_settle():
+    recording = plate_face.flown(300, 5, "total mass")
+    kin = kinematics(recording.body, recording.motion, Settings(model="rigid"))
+    error = EstimationError("does not settle", "the smoother on rotations", "record faster")
+    found = stand_in(recording.body, recording.motion, kin, error)
+    assert np.isfinite(found.state.force).all()
+    assert [f.code for f in found.findings] == ["plain-route-instead"]

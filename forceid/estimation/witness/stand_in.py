@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from forceid.errors import EstimationError
@@ -9,25 +11,29 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.witness.plain_route import plain_route
+from forceid.estimation.witness.plain_route import channel, plain_route
 from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Body, Motion
 
 
 def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError) -> Solution | None:
-    """The solution that the plain route makes of a motion; None where it shows no force either.
+    """The solution that the plain route makes of a motion; None where so few frames show no force either.
 
-    error: why the method asked for has none, for the verdict. Momenta are not given.
+    Where markers bend and show no mass center plainly, that of the pose stands for it. error: why the method
+    asked for has none, for the verdict. Momenta are not given.
     """
-    route, T = plain_route(body, motion), len(motion.time)
+    route, T, center = plain_route(body, motion), len(motion.time), kin.pose.center
+    if route.force is None:
+        whole = np.asarray(np.isfinite(center).all(1))
+        route = replace(route, force=channel(motion, kin.inertia.mass, center, whole))
     if route.force is None:
         return None
     loads, var = np.full((T, 6), np.nan), np.full((T, 6), np.nan)
-    for first, channel in ((0, route.force), (3, route.moment)):
-        if channel is not None:
-            _, cuts = spectrum_and_cuts(channel)
-            loads[:, first : first + 3], std = low_passed(motion.time, channel, cuts)
+    for first, part in ((0, route.force), (3, route.moment)):
+        if part is not None:
+            _, cuts = spectrum_and_cuts(part)
+            loads[:, first : first + 3], std = low_passed(motion.time, part, cuts)
             var[:, first : first + 3] = std**2
     still, none = np.zeros_like(kin.amplitude), np.full((T, 3), np.nan)
     state = FlightState(
