@@ -30,8 +30,9 @@ from forceid.kalman.engines import engine
 from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
 
-FILE = Path(__file__).parents[2] / "evidence" / "drawn" / "ladder.py"
-DATA = FILE.parents[1] / "data" / "synthetic"
+EVIDENCE = Path(__file__).parents[2] / "evidence"
+FILE = EVIDENCE / "drawn" / "ladder.py"
+DATA = EVIDENCE.parent / "data" / "synthetic"
 SPEC = importlib.util.spec_from_file_location("scenes_of_known_level", FILE)
 scenes = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(scenes)
