@@ -9,8 +9,9 @@ True
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from forceid.face import on_first_use
 
 __version__ = "0.1.0"
 
@@ -39,10 +40,7 @@ if TYPE_CHECKING:
     from forceid.report.notebook import summarize as summarize
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'forceid' has no attribute '{name}'")
-    return getattr(import_module(_PUBLIC[name]), name)
+__getattr__ = on_first_use(__name__, _PUBLIC)
 
 
 def __dir__() -> list[str]:

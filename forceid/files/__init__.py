@@ -5,8 +5,9 @@ What may be used from outside; each name loads on first use.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from forceid.face import on_first_use
 
 _HOMES = {
     "read_motion": "forceid.files.hdf5",
@@ -41,7 +42,4 @@ if TYPE_CHECKING:
     from forceid.files.tree import tree_from_estimate as tree_from_estimate
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'forceid.files' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)

@@ -11,9 +11,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from forceid.face import on_first_use
 from forceid.kalman.engines import Engine, engine
 from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace
 from forceid.records import Array
@@ -120,10 +120,7 @@ def log_likelihood(model: StateSpace, z: Array, engine: str = "auto") -> Array:
     return _engine(engine).log_likelihood(model, z)
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'forceid.kalman' has no attribute '{name}'")
-    return getattr(import_module(f"forceid.kalman.{_HOME[name]}"), name)
+__getattr__ = on_first_use(__name__, {name: f"forceid.kalman.{home}" for name, home in _HOME.items()})
 
 
 def __dir__() -> list[str]:

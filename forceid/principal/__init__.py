@@ -5,8 +5,9 @@ What may be used from outside; each name loads on first use.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from forceid.face import on_first_use
 
 _HOMES = {
     "summation_operator": "forceid.principal.operator",
@@ -41,7 +42,4 @@ if TYPE_CHECKING:
     from forceid.principal.wrench import transport_matrix as transport_matrix
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'forceid.principal' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)

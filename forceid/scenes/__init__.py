@@ -5,8 +5,9 @@ What may be used from outside; each name loads on first use.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from forceid.face import on_first_use
 
 _HOMES = {
     "SCENES": "forceid.scenes.recipe",
@@ -29,7 +30,4 @@ if TYPE_CHECKING:
     from forceid.scenes.recipe import simulate as simulate
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'forceid.scenes' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)
