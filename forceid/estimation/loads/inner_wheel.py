@@ -47,7 +47,7 @@ def signals(time: Array, rotation: Array) -> Array:
     return -np.concatenate([np.zeros((1, 3, 3)), turned])
 
 
-def allowing(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
+def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
     """Growth (6, 6) of claimed errors that allows for wheels as well, and a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.

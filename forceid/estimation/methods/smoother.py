@@ -31,7 +31,7 @@ from forceid.estimation.loads.channels import flight_of, force_channel, moment_c
 from forceid.estimation.loads.free_oscillation import allow_for_ringing
 from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
-from forceid.estimation.loads.inner_wheel import allowing, signals, with_momentum
+from forceid.estimation.loads.inner_wheel import allow_for_wheels, signals, with_momentum
 from forceid.estimation.loads.lines import MOST_LINES, NO_LINES, Lines, mass_hidden, more_lines
 from forceid.estimation.loads.noise import errors_shared, lever, noise_beyond_motion, widened
 from forceid.estimation.loads.order_uncertainty import growth_along_world
@@ -232,7 +232,7 @@ def estimate_flight(
         looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in told_by}
         growth = growth_along_world(state, looks)
         if inside:
-            growth, wheel = allowing(looks["moment"], state, growth)
+            growth, wheel = allow_for_wheels(looks["moment"], state, growth)
             findings = (*findings, *wheel)
     deformation = as_smoothed(kin, deformation, state)
     hides = None
