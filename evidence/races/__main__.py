@@ -23,7 +23,6 @@ WORKLOADS = {
     "w6": "files",
     "flight": "flight",
     "tuning": "tuned_smoother",
-    "polar": "polar",
     "start": "start",
 }
 LIBRARIES = (

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from crossing_motions import crossing, near_crossings, smooth_without_limit
 
-from evidence.theory.crossings import crossing, near_crossings, smooth_without_limit
 from forceid.errors import DataError
 from forceid.motion.pose import exp
 from forceid.pseudorigid.bipolar_path import bipolar_path, turn_of_bases
 from forceid.pseudorigid.decomposition import bipolar
+from forceid.pseudorigid.matching import nearest_signed
 
 E3 = np.array([0.0, 0.0, 1.0])
 
@@ -82,6 +83,18 @@ def test_near_crossings_are_continuous_or_flagged():
     assert jump.max() < 1.5
     assert (left / np.linalg.norm(F, axis=(-2, -1)))[exact].max() < 1e-14
     assert (left / np.maximum(gap, 1e-300))[~exact].max() < 0.05
+
+
+def test_no_path_takes_another_turn_than_eight_times_as_many_frames_do_and_says_nothing():
+    F, _ = near_crossings(500, np.random.default_rng(29), 8 * 47 + 1)
+    few, many = bipolar_path(F[:, ::8]), bipolar_path(F)
+    sure = few.defined.all(-1) & many.defined.all(-1)[:, ::8]
+    G = many.L[:, ::8].swapaxes(-1, -2) @ few.L + many.R[:, ::8] @ few.R.swapaxes(-1, -2)
+    number = nearest_signed(G.reshape(-1, 3, 3)).reshape(G.shape[:2])
+    first = number[np.arange(len(F)), sure.argmax(1)][:, None]
+    changed = (sure & (number != first)).any(1) & many.continuous.all(1) & few.continuous.all(1)
+    assert changed.any()  # a pass too near for the frames is read as a crossing, beside a frame without rates
+    assert not (changed & few.defined.all((1, 2))).any()
 
 
 def test_a_path_sampled_finer_goes_through_the_same_bases():
