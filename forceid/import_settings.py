@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from forceid.config import Section, Vector, read_toml, validate
 from forceid.errors import ConfigError
+from forceid.records import SENSED, SENSOR
 
 Columns = tuple[str, str, str]
 Dim = Literal["time", "node", "axis"]
 Matrix = tuple[Vector, Vector, Vector]
-UNITS_OF = (
-    "time", "position", "displacement", "center", "orientation", "specific_force", "angular_velocity",
-    "strain", "geometry",
-)  # fmt: skip
+ON_SENSORS = tuple(name for name, variable in SENSED.items() if variable.dims == SENSOR)
+UNITS_OF = ("time", "position", "displacement", "center", "orientation", *SENSED, "geometry")
+if TYPE_CHECKING:
+    SensorSetting = Section
+else:  # a key for each variable of sensors
+    named = (dict[str, Columns | str] | str, Field(default_factory=dict))
+    SensorSetting = create_model("SensorSetting", __base__=Section, **dict.fromkeys(ON_SENSORS, named))
 
 
-class ChannelSetting(Section):
+class ChannelSetting(SensorSetting):
     """Which channels of a MAT, UFF or TDMS file, or columns of a CSV file, hold what.
 
     position, displacement (from [import.body] position or the nodes of the file) and the sensors map the name
@@ -37,8 +41,6 @@ class ChannelSetting(Section):
     displacement: dict[str, Columns | str] | str = Field(default_factory=dict)
     center: Columns | str | None = None
     orientation: tuple[str, str, str, str] | str | None = None
-    specific_force: dict[str, Columns | str] | str = Field(default_factory=dict)
-    angular_velocity: dict[str, Columns | str] | str = Field(default_factory=dict)
     strain: tuple[str, ...] = ()
     units: dict[str, str] = Field(default_factory=dict)
     nodes: tuple[str, ...] | str = ()

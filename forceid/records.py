@@ -6,7 +6,7 @@ Shapes are written with the dimension names of the motion file. A wrench is orde
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 import numpy as np
@@ -21,6 +21,23 @@ Level = Literal["ok", "degraded", "refused"]
 def deviation(cov: Array) -> Array:
     """Standard deviations (..., n) of covariances (..., n, n)."""
     return np.asarray(np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1)))
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What a variable of the contract is: dimensions in order, SI units, meaning."""
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+SENSOR = ("time", "sensor", "axis")  # dimensions of what a sensor of three axes reads
+
+
+def row(dims: tuple[str, ...], units: str, long_name: str) -> dict[str, Variable]:
+    """Of a field of Motion that sensors on the body fill: its row in the table of their variables."""
+    return {"variable": Variable(dims, units, long_name)}
 
 
 @dataclass(frozen=True)
@@ -68,9 +85,13 @@ class Motion:
     position: Array | None = None
     center: Array | None = None
     orientation: Array | None = None
-    specific_force: Array | None = None
-    angular_velocity: Array | None = None
-    strain: Array | None = None
+    specific_force: Array | None = field(
+        default=None, metadata=row(SENSOR, "m s-2", "specific force, sensor axes")
+    )
+    angular_velocity: Array | None = field(
+        default=None, metadata=row(SENSOR, "rad s-1", "angular velocity, sensor axes")
+    )
+    strain: Array | None = field(default=None, metadata=row(("time", "gauge"), "1", "strain"))
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -81,6 +102,14 @@ class Motion:
         if self.position is None or self.bridged is None:
             return self.position
         return np.where(np.nan_to_num(self.bridged)[..., None] > 0, np.nan, self.position)
+
+    @property
+    def readings(self) -> dict[str, Array]:
+        """What sensors on the body read, by the variables that are there."""
+        return {name: value for name in SENSED if (value := getattr(self, name)) is not None}
+
+
+SENSED: dict[str, Variable] = {f.name: f.metadata["variable"] for f in fields(Motion) if f.metadata}
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from forceid.estimation.verdict.finding import judge_leakage, judge_recording, r
 from forceid.estimation.verdict.leakage import Leakage, leakage
 from forceid.estimation.verdict.sensitivity import Budget, sensitivity
 from forceid.estimation.verdict.shape import judge_shape, judge_size
+from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion.free_turn import largest_turn
@@ -35,7 +36,7 @@ from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording
 
 ROUNDED = 1e-9  # percent that rounding leaves of nothing
-UNITS = {"orientation": "rad", "angular_velocity": "rad/s", "specific_force": "m/s2"}
+UNITS = {"orientation": "rad"} | {one.name: one.unit for one in INSTRUMENTS}
 
 
 @dataclass(frozen=True)
@@ -205,8 +206,8 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
     kin, findings = unmarked_kinematics(body, motion, settings), judge_unmarked(body, motion, settings)
     flight = unmarked_flight(body, motion, settings, kin)
     moment = not refusing(findings)
-    read = [a for a in (motion.angular_velocity, motion.specific_force) if a is not None]
-    force = moment and motion.specific_force is not None and bool(np.isfinite(motion.specific_force).any())
+    force = moment and flight.sensors is not None and flight.sensors.of(ACCELEROMETER) is not None
+    read = [motion.readings[one.name] for one in INSTRUMENTS if one.name in motion.readings]
     missing = float(100 * np.mean([np.isnan(a).mean() for a in read]))
     bands = sensed_bandwidths(flight, RESOLVED) if moment else (None, None)
     rate, step = gyro_rate(motion.time, flight.sensors), np.diff(motion.time)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.schema import BODY, MOTION, SCHEMA, TRUTH, Variable
+from forceid.files.schema import BODY, MOTION, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
-from forceid.records import Array, Body, Motion, Recording
+from forceid.records import Array, Body, Motion, Recording, Variable
 
 _SHOWN = 12  # names in a line
 READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")  # of a variable

@@ -12,19 +12,21 @@ import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, Recording, Verdict, Witness
+from forceid.records import (
+    SENSED,
+    Array,
+    Estimate,
+    HiddenLoad,
+    Interface,
+    Loads,
+    Recording,
+    Variable,
+    Verdict,
+    Witness,
+)
 
 SCHEMA = "1"
 CONVENTIONS = "CF-1.11"
-
-
-@dataclass(frozen=True)
-class Variable:
-    """What a variable of the contract is: dimensions in order, SI units, meaning."""
-
-    dims: tuple[str, ...]
-    units: str
-    long_name: str
 
 
 @dataclass(frozen=True)
@@ -67,10 +69,7 @@ MOTION = {
     "position": Variable(("time", "node", "axis"), "m", "measured position, world axes"),
     "center": Variable(("time", "axis"), "m", "measured mass center, world axes"),
     "orientation": Variable(("time", "quaternion"), "1", "measured orientation, body to world"),
-    "specific_force": Variable(("time", "sensor", "axis"), "m s-2", "specific force, sensor axes"),
-    "angular_velocity": Variable(("time", "sensor", "axis"), "rad s-1", "angular velocity, sensor axes"),
-    "strain": Variable(("time", "gauge"), "1", "strain"),
-}
+} | SENSED
 ESTIMATE = {
     "time": Variable(("time",), "s", "time"),
     "force": Variable(("time", "axis"), "N", "applied force, weight excluded, world axes"),

@@ -12,7 +12,7 @@ from forceid.errors import ConfigError, DataError
 from forceid.files.channels import Channels, base_of, nearest, raw, shape_of
 from forceid.files.schema import MOTION
 from forceid.files.units import si_factor
-from forceid.import_settings import ChannelSetting
+from forceid.import_settings import ON_SENSORS, ChannelSetting
 from forceid.records import Array
 
 Spec = str | tuple[str, ...]
@@ -44,7 +44,7 @@ def motion_signals(
     found: dict[str, Array] = {}
     names: dict[str, tuple[str, ...]] = {}
     used: dict[str, int] = {}  # channels by name, and how many samples each has
-    for variable in ("position", "displacement", "specific_force", "angular_velocity"):
+    for variable in ("position", "displacement", *ON_SENSORS):
         if spec := getattr(setting, variable):
             names[variable], found[variable] = points(channels, setting, variable, spec, used)
     for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
@@ -225,15 +225,16 @@ def start(node: tuple[str, ...], geometry: Mapping[str, Array], channels: Channe
 def same_sensors(
     found: dict[str, Array], names: Mapping[str, tuple[str, ...]], where: str
 ) -> tuple[str, ...]:
-    """The sensors of specific force and angular velocity; puts the second in the order of the first."""
-    force, turn = names.get("specific_force"), names.get("angular_velocity")
-    if force is None or turn is None:
-        return force or turn or ()
-    if set(force) != set(turn):
-        what = f"has sensors {', '.join(force)} of specific_force but {', '.join(turn)} of angular_velocity"
-        raise ConfigError(what, where, "name the same sensors in both")
-    found["angular_velocity"] = found["angular_velocity"][:, [turn.index(name) for name in force]]
-    return force
+    """The sensors of all their variables; puts those of every other in the order of the first."""
+    first, *others = [variable for variable in ON_SENSORS if variable in names] or [""]
+    order = names.get(first, ())
+    for other in others:
+        own = names[other]
+        if set(order) != set(own):
+            what = f"has sensors {', '.join(order)} of {first} but {', '.join(own)} of {other}"
+            raise ConfigError(what, where, "name the same sensors in both")
+        found[other] = found[other][:, [own.index(name) for name in order]]
+    return order
 
 
 def count_samples(channels: Channels, name: str, count: int, used: dict[str, int]) -> None:

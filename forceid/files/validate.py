@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.records import Array, Body, Motion, Recording
+from forceid.records import SENSED, Array, Body, Motion, Recording
 
 _SYMMETRY = 1e-6  # of the largest entry: float32 matrices pass
 
@@ -139,7 +139,7 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
                 f"{where}/{name}",
                 "correct the attribute, or leave it out and it is estimated",
             )
-    for name in ("position", "center", "orientation", "specific_force", "angular_velocity", "strain"):
+    for name in ("position", "center", "orientation", *SENSED):
         value = getattr(motion, name)
         if value is not None and np.isinf(value).any():
             raise DataError(

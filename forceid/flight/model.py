@@ -3,7 +3,7 @@
 State: mass center c, momentum P, force chain; rotation error theta, angular momentum H about the mass
 center, moment chain; all but theta (world) along fixed axes of the load's prior. Only the rotation is
 nonlinear. It is linearized about a reference, R = exp([theta]x) R_ref (error on the left). Modes follow with
-their chains; gyros and accelerometers add rows about the same reference, and their biases to the end of the
+their chains; sensors add rows about the same reference, and their biases and steady numbers to the end of the
 state. Source: principal equations 4b, 4d, 4f.
 """
 
@@ -18,8 +18,10 @@ from scipy.linalg import block_diag
 from forceid.errors import EstimationError
 from forceid.flight.attitude import Course, between, cubics
 from forceid.flight.attitude import turn as turn_along
-from forceid.flight.instruments.imu import Moved, Sensors, carried, sensed_late, with_sensors
-from forceid.flight.instruments.imu_bending import bending
+from forceid.flight.instruments.bending import bending
+from forceid.flight.instruments.gyro import GYRO
+from forceid.flight.instruments.moved import Moved
+from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_sensors
 from forceid.flight.modes import FlyingModes, bent, gauged
 from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load_rows
 from forceid.kalman.lines import Line
@@ -41,7 +43,7 @@ class Flight:
     time (time,) s; center (time, 3) m and rotation (time, 3, 3) body to world, NaN where not seen; pose_cov
     (time, 6, 6), center first, world axes, rotation as a left error (rad); mass kg; inertia (time, 3, 3)
     kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
-    body axes and about the mass center; gravity (3,) m/s2; sensors: gyros and accelerometers on the body;
+    body axes and about the mass center; gravity (3,) m/s2; sensors: those on the body;
     modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
     with the deformation taken out, inertia and h those along the path of the modes.
     """
@@ -61,7 +63,7 @@ class Flight:
 def unsettled(flight: Flight) -> tuple[str, str]:
     """What does not come to rest, and what to do about it."""
     step = "raise the sample rate, or state a noise_std nearer to the truth"
-    if flight.sensors is None or 0 not in flight.sensors.family:
+    if flight.sensors is None or flight.sensors.of(GYRO) is None:
         step += "; past half a turn a frame, add a gyro"
     return "the smoother on rotations", step
 
@@ -72,8 +74,8 @@ class Reference:
 
     axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each;
     force (time, state): the chain of the force, which sensors are linearized about as well, None for none;
-    clock (2,) s: by which gyros and accelerometers read late; modes (time, state): chains of the modes, None
-    for those that the flight begins with.
+    steady (number,): of the sensors (`Sensors`), modes (time, state): chains of the modes, each None for
+    those that the flight begins with.
     """
 
     rotation: Array
@@ -81,7 +83,7 @@ class Reference:
     axes: Array = field(default_factory=lambda: np.eye(3))
     lines: tuple[Line, ...] = ()
     force: Array | None = None
-    clock: Array = field(default_factory=lambda: np.zeros(2))
+    steady: Array | None = None
     modes: Array | None = None
 
 
@@ -215,11 +217,11 @@ def linear_flight(
     z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
     n, N = len(free.x0), len(model.x0)
     if flight.modes is not None:
-        frames, seen = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
+        frames, whole = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
         H, _, _ = along_world(reference.chain, reference.axes, reference.lines)
         model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
-        z = np.where(seen, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
+        z = np.where(whole, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
         if (gauges := flight.modes.gauges) is not None:
             model, z = gauged(model, gauges, N), np.concatenate([z, gauges.reading], 1)
     if flight.sensors is None:
@@ -227,23 +229,26 @@ def linear_flight(
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force
     to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
     moved = moved_along(flight, force, replace(reference, force=chain))
-    y, by_theta, by_H, by_T, by_F, rate = sensed_late(flight.sensors, moved, reference.clock)
-    for prior, by, load in ((force, by_F, moved.F), (moment, by_T, moved.T)):
+    steady = steady_of(flight.sensors, reference)
+    seen = sensed(flight.sensors, moved, steady)
+    by_theta = seen.by["theta"]
+    for prior, by, load in ((force, seen.by["F"], moved.F), (moment, seen.by["T"], moved.T)):
         if prior.carried is not None:
             by_theta = by_theta - by @ skew(load)
-    rows = np.concatenate([by_F @ to_F, by_T @ to_T], 2)
+    rows = np.concatenate([seen.by["F"] @ to_F, seen.by["T"] @ to_T], 2)
     rows[:, :, n : n + 3] += by_theta
-    rows[:, :, n + 3 : n + 6] += by_H @ reference.axes
+    rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.axes
     about = np.concatenate([chain, reference.chain], 1)
-    rows, chance = carried(rows, flight.sensors, reference.clock, (force, moment))
-    told = flight.sensors.readings[:, flight.sensors.used] - y + np.einsum("tcs,ts->tc", rows, about)
-    told += rate * reference.clock[flight.sensors.family]
+    rows, chance = carried(rows, flight.sensors, flight.sensors.clock(steady), (force, moment))
+    read = flight.sensors.readings[:, flight.sensors.used]
+    told = read - seen.reading + np.einsum("tcs,ts->tc", rows, about)
+    told += np.einsum("tcs,s->tc", seen.by_steady, steady)
     rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
     if flight.modes is not None and flight.modes.mounting is not None:
         more, by_modes = bending(flight.sensors, moved, flight.modes)
         rows[:, :, N : N + by_modes.shape[2]] = by_modes
         told += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
-    rows_below = with_sensors(model, flight.sensors, rows, chance, rate, np.diff(flight.time))
+    rows_below = with_sensors(model, flight.sensors, rows, chance, seen.by_steady, np.diff(flight.time))
     return rows_below, np.concatenate([z, told], 1)
 
 
@@ -254,6 +259,11 @@ def flexed(flight: Flight, reference: Reference) -> Flight:
     modes = replace(flight.modes, path=reference.modes)
     inertia, h = modes.products.of(modes.amplitude, modes.rate)
     return replace(flight, modes=modes, inertia=inertia, h=h)
+
+
+def steady_of(sensors: Sensors, reference: Reference) -> Array:
+    """The steady numbers of sensors at a reference."""
+    return sensors.started(reference.rotation) if reference.steady is None else reference.steady
 
 
 def moved_along(flight: Flight, force: LoadPrior, reference: Reference) -> Moved:

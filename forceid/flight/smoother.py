@@ -14,13 +14,13 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.flight.attitude import apply, turned
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
-from forceid.flight.instruments.imu import Sensors
 from forceid.flight.model import (
     Flight,
     Reference,
     course_of,
     flexed,
     linear_flight,
+    steady_of,
     translation,
     turn,
     unsettled,
@@ -49,8 +49,8 @@ class FlightState:
     center, velocity, force, moment, H, omega (time, 3); rotation (time, 3, 3); wrench_cov, pose_cov
     (time, 6, 6); innovation (time, channel) of the pose, whitened, nis (time,) of all channels; reference:
     where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
-    their bias (channel,) at the end with bias_std; clock (2,) s by which gyros and accelerometers read late,
-    with clock_std, zero where it is not in doubt; modes (time, state): chains of the modes of the body;
+    their bias (channel,) at the end with bias_std; steady (number,) of the sensors with steady_std, zero
+    where not in doubt; modes (time, state): chains of the modes of the body;
     gauge_innovation (time, gauge) whitened, of the strain gauges used.
     """
 
@@ -70,8 +70,8 @@ class FlightState:
     sensor_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
     bias: Array = field(default_factory=lambda: np.zeros(0))
     bias_std: Array = field(default_factory=lambda: np.zeros(0))
-    clock: Array = field(default_factory=lambda: np.zeros(2))
-    clock_std: Array = field(default_factory=lambda: np.zeros(2))
+    steady: Array = field(default_factory=lambda: np.zeros(0))
+    steady_std: Array = field(default_factory=lambda: np.zeros(0))
     modes: Array | None = None
     gauge_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -207,14 +207,16 @@ def led(
     if not is_told(flight):
         chain = turned_along(chain, reference.chain, theta, moment, 3)
         pushed = turned_along(pushed, was, theta, force, 6)
-    clock, modes = clocks(flight.sensors, x[-1]), None
-    clock = reference.clock + share * (clock - reference.clock)
+    steady, modes = None, None
+    if flight.sensors is not None:
+        steady = steady_of(flight.sensors, reference)
+        steady = steady + share * (flight.sensors.steady_in(x[-1]) - steady)
     if flight.modes is not None:
         modes = x[:, n + m :][:, : flight.modes.path.shape[1]]
         before = flight.modes.path if reference.modes is None else reference.modes
         modes = before + share * (modes - before)
     R = turned(theta, reference.rotation)
-    return Reference(R, at_rest(chain), moment.axes, moment.lines, pushed, clock, modes)
+    return Reference(R, at_rest(chain), moment.axes, moment.lines, pushed, steady, modes)
 
 
 def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, first: int) -> Array:
@@ -230,14 +232,6 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
     body = v - np.cross(theta[:, None], v0)
     out[:, first:smooth] = (np.einsum("tab,tkb->tka", exp(theta), body) @ prior.axes).reshape(len(chain), -1)
     return out
-
-
-def clocks(sensors: Sensors | None, state: Array) -> Array:
-    """Of the last entries of a state (state,), the clock of each family (2,); zero where none is in doubt."""
-    clock = np.zeros(2)
-    if sensors is not None and len(sensors.clocked):
-        clock[sensors.clocked] = state[-len(sensors.clocked) :]
-    return clock
 
 
 def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False) -> FlightState:
@@ -304,13 +298,13 @@ def read(
         modes, told = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
         shown = told if (gauges := flight.modes.gauges) is None else told + len(gauges.rows)
         end += modes.shape[1] + shown - told
-    biases = slice(end, end + white.shape[1] - shown)
+    biases, sensors = slice(end, end + white.shape[1] - shown), flight.sensors
+    steady, steady_std = (np.zeros(0) if sensors is None else sensors.steady_in(a) for a in (x[-1], std))
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ P_all @ read_wrench.mT, read_pose @ P_all @ read_pose.T,
         white[:, :6], f.nis, f.log_likelihood, reference,
-        white[:, shown:], x[-1, biases], std[biases], clocks(flight.sensors, x[-1]),
-        clocks(flight.sensors, std), modes, white[:, told:shown],
+        white[:, shown:], x[-1, biases], std[biases], steady, steady_std, modes, white[:, told:shown],
     )  # fmt: skip
 
 

@@ -23,8 +23,9 @@ import scipy.sparse as sp
 from forceid.errors import DataError
 from forceid.files.hdf5 import guarded, open_hdf5
 from forceid.files.parse import kind_of, memory_limit, nearest, read_real, text, unpack
-from forceid.files.schema import BODY, Variable
+from forceid.files.schema import BODY
 from forceid.files.units import si_factor
+from forceid.records import Variable
 
 FORMS = ".mtx, .mtx.gz, .npz, .npy, or file.h5:/group/name"
 BANNER = "%%MatrixMarket matrix coordinate real symmetric"

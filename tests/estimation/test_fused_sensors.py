@@ -116,7 +116,7 @@ def test_sensors_stand_where_the_body_says_from_its_mass_center_on():
     np.testing.assert_array_equal(sensors.bias_std[1], [0.4, 0.4])
     gyros = replace(body, sensor_position=None, sensor_rotation=None)
     only = sensors_of(gyros, replace(motion, specific_force=None), PLAIN, np.zeros(3))
-    assert only.used.tolist() == [True] * 6 + [False] * 6
+    assert only.used.tolist() == [True] * 6
 
 
 def test_an_accelerometer_without_a_place_and_a_turn_that_is_none_are_errors():

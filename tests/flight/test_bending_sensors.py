@@ -7,8 +7,10 @@ import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from forceid.flight.instruments.imu import Moved, Sensors, sensed
-from forceid.flight.instruments.imu_bending import bending
+from forceid.flight.instruments import ACCELEROMETER, GYRO
+from forceid.flight.instruments.bending import bending
+from forceid.flight.instruments.moved import Moved
+from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.modes import FlyingModes
 from forceid.flight.vibration import Vibration
 from forceid.motion.frames import Frames
@@ -65,12 +67,14 @@ def flown():
     path = np.stack([q, rate, load], 2).reshape(len(TIME), -1)
     nothing = Frames(*(np.zeros((len(TIME), 0)) for _ in range(6)))
     modes = FlyingModes(nothing, PRIOR, weighs, path, mounting=(Phi, Psi))
-    return Sensors(gyro, accelerometer, POINTS, AXES, np.ones((2, 2)), np.ones((2, 2))), moved, modes
+    read = np.stack([gyro, accelerometer], 1)
+    sensors = Sensors((GYRO, ACCELEROMETER), read, POINTS, AXES, np.ones((2, 2)), np.ones((2, 2)))
+    return sensors, moved, modes
 
 
 def test_sensors_read_the_motion_of_the_point_they_stand_on():
     sensors, moved, modes = flown()
-    rigid = sensed(sensors, moved)[0]
+    rigid = sensed(sensors, moved, np.zeros(2)).reading
     bent = rigid + bending(sensors, moved, modes)[0]
     off = np.abs(sensors.readings - bent)[INNER].max(0)
     without = np.abs(sensors.readings - rigid)[INNER].max(0)
@@ -97,7 +101,7 @@ def test_slopes_are_those_of_what_is_read(state):
             "tkij,tk->tij", was, modes.rate
         )  # fmt: skip
         now = replace(moved, inertia=J, h=h, inertia_rate=J_rate)
-        read.append(sensed(sensors, now)[0] + bending(sensors, now, there)[0])
+        read.append(sensed(sensors, now, np.zeros(2)).reading + bending(sensors, now, there)[0])
     slope = (read[0] - read[1]) / (2 * size)
     scale = np.abs(slope).max(0) + 1e-9 * np.abs(slope).max()
     assert (np.abs(rows[:, :, state] - slope)[INNER] / scale).max() < 0.02

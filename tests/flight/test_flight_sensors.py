@@ -13,8 +13,10 @@ from scipy.stats import chi2
 
 from forceid import kalman
 from forceid.flight.channels import Start, load_chain
+from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import drift, gyro_rate, reckoned
-from forceid.flight.instruments.imu import Moved, Sensors, sensed
+from forceid.flight.instruments.moved import Moved
+from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman import StateSpace, discretize
@@ -81,7 +83,7 @@ def flown(rng, count=120, step=0.005, spin=SPIN, fine=4, noise=1.0, late=0):
     bias = BIAS[..., None] * rng.standard_normal((2, 2, 3))
     read = np.einsum("sba,tksb->tksa", MOUNTED, read) + bias
     read += noise * NOISE[..., None] * rng.standard_normal(read.shape)
-    sensors = Sensors(read[:, 0], read[:, 1], POSITION, MOUNTED, NOISE, BIAS)
+    sensors = Sensors((GYRO, ACCELEROMETER), read, POSITION, MOUNTED, NOISE, BIAS)
     flight = Flight(
         t[:, 0], center + e[:, :3], exp(e[:, 3:]) @ R, np.tile(np.diag(POSE_STD**2), (count, 1, 1)), MASS,
         np.tile(INERTIA, (count, 1, 1)), np.zeros((count, 3)), GRAVITY, sensors,
@@ -105,8 +107,11 @@ def moved_at(R, H, T, F, J=INERTIA, dJ=None, h=None, dh=None):
 
 
 def both_sensors():
-    read = np.zeros((1, 2, 3))
-    return Sensors(read, read, POSITION, MOUNTED, NOISE, BIAS)
+    return Sensors((GYRO, ACCELEROMETER), np.zeros((1, 2, 2, 3)), POSITION, MOUNTED, NOISE, BIAS)
+
+
+def seen(moved):
+    return sensed(both_sensors(), moved, np.zeros(2))
 
 
 def test_sensors_read_what_the_equations_of_euler_say():
@@ -114,7 +119,7 @@ def test_sensors_read_what_the_equations_of_euler_say():
     R, (H, T, F) = exp([0.4, 1.0, -0.7]), rng.standard_normal((3, 3)) * [[1e-2], [1e-1], [1.0]]
     omega, a = euler(R[None], H[None], T[None], F[None])
     expected = [omega @ MOUNTED[0], omega @ MOUNTED[1], *(a[:, i] @ MOUNTED[i] for i in range(2))]
-    y = sensed(both_sensors(), moved_at(R, H, T, F))[0]
+    y = seen(moved_at(R, H, T, F)).reading
     np.testing.assert_allclose(y, np.hstack(expected), rtol=1e-12)
 
 
@@ -127,9 +132,10 @@ def test_rows_are_the_derivatives_of_what_is_read_also_by_a_body_that_deforms():
 
     def read(v):
         moved = moved_at(exp(v[:3]) @ R, H + 1e-3 * v[3:6], T + v[6:9], F + v[9:], **shape)
-        return sensed(both_sensors(), moved)[0][0]
+        return seen(moved).reading[0]
 
-    y, *rows = sensed(both_sensors(), moved_at(R, H, T, F, **shape))
+    found = seen(moved_at(R, H, T, F, **shape))
+    y, rows = found.reading, list(found.by.values())
     rows[1] = 1e-3 * rows[1]
     numeric = approx_fprime(np.zeros(12), read, 1e-6)
     np.testing.assert_allclose(np.concatenate(rows, 2)[0], numeric, atol=2e-4 * np.abs(y).max())
@@ -154,7 +160,7 @@ def test_a_reading_of_a_deforming_body_is_the_second_derivative_of_where_the_sen
         R, H0 + T * t, T, np.zeros(3), INERTIA + A * np.sin(20 * t), 20 * A * np.cos(20 * t),
         k * np.cos(15 * t), -15 * k * np.sin(15 * t),
     )  # fmt: skip
-    y = sensed(both_sensors(), moved)[0][0, 6:].reshape(2, 3)
+    y = seen(moved).reading[0, 6:].reshape(2, 3)
     expected = np.einsum("sba,sb->sa", MOUNTED, expected)
     np.testing.assert_allclose(y, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 
@@ -187,8 +193,8 @@ def test_sensors_of_different_rates_share_one_clock():
         flight, truth, _, _ = flown(rng, count=180, step=0.003)
         rare, half = np.arange(180) % 6 > 0, np.arange(180) % 2 > 0
         flight.center[rare], flight.rotation[rare] = np.nan, np.nan
-        flight.sensors.specific_force[half] = np.nan
-        flight.sensors.angular_velocity[:, 1, 1:] = np.nan
+        flight.sensors.reading[half, 1] = np.nan
+        flight.sensors.reading[:, 0, 1, 1:] = np.nan
         state = smooth(flight)
         error = wrench(state) - truth
         nees.append(np.einsum("ti,tij,tj->t", error, np.linalg.inv(state.wrench_cov), error)[15::33])
@@ -216,8 +222,8 @@ def test_a_clock_that_is_late_is_found_as_well_as_is_claimed_and_ruins_what_igno
         state = smooth(with_clock(flight, 5e-3))
         nees.append(nees_of(state, truth))
         ignored.append(nees_of(smooth(flight), truth))
-        assert (np.abs(state.clock - 2.5e-3) < 4 * state.clock_std).all()
-        assert (state.clock_std < 3e-4).all()
+        assert (np.abs(state.steady - 2.5e-3) < 4 * state.steady_std).all()
+        assert (state.steady_std < 3e-4).all()
     low, high = chi2(6 * np.size(nees)).interval(0.998)
     assert low < np.sum(nees) < high
     assert np.sum(ignored) > 3 * high
@@ -229,8 +235,8 @@ def test_clocks_in_doubt_that_agree_cost_next_to_nothing():
     for load in (slice(3), slice(3, 6)):
         var = [np.diagonal(s.wrench_cov, axis1=1, axis2=2)[:, load].mean() for s in (agreed, doubted)]
         assert 1.0 <= var[1] / var[0] < 1.1
-    assert (np.abs(doubted.clock) < 4 * doubted.clock_std).all()
-    assert np.all(agreed.clock_std == 0)
+    assert (np.abs(doubted.steady) < 4 * doubted.steady_std).all()
+    assert np.all(agreed.steady_std == 0)
 
 
 def test_biases_that_wander_as_stated_leave_the_claims_right():
@@ -238,11 +244,10 @@ def test_biases_that_wander_as_stated_leave_the_claims_right():
     for seed in range(4):
         rng = np.random.default_rng(40 + seed)
         flight, truth, _, _ = flown(rng)
-        read = {}
-        for name, w in zip(("angular_velocity", "specific_force"), walk, strict=True):
-            was = getattr(flight.sensors, name)
-            read[name] = was + w * np.sqrt(0.005) * np.cumsum(rng.standard_normal(was.shape), 0)
-        flight = replace(flight, sensors=replace(flight.sensors, bias_walk=walk, **read))
+        for kind, w in enumerate(walk):
+            was = flight.sensors.reading[:, kind]
+            was += w * np.sqrt(0.005) * np.cumsum(rng.standard_normal(was.shape), 0)
+        flight = replace(flight, sensors=replace(flight.sensors, bias_walk=walk))
         nees.append(nees_of(smooth(flight), truth))
     low, high = chi2(6 * np.size(nees)).interval(0.998)
     assert low < np.sum(nees) < high
@@ -332,9 +337,9 @@ def test_gyros_are_averaged_and_bridged_and_one_of_fewer_axes_does_not_count():
     time, rate = np.arange(5.0), np.array([[1.0, 2.0, 3.0]]) * (1 + np.arange(5.0))[:, None]
     read = np.einsum("sba,tb->tsa", MOUNTED, rate)
     read[2], read[:, 1, 0] = np.nan, np.nan
-    sensors = replace(sensors, angular_velocity=read)
+    sensors = replace(sensors, reading=np.stack([read, read], 1))
     np.testing.assert_allclose(gyro_rate(time, sensors), rate, atol=1e-12)
-    read[:, 0, 2] = np.nan
+    sensors.reading[:, 0, 0, 2] = np.nan
     assert gyro_rate(time, sensors) is None
     assert gyro_rate(time, None) is None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.flight.instruments import INSTRUMENTS
 from forceid.motion.free_turn import WIDE
 from forceid.records import Array, Flags, Motion
 
@@ -12,16 +13,17 @@ from forceid.records import Array, Flags, Motion
 def lost_frames(kin: Kinematics, motion: Motion | None = None) -> Flags:
     """Samples (time,) that show no pose, and that nothing bridges.
 
-    Beside gyros and accelerometers, what shows the pose may have a rate of its own: between two of its frames
-    none is lost. Nor where both families of sensors read on.
+    Beside sensors on the body, what shows the pose may have a rate of its own: between two of its frames none
+    is lost. Nor where sensors that tell of force and of moment read on.
     """
     time, seen = kin.time, np.asarray(np.isfinite(kin.pose.center).all(1))
-    if motion is None or (motion.angular_velocity is None and motion.specific_force is None):
+    if motion is None or not any(one.name in motion.readings for one in INSTRUMENTS):
         return ~seen
     read = np.ones_like(seen)
-    for family in (motion.angular_velocity, motion.specific_force):
-        one = np.zeros_like(seen) if family is None else np.asarray(np.isfinite(family).any((1, 2)))
-        read &= on_its_clock(time, one)
+    for name in (one.name for one in INSTRUMENTS if one.tells):
+        reading = motion.readings.get(name)
+        own = np.zeros_like(seen) if reading is None else np.asarray(np.isfinite(reading).any((1, 2)))
+        read &= on_its_clock(time, own)
     return np.asarray(~(on_its_clock(time, seen) | read))
 
 

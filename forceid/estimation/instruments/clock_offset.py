@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.estimation.loads.fused_tuning import FAMILIES
-from forceid.flight.instruments.imu import sensed
-from forceid.flight.model import Flight, moved_along
+from forceid.flight.instruments.sensors import sensed
+from forceid.flight.model import Flight, moved_along, steady_of
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import settled
 from forceid.kalman.engines import Engine
@@ -32,14 +31,14 @@ def aligned(flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine)
         about = settled(replace(flight, sensors=None), force, moment, engine)[3]
     except EstimationError:
         return flight
-    expected = sensed(sensors, moved_along(flight, force, about))[0]
-    shifted, moved = sensors.shifted.copy(), {}
+    expected = sensed(sensors, moved_along(flight, force, about), steady_of(sensors, about)).reading
+    shifted, reading = sensors.shifted.copy(), sensors.reading.copy()
     read = sensors.readings[:, sensors.used]
     for i in sensors.clocked:
         lag = best_lag(read[:, sensors.family == i], expected[:, sensors.family == i])
-        moved[FAMILIES[i]] = later_by(getattr(sensors, FAMILIES[i]), lag)
+        reading[:, i] = later_by(reading[:, i], lag)
         shifted[i] = lag * float(np.median(step))
-    return replace(flight, sensors=replace(sensors, **moved, shifted=shifted))
+    return replace(flight, sensors=replace(sensors, reading=reading, shifted=shifted))
 
 
 def best_lag(read: Array, expected: Array) -> int:

@@ -48,8 +48,7 @@ def refined(flight: Flight) -> tuple[Flight, Indices]:
     last = np.append(owner, len(step))
     sensors = flight.sensors
     if sensors is not None:
-        gyro, accelerometer = (only_at(at, a) for a in (sensors.angular_velocity, sensors.specific_force))
-        sensors = replace(sensors, angular_velocity=gyro, specific_force=accelerometer)
+        sensors = replace(sensors, reading=only_at(at, sensors.reading))
     fine = Flight(
         time, only_at(at, flight.center), only_at(at, flight.rotation), flight.pose_cov[last], flight.mass,
         flight.inertia[last], flight.h[last], flight.gravity, sensors,

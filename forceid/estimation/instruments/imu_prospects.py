@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.model import Flight
 
 
@@ -18,21 +19,22 @@ def sensed_bandwidths(flight: Flight, resolved: float) -> tuple[float | None, fl
     assert sensors is not None
     step, inertia = float(np.median(np.diff(flight.time))), float(np.trace(flight.inertia[0]) / 3)
     found: list[float | None] = []
-    for i, (prior, gain) in enumerate(zip(rough_priors(flight)[::-1], (inertia, flight.mass), strict=True)):
-        read = (sensors.angular_velocity, sensors.specific_force)[i]
-        share = np.isfinite(read).all(2).mean()  # of the samples at which one of them reads
-        count = int(np.isfinite(read).all(2).any(0).sum())
-        if not count:
+    kinds, gains = (ACCELEROMETER, GYRO), (flight.mass, inertia)
+    for one, prior, gain in zip(kinds, rough_priors(flight), gains, strict=True):
+        read = sensors.of(one)
+        count = 0 if read is None else int(np.isfinite(read).all(2).any(0).sum())
+        if read is None or not count:
             found.append(None)
             continue
-        noise = gain * float(sensors.noise_std[i].mean()) / np.sqrt(count)
-        raw = noise / step if i == 0 else noise * np.sqrt(count)  # of the rough look itself
+        share = np.isfinite(read).all(2).mean()  # of the samples at which one of them reads
+        noise = gain * float(sensors.noise_std[sensors.instruments.index(one)].mean()) / np.sqrt(count)
+        raw = noise / step if one is GYRO else noise * np.sqrt(count)  # of the rough look itself
         power = float(prior.tuned.std.max()) ** 2 - raw**2
         density = noise**2 * step / max(float(share), 1e-9)
         if power <= 0:
             found.append(None)
             continue
         level = resolved**2 * power / (2 * density)
-        f = level if i else (3 * level / (2 * np.pi) ** 2) ** (1 / 3)
+        f = (3 * level / (2 * np.pi) ** 2) ** (1 / 3) if one is GYRO else level
         found.append(float(min(f, 0.5 / step)))
-    return found[1], found[0]
+    return found[0], found[1]

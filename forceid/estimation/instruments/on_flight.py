@@ -1,4 +1,4 @@
-"""Gyros and accelerometers of a recording: onto the flight, and into the priors of its loads.
+"""Sensors of a recording: onto the flight, and into the priors of its loads.
 
 Markers show a load through two integrals, sensors almost directly: what the markers leave of its prior to
 guess, the likelihood of all channels together settles.
@@ -16,11 +16,12 @@ from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
 from forceid.estimation.instruments.clock_offset import aligned
-from forceid.estimation.loads.fused_tuning import FAMILIES, tune_together
+from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.verdict.catalogue import note
+from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import gyro_rate
-from forceid.flight.instruments.imu import Sensors
+from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.model import Flight
 from forceid.flight.priors.load import LoadPrior, any_force
 from forceid.flight.smoother import FlightState
@@ -32,9 +33,7 @@ from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Finding, Motion
 
-AMISS = 1.3  # mean squared innovation of a family of sensors, over its covariance
-NAMES, SHORT = ("gyros", "accelerometers"), ("gyro", "accelerometer")
-UNITS = ("rad/s", "m/s2")
+AMISS = 1.3  # mean squared innovation of the sensors of an instrument, over its covariance
 FAR = 1.0  # rad between frames: beyond, the first moment is a poor channel to tune the moment on
 SENSE = 0.8 * np.pi  # rad between frames: beyond, frames alone may have the wrong sense
 SURE = 3.0  # standard errors beyond which a clock is off
@@ -42,15 +41,13 @@ EARLY = 0.1  # of a step: less than that of an offset is not worth a word
 
 
 def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
-    """The flight with the gyros and accelerometers of its recording; as it is where there are none.
+    """The flight with the sensors of its recording; as it is where there are none.
 
-    Noise is as stated, by the file or as noise_std.angular_velocity and noise_std.specific_force; else as
+    Of an instrument that reads /motion/NAME, noise is as stated, by the file or as noise_std.NAME; else as
     high-order differences show it. Biases stay constant from a start as good as unknown, or with a standard
-    deviation of noise_std.angular_velocity_bias (rad/s) and noise_std.specific_force_bias (m/s2); they wander
-    by noise_std.angular_velocity_walk (rad/s per root of a second), noise_std.specific_force_walk (m/s2 per
-    root of a second) where stated. The clocks are off by about noise_std.angular_velocity_clock (s) and
-    noise_std.specific_force_clock (s), zero for clocks that agree; by a frame where nothing is stated.
-    Raises DataError where nobody says where the sensors stand.
+    deviation of noise_std.NAME_bias; they wander by noise_std.NAME_walk (per root of a second) where stated.
+    Its clock is off by about noise_std.NAME_clock (s), zero for clocks that agree; by a frame where nothing
+    is stated. Raises DataError where nobody says where an accelerometer stands.
     """
     sensors = sensors_of(body, motion, settings, kin.inertia.center)
     if sensors is None:
@@ -124,24 +121,24 @@ def turn_a_frame(flight: Flight) -> float:
 
 def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozenset()) -> tuple[Finding, ...]:
     """Clocks that are off, biases that wander though none is `stated` to (by the name of its noise_std), and
-    the family that reads most of what nothing explains.
+    the instrument that reads most of what nothing explains.
     """
     if flight.sensors is None:
         return ()
     found, level, sensors = [], {}, flight.sensors
     step = float(np.median(np.diff(flight.time)))
-    for i, name in enumerate(NAMES):
-        white = state.sensor_innovation[:, sensors.family == i]
+    late, late_std = sensors.clock(state.steady), sensors.clock(state.steady_std)
+    for i, one in enumerate(sensors.instruments):
+        white, name = state.sensor_innovation[:, sensors.family == i], one.plural
         level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
-        off, error = float(sensors.shifted[i] + state.clock[i]), float(state.clock_std[i])
+        off, error = float(sensors.shifted[i] + late[i]), float(late_std[i])
         if i in sensors.clocked and abs(off) > max(SURE * error, EARLY * step):
             sense = "later" if off > 0 else "earlier"
-            found.append(
-                note("clock-off", sensors=name, offset_ms=1e3 * abs(off), sense=sense, error_ms=1e3 * error)
-            )
-        if sensors.bias_walk[i] and f"{FAMILIES[i]}_walk" not in stated:
-            walk = sensors.bias_walk[i]
-            found.append(note("bias-wanders", sensors=name, walk=walk, unit=UNITS[i], variable=FAMILIES[i]))
+            ms, error_ms = 1e3 * abs(off), 1e3 * error
+            found.append(note("clock-off", sensors=name, offset_ms=ms, sense=sense, error_ms=error_ms))
+        if sensors.bias_walk[i] and f"{one.name}_walk" not in stated:
+            walk, unit = sensors.bias_walk[i], one.unit
+            found.append(note("bias-wanders", sensors=name, walk=walk, unit=unit, variable=one.name))
     worst = max(level, key=level.__getitem__)
     if level[worst] > AMISS:
         found.append(note("sensor-innovations", sensors=worst, times=np.sqrt(level[worst])))
@@ -154,42 +151,40 @@ def named_sensors(flight: Flight, state: FlightState) -> dict[str, float]:
     if (sensors := flight.sensors) is None:
         return {}
     for i in sensors.clocked:
-        found[f"clock_offset_{SHORT[i]}"] = float(sensors.shifted[i] + state.clock[i])
-        found[f"clock_offset_{SHORT[i]}_std"] = float(state.clock_std[i])
+        name = f"clock_offset_{sensors.instruments[i].singular}"
+        found[name] = float(sensors.shifted[i] + sensors.clock(state.steady)[i])
+        found[f"{name}_std"] = float(sensors.clock(state.steady_std)[i])
     for i in np.flatnonzero(sensors.bias_walk):
-        found[f"bias_walk_{SHORT[i]}"] = float(sensors.bias_walk[i])
+        found[f"bias_walk_{sensors.instruments[i].singular}"] = float(sensors.bias_walk[i])
+    for k, name in enumerate(name for one in sensors.instruments for name in one.steady):
+        found |= {name: float(state.steady[k]), f"{name}_std": float(state.steady_std[k])}
     return found
 
 
 def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) -> Sensors | None:
     """Sensors of a recording about the mass center (3,) in reference axes; None where nothing is read."""
-    read = {name: value for name in FAMILIES if (value := getattr(motion, name)) is not None}
-    read = {name: value for name, value in read.items() if np.isfinite(value).any()}
-    if not read:
+    kinds = tuple(one for one in INSTRUMENTS if np.isfinite(motion.readings.get(one.name, np.nan)).any())
+    if not kinds:
         return None
-    shape = next(iter(read.values())).shape
-    gone = np.full(shape, np.nan)
-    if "specific_force" in read and body.sensor_position is None:
+    read = np.stack([motion.readings[one.name] for one in kinds], 1)
+    if ACCELEROMETER in kinds and body.sensor_position is None:
         raise DataError("is missing", "/body/sensor_position", "add where each accelerometer stands")
-    position = np.zeros(shape[1:]) if body.sensor_position is None else body.sensor_position - center
-    rotation = np.tile(np.eye(3), (shape[1], 1, 1))
+    count = read.shape[2]
+    position = np.zeros((count, 3)) if body.sensor_position is None else body.sensor_position - center
+    rotation = np.tile(np.eye(3), (count, 1, 1))
     if body.sensor_rotation is not None:
         rotation = Rotation.from_quat(body.sensor_rotation).as_matrix()
-    stated = motion.noise_std | settings.noise_std
-    noise, bias = np.ones((2, shape[1])), np.ones((2, shape[1]))
-    walk = np.array([stated.get(f"{name}_walk", 0.0) for name in FAMILIES])
-    frame = marker_step(motion)
-    clock = np.array([stated.get(f"{name}_clock", frame) for name in FAMILIES])
-    for i, name in enumerate(FAMILIES):
-        if name not in read:
-            continue
-        largest = float(np.nanmax(np.abs(read[name])))
-        bias[i] = stated.get(f"{name}_bias", max(largest, ROUNDOFF))
-        for s in range(shape[1]):
-            level = stated.get(name) or sensor_noise(motion.time, read[name][:, s])
-            noise[i, s] = max(level, ROUNDOFF * largest)
-    gyro, accelerometer = (read.get(name, gone) for name in FAMILIES)
-    return Sensors(gyro, accelerometer, position, rotation, noise, bias, walk, clock)
+    stated, frame = motion.noise_std | settings.noise_std, marker_step(motion)
+    noise, bias, largest = np.ones((len(kinds), count)), np.ones((len(kinds), count)), np.ones(len(kinds))
+    for i, one in enumerate(kinds):
+        largest[i] = float(np.nanmax(np.abs(read[:, i])))
+        bias[i] = stated.get(f"{one.name}_bias", max(largest[i], ROUNDOFF))
+        for s in range(count):
+            level = stated.get(one.name) or sensor_noise(motion.time, read[:, i, s])
+            noise[i, s] = max(level, ROUNDOFF * largest[i])
+    walk = np.array([stated.get(f"{one.name}_walk", 0.0) for one in kinds])
+    clock = np.array([stated.get(f"{one.name}_clock", frame) for one in kinds])
+    return Sensors(kinds, read, position, rotation, noise, bias, walk, clock, number_std=largest)
 
 
 def marker_step(motion: Motion) -> float:

@@ -22,7 +22,6 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.lines import OUTLIER
 from forceid.records import Array
 
-FAMILIES = ("angular_velocity", "specific_force")
 LONGEST = 400  # samples that tuning looks at: the middle of a longer record
 PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
@@ -56,8 +55,9 @@ def tune_together(
     from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes;
     alone: the force stays as it is, that of a mass center which nothing links to the rotation.
     """
+    kinds = () if flight.sensors is None else flight.sensors.instruments
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
-    loud = [i for i in free if FAMILIES[i] not in stated]
+    loud = [i for i in free if kinds[i].name not in stated]
 
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
         middle = max((len(flight.time) - LONGEST) // 2, 0)
@@ -74,7 +74,7 @@ def tune_together(
     _, _, _, about = settled(flight, force, moment, engine, first)
     flight, force, moment = searched(about)
     flight = wandering(
-        [i for i in free if f"{FAMILIES[i]}_walk" not in stated], flight, force, moment, about, engine
+        [i for i in free if f"{kinds[i].name}_walk" not in stated], flight, force, moment, about, engine
     )
     model, z, _, about = settled(flight, force, moment, engine, about)
     level = float(engine.log_likelihood(model, z))
@@ -234,9 +234,8 @@ def stretched(flight: Flight, s: slice) -> Flight:
         flight = replace(flight, modes=flight.modes.part(s))
     if flight.sensors is None:
         return replace(flight, **parts)
-    read = {name: getattr(flight.sensors, name)[s] for name in FAMILIES}
-    # a family that does not read in the stretch reads nothing there, and its bias has no state
-    return replace(flight, **parts, sensors=replace(flight.sensors, **read))
+    # a kind that does not read in the stretch reads nothing there, and its bias has no state
+    return replace(flight, **parts, sensors=replace(flight.sensors, reading=flight.sensors.reading[s]))
 
 
 def stretched_reference(reference: Reference, s: slice) -> Reference:

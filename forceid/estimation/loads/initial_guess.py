@@ -6,6 +6,7 @@ import numpy as np
 
 from forceid.flight.attitude import apply
 from forceid.flight.channels import Start
+from forceid.flight.instruments import ACCELEROMETER
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
 from forceid.flight.model import Flight
 from forceid.flight.priors.load import LoadPrior
@@ -27,11 +28,13 @@ def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
     R = reckoned(time, steps_of(flight, H), flight.rotation)  # a free body keeps R H, however far it turns
     T = apply(R.swapaxes(1, 2), np.gradient(apply(R, H), time, axis=0))
     alpha = np.linalg.solve(flight.inertia, (T - np.cross(omega, H))[..., None])[..., 0]
-    pulled = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.specific_force)
-    swept = np.cross(alpha[:, None], sensors.position)
-    swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
-    f = pulled - swept
-    F = flight.mass * f[np.isfinite(f).all(2)]
+    F, specific = np.zeros((0, 3)), sensors.of(ACCELEROMETER)
+    if specific is not None:
+        pulled = np.einsum("sab,tsb->tsa", sensors.rotation, specific)
+        swept = np.cross(alpha[:, None], sensors.position)
+        swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
+        f = pulled - swept
+        F = flight.mass * f[np.isfinite(f).all(2)]
     return prior(F, 0.0, span), prior(T, float(np.abs(H).max()), span)
 
 

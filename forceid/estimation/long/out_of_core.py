@@ -32,7 +32,7 @@ from forceid.files.hdf5 import read_checked
 from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
 from forceid.motion.window import noise_variance
-from forceid.records import Array, Estimate, Finding, Recording
+from forceid.records import SENSED, Array, Estimate, Finding, Recording
 
 REDUCED = "first moments of"  # in the history of a recording that was reduced here
 SUMS = "sums.npz"
@@ -42,7 +42,6 @@ FEW = 256  # frames at the start that the noise is told from
 LOOKED = 64  # frames among them of which every node is compared with the affine body
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
 BESIDE = 1.5  # times the noise, above which a body is said to deform
-SENSORS = ("specific_force", "angular_velocity")  # which stay what they are
 
 
 def estimate_source(
@@ -119,7 +118,7 @@ def reduced(
     if stamp(path) != before:
         raise DataError("changed while it was read", str(path), "wait until it is complete and try again")
     corners, Q = np.hstack([np.ones((4, 1)), tetrahedron(S)]), whitened(S)
-    stated = {k: v for k, v in recording.motion.noise_std.items() if k in SENSORS}
+    stated = {k: v for k, v in recording.motion.noise_std.items() if k in SENSED and k != "strain"}
     if positions.noise_std is not None:
         spread = w[:, None] * (Z @ Q @ (Q.T @ corners.T))  # of every node in every corner
         stated["position"] = positions.noise_std * float(np.sqrt((spread**2).sum() / 4))

@@ -25,12 +25,12 @@ from forceid.estimation.instruments.fine_clock import (
     refined_reference,
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
-from forceid.estimation.loads.fused_tuning import FAMILIES
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.left_over import LEFT, mixed
 from forceid.estimation.methods.smoother import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives, slow
 from forceid.estimation.verdict.catalogue import note
+from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
@@ -39,9 +39,6 @@ from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Finding, Motion
 
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
-# rad/s, m/s2: the most that data sheets of the cheapest parts allow a gyro and an accelerometer at rest, 20
-# degrees a second and 80 thousandths of gravity: without markers nothing else bounds a bias
-OFFSET = 0.35, 0.8
 LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
 
 
@@ -59,7 +56,8 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     if not np.isfinite(inertia.tensor).all():
         return [note("no-inertia-for-sensors")]
     found = [note("no-place")]
-    if sensors is not None and 1 in sensors.family and f"{FAMILIES[1]}_bias" not in known(motion, settings):
+    accelerometer = None if sensors is None else sensors.of(ACCELEROMETER)
+    if accelerometer is not None and "specific_force_bias" not in known(motion, settings):
         found.append(note("bias-not-stated"))
     return found
 
@@ -93,7 +91,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
         findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > LEFT:
         findings.append(note("path-not-at-rest", left=best.left))
-    if motion.specific_force is None or not np.isfinite(motion.specific_force).any():
+    if flight.sensors is None or flight.sensors.of(ACCELEROMETER) is None:
         gone = np.full_like(state.force, np.nan)
         cov = state.wrench_cov.copy()
         cov[:, :3], cov[:, :, :3] = np.nan, np.nan
@@ -126,12 +124,13 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
 
 def common_bias(flight: Flight, state: FlightState) -> Array:
     """What the biases of the accelerometers have in common (3,) m/s2, body axes, over those of three axes."""
-    assert flight.sensors is not None
-    every = np.full(len(flight.sensors.used), np.nan)
-    every[flight.sensors.used] = state.bias
-    biases = every.reshape(2, -1, 3)[1]
+    sensors = flight.sensors
+    assert sensors is not None
+    every = np.full(len(sensors.used), np.nan)
+    every[sensors.used] = state.bias
+    biases = every.reshape(len(sensors.instruments), -1, 3)[sensors.instruments.index(ACCELEROMETER)]
     whole = np.isfinite(biases).all(1)
-    turned = np.einsum("sab,sb->sa", flight.sensors.rotation[whole], biases[whole])
+    turned = np.einsum("sab,sb->sa", sensors.rotation[whole], biases[whole])
     return np.asarray(turned.mean(0)) if whole.any() else np.zeros(3)
 
 
@@ -146,8 +145,8 @@ def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinem
     sensors = sensors_of(body, motion, settings, inertia.center)
     noise = {}
     if sensors is not None:
-        read = [name for name in FAMILIES if getattr(motion, name) is not None]
-        noise = {name: sensors.noise_std[FAMILIES.index(name)].mean() * np.eye(3) for name in read}
+        each = zip(sensors.instruments, sensors.noise_std, strict=True)
+        noise = {one.name: std.mean() * np.eye(3) for one, std in each}
     stated = {name: name in known(motion, settings) for name in noise}
     none = np.zeros((0, nodes, 3))
     return Kinematics(
@@ -163,16 +162,16 @@ def unmarked_flight(body: Body, motion: Motion, settings: Settings, kin: Kinemat
     cov = np.tile(HELD**2 * np.eye(6), (T, 1, 1))
     inertia = np.tile(kin.inertia.tensor, (T, 1, 1))
     sensors = sensors_of(body, motion, settings, kin.inertia.center)
-    if sensors is not None:  # the clock is that of the gyros, and of accelerometers in one case with them
-        both = np.isfinite(sensors.angular_velocity) & np.isfinite(sensors.specific_force)
-        apart = not both.all(2).any(0).all()
-        stated = known(motion, settings).get(f"{FAMILIES[1]}_clock")
-        doubt = stated if stated is not None else apart * sensors.clock_std[1]
-        bias = sensors.bias_std.copy()
-        for i, name in enumerate(FAMILIES):
-            if f"{name}_bias" not in known(motion, settings):
-                bias[i] = np.minimum(bias[i], OFFSET[i])
-        sensors = replace(sensors, clock_std=np.array([0.0, doubt]), bias_std=bias)
+    if sensors is not None:  # the clock is that of the gyros, and of others in one case with them
+        bias, doubt, gyro = sensors.bias_std.copy(), np.zeros(len(sensors.instruments)), sensors.of(GYRO)
+        for i, one in enumerate(sensors.instruments):
+            if f"{one.name}_bias" not in known(motion, settings):  # without markers only this bounds a bias
+                bias[i] = np.minimum(bias[i], one.offset)
+            if one is not GYRO and gyro is not None:
+                both = np.isfinite(gyro) & np.isfinite(sensors.reading[:, i])
+                apart = not both.all(2).any(0).all()
+                doubt[i] = known(motion, settings).get(f"{one.name}_clock", apart * sensors.clock_std[i])
+        sensors = replace(sensors, clock_std=doubt, bias_std=bias)
     nothing = np.zeros((T, 3))
     return Flight(
         motion.time, center, rotation, cov, kin.inertia.mass, inertia, nothing, np.zeros(3), sensors

@@ -173,8 +173,8 @@ def estimate_flight(
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return turning(with_translation(state, free), kin.spin, kin.inertia.line)
 
-    measured = any(m is not None for m in (motion.specific_force, motion.angular_velocity, motion.strain))
-    flight = with_gauges(flight_of(kin, deformation, gravity, measured), kin, body, motion, settings)
+    flight = flight_of(kin, deformation, gravity, bool(motion.readings))
+    flight = with_gauges(flight, kin, body, motion, settings)
     apiece = priors
     flight, priors = fused(flight, priors, kin, body, motion, settings, engine)
     force, moment = priors["force"], priors.get("moment", force)

@@ -13,7 +13,6 @@ import numpy as np
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.loads.fused_tuning import (
-    FAMILIES,
     climb,
     evidence,
     louder,
@@ -23,6 +22,7 @@ from forceid.estimation.loads.fused_tuning import (
 )
 from forceid.estimation.loads.fused_tuning import moved as shifted
 from forceid.estimation.methods.left_over import with_left_over
+from forceid.flight.instruments.protocol import Instrument
 from forceid.flight.model import Flight, Reference
 from forceid.flight.priors.load import LoadPrior
 from forceid.flight.smoother import FlightState, settled, smooth_flight
@@ -34,6 +34,7 @@ SLOW = 3.0  # over the length of a record: rate of a load that changes once in i
 # of a logarithm: what differences show as noise is a ceiling, to which motion adds
 QUIETER = (-0.5, -2.5, -4.5)
 LONGEST = 120  # samples that a start is chosen by
+LOADS = ("force", "moment")
 Kind = tuple[bool, bool]
 Pair = tuple[LoadPrior, LoadPrior]
 
@@ -67,8 +68,8 @@ class Search:
 
     @property
     def loud(self) -> list[int]:
-        """Families of sensors whose noise is not stated."""
-        return [i for i, name in enumerate(FAMILIES) if name not in self.stated]
+        """Kinds of sensors whose noise is not stated."""
+        return [i for i, one in enumerate(kinds_of(self.flight)) if one.name not in self.stated]
 
 
 def alternatives(first: Reference, search: Search) -> list[Alternative]:
@@ -129,7 +130,7 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     about = own.state.reference
     assert about is not None
     pair = turning_as(kind, force.force, moment.moment)
-    flight = with_noise_of(with_noise_of(own.flight, moment.flight, 0), force.flight, 1)
+    flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
     value = evidence(flight, *pair, about, search.engine, [], np.zeros(4))
     return value > likelihood(own) + GAIN
 
@@ -180,10 +181,10 @@ def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) 
     """
     middle = max((len(flight.time) - LONGEST) // 2, 0)
     part = slice(middle, middle + LONGEST)
-    path, family = stretched_reference(about, part), 1 - i  # gyros tell of moments, accelerometers of forces
-    free = [family] if family in search.loud else []
+    path, kinds = stretched_reference(about, part), telling(search.flight, LOADS[i])
+    free = [kind for kind in kinds if kind in search.loud]
     rough = turning_as((pair[0].carried is not None, pair[1].carried is not None), *search.rough)[i]
-    flight = with_noise_of(flight, search.flight, family)
+    flight = with_noise_of(flight, search.flight, LOADS[i])
 
     def by(p: Array) -> tuple[Flight, Pair]:
         prior = shifted(rough, p[:2])
@@ -198,12 +199,23 @@ def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) 
     return by(max(tops, key=value))
 
 
-def with_noise_of(flight: Flight, other: Flight, family: int) -> Flight:
-    """A flight with the noise of one family of sensors of another."""
+def kinds_of(flight: Flight) -> tuple[Instrument, ...]:
+    """The instruments on a flight."""
+    return () if flight.sensors is None else flight.sensors.instruments
+
+
+def telling(flight: Flight, load: str) -> list[int]:
+    """Places among the instruments on a flight of those that tell of a load."""
+    return [i for i, one in enumerate(kinds_of(flight)) if one.tells == load]
+
+
+def with_noise_of(flight: Flight, other: Flight, load: str) -> Flight:
+    """A flight with the noise of another, of the sensors that tell of a load."""
     assert flight.sensors is not None
     assert other.sensors is not None
     noise = flight.sensors.noise_std.copy()
-    noise[family] = other.sensors.noise_std[family]
+    kinds = telling(flight, load)
+    noise[kinds] = other.sensors.noise_std[kinds]
     return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
 
 
@@ -213,7 +225,7 @@ def tuned_and_smoothed(
     """One alternative, tuned from near. No bias is taken to wander unasked: it would pass for a load that
     does.
     """
-    stated = search.stated | {f"{family}_walk" for family in FAMILIES}
+    stated = search.stated | {f"{one.name}_walk" for one in kinds_of(flight)}
     flight, force, moment = tune_together(flight, force, moment, search.engine, stated, first, even=True)
     causal = search.settings.method == "filter"
     state = smooth_flight(flight, force, moment, search.engine, causal, first)

@@ -11,6 +11,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
+from forceid.flight.instruments import INSTRUMENTS
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.noise_axes import at_rest
 from forceid.motion.window import noise_growth
@@ -119,7 +120,7 @@ def unseen(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
     elif not kin.attitude:
         found.append(note("markers-on-line", count=marked))
     thin = kin.inertia.point or kin.inertia.line is not None
-    if thin and motion is not None and (reads_turn(motion) or motion.specific_force is not None):
+    if thin and motion is not None and any(one.name in motion.readings for one in INSTRUMENTS):
         found.append(note("sensors-left-out"))
     hidden = int(kin.unfollowed.sum())
     if marked and hidden and len(kin.shapes):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from forceid.flight.instruments.imu import Sensors
+from forceid.flight.instruments.gyro import GYRO
+from forceid.flight.instruments.sensors import Sensors
 from forceid.motion.pose import log
 from forceid.records import Array
 
@@ -15,9 +16,10 @@ def gyro_rate(time: Array, sensors: Sensors | None) -> Array | None:
 
     None where no gyro reads all three axes at once.
     """
-    if sensors is None:
+    reading = None if sensors is None else sensors.of(GYRO)
+    if sensors is None or reading is None:
         return None
-    body = np.einsum("sab,tsb->tsa", sensors.rotation, sensors.angular_velocity)
+    body = np.einsum("sab,tsb->tsa", sensors.rotation, reading)
     whole = np.isfinite(body).all(2)
     seen = whole.any(1)
     if not seen.any():
