@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 Make = Callable[[float, np.random.Generator], Any]  # what contestants take on
+M = TypeVar("M", bound=Make)
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,21 @@ class Failure:
     make: Make
     deforms: bool = False
     other: bool = False
+
+
+KNOWN: list[Failure] = []  # of every module that was imported
+
+
+def failure(
+    group: str, title: str, unit: str, levels: tuple[float, ...], *, name: str = "", breaks: str = "",
+    **of: bool,
+) -> Callable[[M], M]:
+    """Enter a function into the list: its name is that of the failure, its docstring says what breaks."""
+
+    def enter(make: M) -> M:
+        said = (make.__doc__ or "").strip().rstrip(".")
+        what = breaks or said[:1].lower() + said[1:]
+        KNOWN.append(Failure(name or make.__name__, group, title, unit, levels, what, make, **of))
+        return make
+
+    return enter

@@ -5,35 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from difflib import get_close_matches
 
-from evidence.stress.failure import Failure
-from evidence.subjects.affine import failures as failures_affine
-from evidence.subjects.affine import failures_loads as failures_affine_loads
-from evidence.subjects.flights.failures import body as failures_body
-from evidence.subjects.flights.failures import length as failures_length
-from evidence.subjects.flights.failures import noise as failures_noise
-from evidence.subjects.flights.failures import sensing as failures_sensing
-from evidence.subjects.parts import failures as failures_partition
+from evidence.stress.failure import KNOWN, Failure
+from evidence.subjects.affine import failures as _affine
+from evidence.subjects.affine import failures_loads as _loads
+from evidence.subjects.flights.failures import body as _body
+from evidence.subjects.flights.failures import noise as _noise
+from evidence.subjects.flights.failures import sensing as _sensing
+from evidence.subjects.parts import failures as _parts
 from forceid.errors import ConfigError
 
 GROUPS = (
-    "sensing",
-    "clock",
-    "noise",
-    "load",
-    "body",
-    "deformation",
-    "length",
-    "partition",
-    "affine",
+    "sensing", "clock", "noise", "load", "body", "deformation", "length", "partition", "affine",
     "affine_loads",
-)
-MODULES = (
-    failures_sensing, failures_noise, failures_body, failures_length, failures_partition, failures_affine,
-    failures_affine_loads,
 )  # fmt: skip
-FAILURES: tuple[Failure, ...] = tuple(
-    failure for group in GROUPS for module in MODULES for failure in module.FAILURES if failure.group == group
-)
+MODULES = _affine, _loads, _body, _noise, _sensing, _parts  # each enters its failures when it is imported
+FAILURES: tuple[Failure, ...] = tuple(sorted(KNOWN, key=lambda failure: GROUPS.index(failure.group)))
 
 
 def failures_named(words: Sequence[str]) -> tuple[Failure, ...]:

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from evidence.subjects.flights.failures.body import near_directions, rigid_looking, vibration
-from evidence.subjects.flights.failures.noise import shared_slow
-from evidence.subjects.flights.failures.sensing import clipped, fast_spin
+from evidence.subjects.flights.failures.body import load_directions, rigid_looking_mode, vibration
+from evidence.subjects.flights.failures.noise import shared_errors
+from evidence.subjects.flights.failures.sensing import clipping, spin_per_frame
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.body.kinematics import kinematics
@@ -208,7 +208,7 @@ def test_an_affine_model_of_a_body_that_bends_is_limited_by_the_model():
 
 
 def test_an_affine_model_of_unmarked_mass_is_limited_where_the_file_knows_modes():
-    recording = rigid_looking(0.5, np.random.default_rng(1)).recording
+    recording = rigid_looking_mode(0.5, np.random.default_rng(1)).recording
     (found,) = judge_shape(seen(recording, model="affine"), recording.motion, recording.body)
     assert "3 nodes carry mass but no marker" in found.text
 
@@ -221,7 +221,7 @@ def test_a_load_that_kinks_is_said():
 
 @pytest.mark.parametrize(("size", "said"), [(0.1, False), (0.7, True), (1.0, True)])
 def test_slow_errors_that_all_markers_share_are_said(size, said):
-    case = shared_slow(size, np.random.default_rng([2, 2026]))
+    case = shared_errors(size, np.random.default_rng([2, 2026]))
     verdict = estimate_recording(case.recording, load_settings()).verdict
     assert ("errors-shared" in verdict.codes) == said
 
@@ -351,7 +351,7 @@ def test_vibration_inside_the_band_of_the_force_is_named_where_it_costs_more_tha
 
 @pytest.mark.parametrize(("degrees", "said"), [(45.0, False), (8.0, False), (3.0, True), (0.1, True)])
 def test_loads_along_nearly_one_direction_are_said_to_be_split_badly(degrees, said):
-    case = near_directions(degrees, np.random.default_rng(0))
+    case = load_directions(degrees, np.random.default_rng(0))
     estimate = estimate_recording(case.recording, load_settings(**case.settings))
     told = [f.values["names"] for f in estimate.verdict.findings if f.code == "loads-alike"]
     assert bool(told) is said
@@ -361,7 +361,7 @@ def test_loads_along_nearly_one_direction_are_said_to_be_split_badly(degrees, sa
 def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over():
     """A body that turns 240 degrees a frame about a wobbling axis reads as one of 120 the other way."""
     for degrees, said in ((60.0, False), (240.0, True)):
-        case = fast_spin(degrees, np.random.default_rng(0))
+        case = spin_per_frame(degrees, np.random.default_rng(0))
         estimate = estimate_recording(case.recording, load_settings(method="savgol"))
         assert ("turn-by-moment" in estimate.verdict.codes) is said
 
@@ -392,7 +392,7 @@ def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
 
 
 def test_markers_that_stick_to_the_edge_of_the_volume_are_said():
-    recording = clipped(0.4, np.random.default_rng(1)).recording
+    recording = clipping(0.4, np.random.default_rng(1)).recording
     (found,) = judge_clipping(recording.motion)
     assert "markers stick at x" in found.text
     assert judge_clipping(cf.toss().motion) == []

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from evidence.stress.failure import Failure
+from evidence.stress.failure import failure
 from evidence.subjects.affine.bodies import (
     EYE,
     Frames,
@@ -29,15 +29,19 @@ TIGHTEST = 3e-14  # relative, of DOP853
 BALL = 1.7 * EYE
 BLOCK = np.diag([1.0, 1.5, 2.2])
 SOFT = natural(0.6, 0.25, 0.4)
+CONDITIONS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14)
+GAPS = (0.3, 0.1, 1e-2, 1e-3, 2e-4, 5e-5, 1e-6, 0.0)
 
 
+@failure("affine", "One short axis", "condition", CONDITIONS)
 def flattened(level: float, rng: np.random.Generator) -> Problem:
-    """Largest over least singular value, the middle one large."""
+    """Det F goes to zero, and rounding of F turns what is left of an axis."""
     return turning(np.array([1.0, 0.7, 1 / level]), rng)
 
 
+@failure("affine", "Two short axes", "condition", CONDITIONS)
 def needle(level: float, rng: np.random.Generator) -> Problem:
-    """Largest over both other singular values."""
+    """A needle hardly shows its turn about itself."""
     return turning(np.array([1.0, 1 / level, 0.5 / level]), rng)
 
 
@@ -52,8 +56,9 @@ def turning(D: Array, rng: np.random.Generator) -> Problem:
     return Problem(Frames(F, dF), L, omega, FACTORS)
 
 
+@failure("affine", "Close stretches, one frame", "gap", (0.3, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 0.0))
 def close_values(level: float, rng: np.random.Generator) -> Problem:
-    """Gap of two singular values over the largest, of frames that turn at rates of the order of one."""
+    """Omega - lam is a difference over a gap, and rounding grows by the square of it."""
     L, R = turns(rng, FRAMES), turns(rng, FRAMES)
     D = np.array([1.0, 1 - level, 0.5])
     omega, lam, dD = rng.standard_normal((3, FRAMES, 3))
@@ -63,8 +68,12 @@ def close_values(level: float, rng: np.random.Generator) -> Problem:
     return Problem(Frames(F, dF), np.broadcast_to(D, (FRAMES, 3)), spins, FACTORS)
 
 
+@failure(
+    "affine", "Stretches that meet along a path", "changes a frame", (20.0, 5.0, 2.0, 1.0, 0.3, 0.1, 1e-3,
+    0.0),
+)  # fmt: skip
 def values_meet(level: float, rng: np.random.Generator) -> Problem:
-    """Closest approach of two singular values over their change from frame to frame; 0: they cross."""
+    """Axes turn by a quarter between two frames, or do not: frames cannot tell."""
     step = 1 / (PATH - 1)
     t = np.linspace(-0.5, 0.5, PATH) + rng.uniform(-0.5, 0.5) * step
     v = rng.uniform(0.2, 0.6)
@@ -90,8 +99,9 @@ def values_meet(level: float, rng: np.random.Generator) -> Problem:
     return Problem(Frames(F, dF, step), np.sort(D)[:, ::-1], spins, (1.0, 1e-6))
 
 
+@failure("affine", "Axes that meet, two-sided equations", "gap", GAPS)
 def axes_meet(level: float, rng: np.random.Generator) -> Problem:
-    """Gap of two axes over the longest at half the time, of a body on springs."""
+    """Rotations of the two-sided form turn without bound as 1/gap^2."""
     F = np.diag([1 + level, 1.0, 0.7])
     turn = turns(rng, 2)
     F, V = turn[0] @ F @ turn[1], turn[0] @ (0.4 * rng.standard_normal((3, 3))) @ turn[1]
@@ -107,8 +117,9 @@ def on_springs(F: Array, V: Array, time: Array) -> Problem:
     return Problem(throw, *sprung(throw), REDUCED)
 
 
+@failure("affine", "Collapse", "shortest axis at the end", (0.5, 0.1, 1e-2, 1e-4, 1e-6, 1e-9, -1e-3, -0.3))
 def collapse(level: float, rng: np.random.Generator) -> Problem:
-    """Shortest axis at the end of a motion without barrier; below 0: it ends in between."""
+    """Det F passes zero, and no body goes on."""
     turn = turns(rng, 2)
     end = np.arccos(level)  # of F_33 = cos t
     V = np.zeros((3, 3))
@@ -132,23 +143,32 @@ def start(rng: np.random.Generator, size: float) -> tuple[Array, Array]:
     return F, V - np.trace(np.linalg.solve(F, V)) / 3 * F
 
 
+@failure(
+    "affine", "Nearly incompressible, step 0.01 s", "lambda over mu", (1.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7,
+    1e8),
+)  # fmt: skip
 def nearly_incompressible(level: float, rng: np.random.Generator) -> Problem:
-    """First Lame constant over the shear modulus, at a step of a hundredth of a second."""
+    """Volume vibrates many times a step."""
     c = 1.7 * level / 4 - 0.25
     throw = Throw(BALL, natural(0.6, 0.25, c), *start(rng, 0.1), np.linspace(0, 0.5, 11), 0.01)
     return elastic(throw, 1e-12 if level < 1e5 else 1e-9)
 
 
+@failure("affine", "Long step", "rad of the fastest vibration", (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 3.0))
 def long_step(level: float, rng: np.random.Generator) -> Problem:
-    """Step times the fastest vibration, of a body that swings hard."""
+    """A step goes over the barrier, or vibrates against it."""
     fastest = np.sqrt(4 * (0.6 + 1.0 + 1.2) / 1.7)
     F0 = EYE + 0.15 * rng.standard_normal((3, 3))
     throw = Throw(BALL, SOFT, F0, rng.standard_normal((3, 3)), np.linspace(0, 5, 6), level / fastest)
     return elastic(throw)
 
 
+@failure(
+    "affine", "Incompressible start of another volume", "of det F", (0.0, 1e-15, 1e-13, 1e-11, 1e-10, 1e-8,
+    1e-4, 1e-2),
+)  # fmt: skip
 def off_volume(level: float, rng: np.random.Generator) -> Problem:
-    """Excess of det F at the start of a body of which det F = 1 is asked."""
+    """What is to be kept does not hold at the start."""
     F0, V0 = start(rng, 0.1)
     material = (0.6, 0.25, 0.0, 0.0)
     time = np.linspace(0, 2, 11)
@@ -157,8 +177,12 @@ def off_volume(level: float, rng: np.random.Generator) -> Problem:
     return Problem(throw, *truth, (1e-6, 1e-6))
 
 
+@failure(
+    "affine", "Rigid limit with alike moments", "of their size", (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13,
+    0.0),
+)  # fmt: skip
 def alike_moments(level: float, rng: np.random.Generator) -> Problem:
-    """Difference of two principal moments over their size, of a free rigid body."""
+    """The modulus of the elliptic functions and its angle become ratios of small numbers."""
     J = np.array([1.0, 1.6, 1.6 * (1 + level)])
     turn = turns(rng, 1)[0]
     w0, time = 2 * rng.standard_normal(3), np.linspace(0, 5, 11)
@@ -172,56 +196,3 @@ def alike_moments(level: float, rng: np.random.Generator) -> Problem:
     L = turn @ y[:, :9].reshape(-1, 3, 3) @ turn.T
     tensor = (turn * J) @ turn.T
     return Problem((tensor, turn @ w0, time), L, y[:, 9:] @ turn.T, REDUCED)
-
-
-CONDITIONS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14)
-GAPS = (0.3, 0.1, 1e-2, 1e-3, 2e-4, 5e-5, 1e-6, 0.0)
-FAILURES = (
-    Failure(
-        "flattened", "affine", "One short axis", "condition", CONDITIONS,
-        "det F goes to zero, and rounding of F turns what is left of an axis", flattened,
-    ),
-    Failure(
-        "needle", "affine", "Two short axes", "condition", CONDITIONS,
-        "a needle hardly shows its turn about itself", needle,
-    ),
-    Failure(
-        "close_values", "affine", "Close stretches, one frame", "gap",
-        (0.3, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 0.0),
-        "omega - lam is a difference over a gap, and rounding grows by the square of it", close_values,
-    ),
-    Failure(
-        "values_meet", "affine", "Stretches that meet along a path", "changes a frame",
-        (20.0, 5.0, 2.0, 1.0, 0.3, 0.1, 1e-3, 0.0),
-        "axes turn by a quarter between two frames, or do not: frames cannot tell", values_meet,
-    ),
-    Failure(
-        "axes_meet", "affine", "Axes that meet, two-sided equations", "gap", GAPS,
-        "rotations of the two-sided form turn without bound as 1/gap^2", axes_meet,
-    ),
-    Failure(
-        "collapse", "affine", "Collapse", "shortest axis at the end",
-        (0.5, 0.1, 1e-2, 1e-4, 1e-6, 1e-9, -1e-3, -0.3),
-        "det F passes zero, and no body goes on", collapse,
-    ),
-    Failure(
-        "nearly_incompressible", "affine", "Nearly incompressible, step 0.01 s", "lambda over mu",
-        (1.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
-        "volume vibrates many times a step", nearly_incompressible,
-    ),
-    Failure(
-        "long_step", "affine", "Long step", "rad of the fastest vibration",
-        (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 3.0),
-        "a step goes over the barrier, or vibrates against it", long_step,
-    ),
-    Failure(
-        "off_volume", "affine", "Incompressible start of another volume", "of det F",
-        (0.0, 1e-15, 1e-13, 1e-11, 1e-10, 1e-8, 1e-4, 1e-2),
-        "what is to be kept does not hold at the start", off_volume,
-    ),
-    Failure(
-        "alike_moments", "affine", "Rigid limit with alike moments", "of their size",
-        (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 0.0),
-        "the modulus of the elliptic functions and its angle become ratios of small numbers", alike_moments,
-    ),
-)  # fmt: skip

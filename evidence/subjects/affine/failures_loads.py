@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.stress.failure import Failure
+from evidence.stress.failure import failure
 from evidence.subjects.affine.flights import SWING, toned
 from evidence.subjects.affine.problem import Problem
 from forceid.records import Array, Body, Motion, Recording
@@ -59,75 +59,49 @@ def filmed(
     return Problem(Recording(body, motion, {}), force, first, (np.nan, np.nan))
 
 
+@failure(
+    "affine_loads", "Markers near a plane", "of the thickness of the others", (1.0, 0.3, 0.1, 0.03, 0.01,
+    1e-3, 1e-5, 0.0),
+)  # fmt: skip
 def plane_markers(level: float, rng: np.random.Generator) -> Problem:
-    """Thickness of body and markers over that of the others."""
+    """Markers in a plane do not show how the body stretches across it."""
     return filmed(rng, CORNERS * [1.0, 1.0, level])
 
 
+@failure("affine_loads", "Few markers, affine body", "markers", (12, 8, 7, 6, 5, 4, 3, 2))
 def few_affine_markers(level: float, rng: np.random.Generator) -> Problem:
-    """Markers on the body."""
+    """Twelve unknowns a frame: from four markers on nothing is left to check."""
     return filmed(rng, np.concatenate([SPREAD, 0.4 * CORNERS[:4]])[: int(level)])
 
 
+@failure("affine_loads", "Loud markers, affine body", "m", (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 1.0))
 def loud_markers(level: float, rng: np.random.Generator) -> Problem:
-    """Noise of markers, m."""
+    """Loads drown in the noise."""
     return filmed(rng, noise=level)
 
 
+@failure("affine_loads", "Not affine", "of the length", (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1))
 def not_affine(level: float, rng: np.random.Generator) -> Problem:
-    """What a body bends beyond an affine map, over its length."""
+    """The body bends, and an affine map does not."""
     return filmed(rng, SPREAD[:6], bent=level)  # of eight corners an affine map takes nothing of it
 
 
+@failure(
+    "affine_loads", "Wild markers, affine body", "of the samples", (0.0, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2,
+    0.4),
+)  # fmt: skip
 def wild_markers(level: float, rng: np.random.Generator) -> Problem:
-    """Share of samples that are off by a third of the body."""
+    """Markers are taken for others."""
     return filmed(rng, wild=level)
 
 
+@failure("affine_loads", "Short flight, affine body", "frames", (200, 100, 60, 40, 25, 15, 12, 6))
 def short_flight(level: float, rng: np.random.Generator) -> Problem:
-    """Frames of the record."""
+    """Too few frames tell a load from its noise."""
     return filmed(rng, frames=int(level))
 
 
+@failure("affine_loads", "Inertia known as a whole", "of F", (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1))
 def known_as_whole(level: float, rng: np.random.Generator) -> Problem:
-    """Swing of F, of a body of which the inertia is known and no masses."""
+    """The inertia of a body that stretches changes."""
     return filmed(rng, whole=level)
-
-
-FAILURES = (
-    Failure(
-        "plane_markers", "affine_loads", "Markers near a plane", "of the thickness of the others",
-        (1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-5, 0.0),
-        "markers in a plane do not show how the body stretches across it", plane_markers,
-    ),
-    Failure(
-        "few_affine_markers", "affine_loads", "Few markers, affine body", "markers",
-        (12, 8, 7, 6, 5, 4, 3, 2),
-        "twelve unknowns a frame: from four markers on nothing is left to check", few_affine_markers,
-    ),
-    Failure(
-        "loud_markers", "affine_loads", "Loud markers, affine body", "m",
-        (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 1.0),
-        "loads drown in the noise", loud_markers,
-    ),
-    Failure(
-        "not_affine", "affine_loads", "Not affine", "of the length",
-        (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1),
-        "the body bends, and an affine map does not", not_affine,
-    ),
-    Failure(
-        "wild_markers", "affine_loads", "Wild markers, affine body", "of the samples",
-        (0.0, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.4),
-        "markers are taken for others", wild_markers,
-    ),
-    Failure(
-        "short_flight", "affine_loads", "Short flight, affine body", "frames",
-        (200, 100, 60, 40, 25, 15, 12, 6),
-        "too few frames tell a load from its noise", short_flight,
-    ),
-    Failure(
-        "known_as_whole", "affine_loads", "Inertia known as a whole", "of F",
-        (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1),
-        "the inertia of a body that stretches changes", known_as_whole,
-    ),
-)  # fmt: skip

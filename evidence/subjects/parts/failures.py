@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from evidence.stress.failure import Failure
+from evidence.stress.failure import failure
 from evidence.subjects.parts.bodies import FINE, Loaded, loaded, plates, smooth, wedges
 from forceid.partition.grids import Parts, gathered
 from forceid.principal.operator import summation_operator
@@ -15,6 +15,7 @@ from forceid.principal.operator import summation_operator
 GRID = (4, 2)  # plates along and across
 AT = np.array([(i, j) for i in range(GRID[0]) for j in range(GRID[1])])
 YOUNG = 1000.0  # Pa
+JUMPS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e9, 1e10, 1e12)
 
 
 def standing(parts: Parts, rng: np.random.Generator, **known: object) -> Loaded:
@@ -24,8 +25,12 @@ def standing(parts: Parts, rng: np.random.Generator, **known: object) -> Loaded:
     return loaded(parts, np.isclose(x[:, 0], 0), u, **known)  # type: ignore[arg-type]
 
 
+@failure(
+    "partition", "Floating, out of balance", "of the loads", (0.0, 1e-15, 1e-13, 1e-11, 1e-9, 1e-6, 1e-3,
+    1.0),
+)  # fmt: skip
 def floating(level: float, rng: np.random.Generator) -> Loaded:
-    """Share of the loads by which they are out of balance on a body that nothing holds."""
+    """Nothing holds the body, and its loads do not add up to zero."""
     parts = plates((3, 2))
     heavy = 10.0 ** rng.uniform(-0.5, 0.5, len(parts.mass))
     parts = replace(parts, mass=tuple(w * m for w, m in zip(heavy, parts.mass, strict=True)))
@@ -36,35 +41,41 @@ def floating(level: float, rng: np.random.Generator) -> Loaded:
     return replace(body, load=body.load + level * np.linalg.norm(body.load) / np.linalg.norm(pull) * pull)
 
 
+@failure("partition", "Parts along an edge", "parts", (1, 2, 3, 4, 5, 6, 7, 8))
 def cross_points(level: float, rng: np.random.Generator) -> Loaded:
-    """Plates along each edge of a square."""
+    """Many nodes are shared by four parts, and many parts float."""
     return standing(plates((int(level), int(level)), r=2), rng)
 
 
+@failure("partition", "Parts that meet in a point", "parts", (2, 3, 4, 6, 8, 12, 16, 32))
 def wedge_parts(level: float, rng: np.random.Generator) -> Loaded:
-    """Parts that meet in one point."""
+    """Multipliers of many parts pull at one node."""
     parts = wedges(int(level))
     x = parts.place
     return loaded(parts, x[:, 0] < -0.4, smooth(x, rng) * (x[:, :1] + 1))
 
 
+@failure("partition", "Parts in a row", "parts", (2, 4, 8, 16, 24, 32, 48, 64))
 def many_parts(level: float, rng: np.random.Generator) -> Loaded:
-    """Plates in a row, held at one end."""
+    """A slender row bends by what little its parts turn against each other."""
     return standing(plates((int(level), 1), r=1), rng)
 
 
+@failure("partition", "Stiffness jumps, strips", "", JUMPS)
 def jump_of_strips(level: float, rng: np.random.Generator) -> Loaded:
-    """Ratio of stiffness between strips, each strained alike."""
+    """Loads of stiff strips are known to rounding, and soft ones have to carry that."""
     return standing(plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist()), rng)
 
 
+@failure("partition", "Stiffness jumps, checkerboard", "", JUMPS)
 def jump_of_checkers(level: float, rng: np.random.Generator) -> Loaded:
-    """Ratio of stiffness between the fields of a checkerboard, each strained alike."""
+    """Stiff fields hang at their corners, and their loads are known to rounding."""
     return standing(plates(GRID, r=2, young=(YOUNG * np.where(AT.sum(1) % 2, level, 1.0)).tolist()), rng)
 
 
+@failure("partition", "Stiffness jumps, equal loads", "", JUMPS)
 def jump_under_load(level: float, rng: np.random.Generator) -> Loaded:
-    """Ratio of stiffness between strips that carry about the same load: stiff ones hardly strain."""
+    """Stiff parts hardly strain, and what passes between two of them is lost in their motion."""
     parts = plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist())
     x = parts.place
     inside = x[:, 0] - np.floor(x[:, 0])
@@ -77,8 +88,12 @@ def jump_under_load(level: float, rng: np.random.Generator) -> Loaded:
     return loaded(parts, np.isclose(x[:, 0], 0), wave + bulge)
 
 
+@failure(
+    "partition", "Part on weak springs", "of its stiffness", (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12,
+    1e-14),
+)  # fmt: skip
 def near_mechanism(level: float, rng: np.random.Generator) -> Loaded:
-    """Stiffness of the springs on which the second of two plates hangs, of its own."""
+    """Rounding of the loads moves the part as much as they do."""
     plate = plates((1, 1))
     x = plate.position[0]
     right, left = (x[np.isclose(x[:, 0], at)] for at in (1, 0))
@@ -93,26 +108,39 @@ def near_mechanism(level: float, rng: np.random.Generator) -> Loaded:
     return loaded(parts, fixed, smooth(parts.place, rng) * parts.place[:, :1], modes=modes)
 
 
+@failure(
+    "partition", "Thin elements", "length over height", (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0,
+    10000.0),
+)  # fmt: skip
 def thin_parts(level: float, rng: np.random.Generator) -> Loaded:
-    """Length of an element over its height."""
+    """Bending costs little beside stretching."""
     return standing(plates((3, 2), r=2, thin=level), rng)
 
 
+@failure("partition", "Rigid modes about a far point", "m", (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e7, 1e11))
 def far_origin(level: float, rng: np.random.Generator) -> Loaded:
-    """Distance (m) of the origin about which rigid modes are given."""
+    """A turn about a far point looks like a translation."""
     return standing(plates((3, 2)), rng, about=level * np.array([0.8, -0.6]))
 
 
+@failure(
+    "partition", "Stiffness of few digits", "of each entry", (0.0, 1e-14, 1e-13, 1e-11, 1e-10, 1e-9, 1e-8,
+    1e-6),
+)  # fmt: skip
 def stiffness_digits(level: float, rng: np.random.Generator) -> Loaded:
-    """Share by which every entry of the stiffness is off."""
+    """Rigid modes strain the stiffness, and it is not told which of the two is right."""
     parts = plates((3, 2))
     off = [rng.standard_normal(k.shape) for k in parts.stiffness]
     coarse = [sp.csr_array(k * (1 + level * (e + e.T))) for k, e in zip(parts.stiffness, off, strict=True)]
     return standing(replace(parts, stiffness=tuple(coarse)), rng, strained=True)
 
 
+@failure(
+    "partition", "Loads that cancel between parts", "of the others", (1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12,
+    1e14),
+)  # fmt: skip
 def loads_that_cancel(level: float, rng: np.random.Generator) -> Loaded:
-    """Loads on the parts that cancel where these meet, over those that do not."""
+    """The load is the small difference of large ones."""
     body = standing(plates((3, 2)), rng)
     glob = [L.indices for L in body.boolean]
     count = np.bincount(np.concatenate(glob))
@@ -131,71 +159,7 @@ def loads_that_cancel(level: float, rng: np.random.Generator) -> Loaded:
     return replace(body, load=given, lam=body.lam + (given - shares)[at])
 
 
+@failure("partition", "Loose tolerance", "of the gaps", (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1))
 def loose_tolerance(level: float, rng: np.random.Generator) -> Loaded:
-    """Tolerance of conjugate gradients."""
+    """Conjugate gradients stop before the gaps are closed."""
     return replace(standing(plates(GRID), rng), tolerance=level)
-
-
-JUMPS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e9, 1e10, 1e12)
-FAILURES = (
-    Failure(
-        "floating", "partition", "Floating, out of balance", "of the loads",
-        (0.0, 1e-15, 1e-13, 1e-11, 1e-9, 1e-6, 1e-3, 1.0),
-        "nothing holds the body, and its loads do not add up to zero", floating,
-    ),
-    Failure(
-        "cross_points", "partition", "Parts along an edge", "parts", (1, 2, 3, 4, 5, 6, 7, 8),
-        "many nodes are shared by four parts, and many parts float", cross_points,
-    ),
-    Failure(
-        "wedge_parts", "partition", "Parts that meet in a point", "parts", (2, 3, 4, 6, 8, 12, 16, 32),
-        "multipliers of many parts pull at one node", wedge_parts,
-    ),
-    Failure(
-        "many_parts", "partition", "Parts in a row", "parts", (2, 4, 8, 16, 24, 32, 48, 64),
-        "a slender row bends by what little its parts turn against each other", many_parts,
-    ),
-    Failure(
-        "jump_of_strips", "partition", "Stiffness jumps, strips", "", JUMPS,
-        "loads of stiff strips are known to rounding, and soft ones have to carry that", jump_of_strips,
-    ),
-    Failure(
-        "jump_of_checkers", "partition", "Stiffness jumps, checkerboard", "", JUMPS,
-        "stiff fields hang at their corners, and their loads are known to rounding", jump_of_checkers,
-    ),
-    Failure(
-        "jump_under_load", "partition", "Stiffness jumps, equal loads", "", JUMPS,
-        "stiff parts hardly strain, and what passes between two of them is lost in their motion",
-        jump_under_load,
-    ),
-    Failure(
-        "near_mechanism", "partition", "Part on weak springs", "of its stiffness",
-        (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14),
-        "rounding of the loads moves the part as much as they do", near_mechanism,
-    ),
-    Failure(
-        "thin_parts", "partition", "Thin elements", "length over height",
-        (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 10000.0),
-        "bending costs little beside stretching", thin_parts,
-    ),
-    Failure(
-        "far_origin", "partition", "Rigid modes about a far point", "m",
-        (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e7, 1e11),
-        "a turn about a far point looks like a translation", far_origin,
-    ),
-    Failure(
-        "stiffness_digits", "partition", "Stiffness of few digits", "of each entry",
-        (0.0, 1e-14, 1e-13, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6),
-        "rigid modes strain the stiffness, and it is not told which of the two is right", stiffness_digits,
-    ),
-    Failure(
-        "loads_that_cancel", "partition", "Loads that cancel between parts", "of the others",
-        (1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14),
-        "the load is the small difference of large ones", loads_that_cancel,
-    ),
-    Failure(
-        "loose_tolerance", "partition", "Loose tolerance", "of the gaps",
-        (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1),
-        "conjugate gradients stop before the gaps are closed", loose_tolerance,
-    ),
-)  # fmt: skip

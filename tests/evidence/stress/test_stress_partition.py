@@ -21,7 +21,7 @@ from forceid.cli.output import finite
 from forceid.partition.conjugate_gradient import projected_cg
 from forceid.records import Verdict
 
-BY_NAME = {f.name: f for f in fp.FAILURES}
+BY_NAME = {f.name: f for f in failures_named(["partition"])}
 HEALTHY = BY_NAME["cross_points"]
 DIRECT = WAYS[0]
 
@@ -92,7 +92,7 @@ def test_an_error_of_motions_is_told_as_one_of_motions():
     assert cell_of(HEALTHY, 3, moved).cause.startswith("motion error")
 
 
-@pytest.mark.parametrize("failure", fp.FAILURES, ids=lambda f: f.name)
+@pytest.mark.parametrize("failure", failures_named(["partition"]), ids=lambda f: f.name)
 def test_the_truth_is_in_balance_and_the_same_seed_makes_it_again(failure):
     body, again = (failure.make(failure.levels[0], np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(body.load, again.load)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from evidence.stress.failure import Failure
+from evidence.stress.failure import failure
 from evidence.subjects.flights.bodies import INERTIA, MASS, PLACE, Setup, in_mass_gauge, mass_gauge_shapes
 from evidence.subjects.flights.failures.record import Faulty, measured, unseen
 from forceid.records import Array
@@ -16,46 +16,53 @@ SHORT = 160  # frames of a body that bends
 MARKED = 5  # of its nodes, where some carry none
 
 
+@failure("load", "Impact", "s", (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 5e-4), other=True)
 def impact(level: float, rng: np.random.Generator) -> Faulty:
-    """Width (s) of a pulse of 0.1 N s."""
+    """A pulse shorter than the prior remembers, or than a frame."""
     return measured(Setup(impulse=0.1, pulse_width=level), rng)
 
 
-def spin_line(level: float, rng: np.random.Generator) -> Faulty:
-    """Amplitude (N) of a force at twice the spin of 6 rev/s."""
+@failure("load", "Load at twice the spin", "N", (0, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3), other=True)
+def spin_load(level: float, rng: np.random.Generator) -> Faulty:
+    """A prior that falls with frequency takes an oscillation for noise."""
     return measured(Setup(spin=6.0, line=level), rng)
 
 
-def wrong_mass(level: float, rng: np.random.Generator) -> Faulty:
-    """Share by which the mass is claimed too large."""
+@failure("body", "Mass wrong", "share", (0, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1))
+def mass(level: float, rng: np.random.Generator) -> Faulty:
+    """Force is mass times acceleration: no motion reveals the mass."""
     return replace(measured(Setup(), rng).with_body(mass=MASS * (1 + level)), misstated=("mass", 100 * level))
 
 
-def wrong_inertia(level: float, rng: np.random.Generator) -> Faulty:
-    """Share by which the inertia about one principal axis is claimed too large."""
+@failure("body", "Inertia wrong", "share", (0, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5, 1))
+def inertia(level: float, rng: np.random.Generator) -> Faulty:
+    """A body that turns freely about another axis than the inertia says shows a moment."""
     size, axes = np.linalg.eigh(INERTIA)
     claimed = axes * (size * [1.0, 1.0 + level, 1.0]) @ axes.T
     case = measured(Setup(), rng, place=PLACE).with_body(inertia=claimed)
     return replace(case, misstated=("inertia", 100 * level))
 
 
-def wrong_center(level: float, rng: np.random.Generator) -> Faulty:
-    """Distance (m) by which the mass center is claimed wrong."""
+@failure("body", "Mass center wrong", "m", (0, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03))
+def mass_center(level: float, rng: np.random.Generator) -> Faulty:
+    """A point off the mass center is accelerated by the spin."""
     off = level * np.array([0.6, 0.6, 0.53])
     case = measured(Setup(), rng, place=PLACE).with_body(mass_center=off)
     return replace(case, misstated=("center", 1e3 * level))
 
 
-def wrong_place(level: float, rng: np.random.Generator) -> Faulty:
-    """Distance (m) by which one marker's place on the body is claimed wrong."""
+@failure("body", "Marker misplaced", "m", (0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1))
+def marker_place(level: float, rng: np.random.Generator) -> Faulty:
+    """The axes of the body are laid by where its markers are said to be."""
     claimed = PLACE.copy()
     claimed[0] += level * np.array([0.4, -0.8, 0.45])
     case = measured(Setup(), rng, place=PLACE).with_body(position=claimed)
     return replace(case, misstated=("marker", 1e3 * level))
 
 
-def near_directions(level: float, rng: np.random.Generator) -> Faulty:
-    """Angle (degrees) between two of three forces at the mass center, asked for beside three moments."""
+@failure("load", "Load directions nearly alike", "degrees", (90, 45, 20, 8, 3, 1, 0.1, 0))
+def load_directions(level: float, rng: np.random.Generator) -> Faulty:
+    """The wrench shows the sum of two loads along one direction, not their split."""
     at = np.radians(level)
     mixed = np.array([[1.0, np.cos(at), 0.0], [0.0, np.sin(at), 0.0], [0.0, 0.0, 1.0]])
     loads: list[dict[str, object]] = [
@@ -69,24 +76,34 @@ def near_directions(level: float, rng: np.random.Generator) -> Faulty:
     return replace(measured(Setup(), rng, mixed=mixed), settings={"load": loads}, mixed=mixed)
 
 
+@failure(
+    "deformation", "Size of the vibration", "m rms", (1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02),
+    deforms=True,
+)  # fmt: skip
 def vibration(level: float, rng: np.random.Generator) -> Faulty:
-    """Size (m rms of a marker) of two modes that the file does not hold."""
+    """The inertia and the angular momentum of the deformation are not those of a rigid body."""
     return measured(Setup(frames=SHORT, modes=2, size=level), rng)
 
 
+@failure("deformation", "Number of vibrating modes", "modes", (0, 1, 2, 3, 5, 7, 9, 12), deforms=True)
 def several_modes(level: float, rng: np.random.Generator) -> Faulty:
-    """Number of modes of 0.5 mm that the file does not hold."""
+    """More shapes than the record can tell from noise."""
     return measured(Setup(frames=SHORT, modes=int(level), size=5e-4, mode_frequency=9.0), rng)
 
 
+@failure("deformation", "Mode in the band of the force", "Hz", (40, 25, 15, 10, 6, 4, 2, 1), deforms=True)
 def slow_mode(level: float, rng: np.random.Generator) -> Faulty:
-    """Frequency (Hz) of a known mode of 2 mm on a body with three of its eight masses unmarked."""
+    """A mode as slow as the load moves the markers as the load does."""
     setup = Setup(frames=SHORT, modes=1, size=2e-3, mode_frequency=level)
     return partly_marked(measured(setup, rng), mass_gauge_shapes(1))
 
 
-def rigid_looking(level: float, rng: np.random.Generator) -> Faulty:
-    """Sine of the angle, on the five markers, between a known mode of 2 mm and a rigid motion."""
+@failure(
+    "deformation", "Mode that looks rigid", "sine of the angle", (1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3),
+    deforms=True,
+)  # fmt: skip
+def rigid_looking_mode(level: float, rng: np.random.Generator) -> Faulty:
+    """Where the markers are, the mode moves them as a turn does."""
     shape = rigid_looking_shape(level)[None]
     setup = Setup(frames=SHORT, modes=1, size=2e-3)
     return partly_marked(measured(setup, rng, shapes=shape), shape)
@@ -120,13 +137,20 @@ def partly_marked(case: Faulty, shapes: Array) -> Faulty:
     return unseen(case, lost).with_body(mode_shape=shapes)
 
 
+@failure(
+    "deformation", "Markers nearly in a plane", "thickness / width", (1, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3,
+    0), deforms=True,
+)  # fmt: skip
 def flat_markers(level: float, rng: np.random.Generator) -> Faulty:
-    """Thickness over width of the marker set: the singular-value gap of an affine shape."""
+    """A stretch normal to the plane moves no marker."""
     return measured(Setup(frames=SHORT), rng, place=PLACE * [1.0, 1.0, level])
 
 
+@failure(
+    "deformation", "Jump of the stiffness", "ratio", (1, 10, 100, 1e3, 1e4, 1e6, 1e8, 1e10), deforms=True,
+)  # fmt: skip
 def stiffness_jump(level: float, rng: np.random.Generator) -> Faulty:
-    """Ratio of the stiffness of one half of a partly marked body to that of the other, in the file."""
+    """Rounding of the stiff part drowns the soft one."""
     pairs = np.argwhere(np.triu(np.ones((len(PLACE), len(PLACE))), k=1))
     stiff = (pairs < 4).all(1)
     network = connect(PLACE, pairs, np.where(stiff, 300.0 * level, 300.0), 0.0)
@@ -140,64 +164,3 @@ def stiffness_jump(level: float, rng: np.random.Generator) -> Faulty:
     lost = np.zeros_like(case.seen)
     lost[:, MARKED:] = True
     return unseen(case, lost).with_body(stiffness=K)
-
-
-FAILURES = (
-    Failure(
-        "impact", "load", "Impact", "s", (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 5e-4),
-        "a pulse shorter than the prior remembers, or than a frame", impact, other=True,
-    ),
-    Failure(
-        "spin_load", "load", "Load at twice the spin", "N", (0, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3),
-        "a prior that falls with frequency takes an oscillation for noise", spin_line, other=True,
-    ),
-    Failure(
-        "load_directions", "load", "Load directions nearly alike", "degrees", (90, 45, 20, 8, 3, 1, 0.1, 0),
-        "the wrench shows the sum of two loads along one direction, not their split", near_directions,
-    ),
-    Failure(
-        "mass", "body", "Mass wrong", "share", (0, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1),
-        "force is mass times acceleration: no motion reveals the mass", wrong_mass,
-    ),
-    Failure(
-        "inertia", "body", "Inertia wrong", "share", (0, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5, 1),
-        "a body that turns freely about another axis than the inertia says shows a moment", wrong_inertia,
-    ),
-    Failure(
-        "mass_center", "body", "Mass center wrong", "m", (0, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03),
-        "a point off the mass center is accelerated by the spin", wrong_center,
-    ),
-    Failure(
-        "marker_place", "body", "Marker misplaced", "m", (0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1),
-        "the axes of the body are laid by where its markers are said to be", wrong_place,
-    ),
-    Failure(
-        "vibration", "deformation", "Size of the vibration", "m rms",
-        (1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02),
-        "the inertia and the angular momentum of the deformation are not those of a rigid body",
-        vibration, True,
-    ),
-    Failure(
-        "several_modes", "deformation", "Number of vibrating modes", "modes", (0, 1, 2, 3, 5, 7, 9, 12),
-        "more shapes than the record can tell from noise", several_modes, True,
-    ),
-    Failure(
-        "slow_mode", "deformation", "Mode in the band of the force", "Hz", (40, 25, 15, 10, 6, 4, 2, 1),
-        "a mode as slow as the load moves the markers as the load does", slow_mode, True,
-    ),
-    Failure(
-        "rigid_looking_mode", "deformation", "Mode that looks rigid", "sine of the angle",
-        (1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3),
-        "where the markers are, the mode moves them as a turn does", rigid_looking, True,
-    ),
-    Failure(
-        "flat_markers", "deformation", "Markers nearly in a plane", "thickness / width",
-        (1, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 0),
-        "a stretch normal to the plane moves no marker", flat_markers, True,
-    ),
-    Failure(
-        "stiffness_jump", "deformation", "Jump of the stiffness", "ratio",
-        (1, 10, 100, 1e3, 1e4, 1e6, 1e8, 1e10),
-        "rounding of the stiff part drowns the soft one", stiffness_jump, True,
-    ),
-)  # fmt: skip

@@ -7,41 +7,47 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.stress.failure import Failure
+from evidence.stress.failure import failure
 from evidence.subjects.flights.bodies import INERTIA, INERTIA_INVERSE, MASS, PLACE, Setup, fly
 from evidence.subjects.flights.failures.record import Faulty, measured, unseen
 from forceid.records import Body, Motion
 
 
-def fast_spin(level: float, rng: np.random.Generator) -> Faulty:
-    """Degrees turned per frame."""
+@failure("sensing", "Spin per frame", "degrees", (4, 30, 90, 130, 160, 175, 185, 240))
+def spin_per_frame(level: float, rng: np.random.Generator) -> Faulty:
+    """Past half a turn a frame the sense and number of turns are lost."""
     return measured(Setup(frames=160, spin=level / 360 * 200, wobble=0.2), rng)
 
 
-def on_a_line(level: float, rng: np.random.Generator) -> Faulty:
-    """Width of the marker set over its length."""
+@failure("sensing", "Markers on a line", "width / length", (1, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 0))
+def collinear(level: float, rng: np.random.Generator) -> Faulty:
+    """The turn about the line moves no marker."""
     return measured(Setup(), rng, place=PLACE * [1.0, level, level])
 
 
+@failure("sensing", "Few markers", "markers", (8, 7, 6, 5, 4, 3, 2, 1))
 def few_markers(level: float, rng: np.random.Generator) -> Faulty:
-    """Number of markers, on a body known as a whole."""
+    """Two markers do not show the turn about their line, one shows none."""
     return measured(Setup(), rng, place=PLACE[: int(level)])
 
 
+@failure("sensing", "Frames lost", "share", (0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.93, 0.97))
 def frames_lost(level: float, rng: np.random.Generator) -> Faulty:
-    """Share of frames in which nothing is seen."""
+    """Fewer samples than the load has changes."""
     case = measured(Setup(), rng)
     return unseen(case, np.repeat(rng.random((len(case.seen), 1)) < level, case.seen.shape[1], 1))
 
 
+@failure("sensing", "Markers lost", "share", (0, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.96))
 def markers_lost(level: float, rng: np.random.Generator) -> Faulty:
-    """Share of marker samples lost, each by itself."""
+    """Frames with fewer than three markers show no pose."""
     case = measured(Setup(), rng)
     return unseen(case, rng.random(case.seen.shape) < level)
 
 
+@failure("sensing", "Long gap", "frames of 240", (0, 4, 10, 20, 40, 80, 140, 200))
 def long_gap(level: float, rng: np.random.Generator) -> Faulty:
-    """One gap of so many frames in the middle of 240."""
+    """Nothing is seen for longer than the load remembers."""
     case = measured(Setup(), rng)
     lost = np.zeros_like(case.seen)
     first = (len(lost) - int(level)) // 2
@@ -49,16 +55,18 @@ def long_gap(level: float, rng: np.random.Generator) -> Faulty:
     return unseen(case, lost)
 
 
-def jittered(level: float, rng: np.random.Generator) -> Faulty:
-    """Frames come late by up to this share of a step, and the file does not say so."""
+@failure("clock", "Jitter not stated", "share of a step", (1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 0.6, 0.95))
+def jitter(level: float, rng: np.random.Generator) -> Faulty:
+    """A late frame is off by speed times delay, all markers alike."""
     setup = Setup(speed=2.0)
     regular = np.arange(setup.frames) / setup.rate
     late = level / setup.rate * np.random.default_rng(int(rng.integers(2**32))).random(setup.frames)
     return retimed(measured(setup, rng, time=regular + late), regular)
 
 
+@failure("clock", "Slow clock", "share", (0, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3))
 def slow_clock(level: float, rng: np.random.Generator) -> Faulty:
-    """The clock of the file is slow by this share."""
+    """Accelerations scale with the square of the clock, and weight does not cancel."""
     setup = Setup()
     regular = np.arange(setup.frames) / setup.rate
     case = retimed(measured(setup, rng, time=regular * (1 + level)), regular)
@@ -74,18 +82,25 @@ def retimed(case: Faulty, time: np.ndarray) -> Faulty:
     )
 
 
-def coarse_sampling(level: float, rng: np.random.Generator) -> Faulty:
-    """Frames a second, under a load whose own time is a twentieth of a second."""
+@failure("clock", "Sample rate", "Hz", (400, 200, 100, 50, 25, 12, 8, 5))
+def sample_rate(level: float, rng: np.random.Generator) -> Faulty:
+    """The load changes from one frame to the next."""
     return measured(Setup(frames=120, rate=level, spin=0.2, wobble=0.3, gravity=0.0), rng)
 
 
-def record_length(level: float, rng: np.random.Generator) -> Faulty:
-    """Number of frames."""
+@failure(
+    "length", "Long record", "frames", (300, 600, 1000, 3000, 6000, 10000, 30000, 100000),
+    name="long_record", breaks="rounding adds up, and the prior is tuned on a part of the record",
+)  # fmt: skip
+@failure("clock", "Short record", "frames", (480, 240, 120, 60, 40, 30, 20, 12))
+def short_record(level: float, rng: np.random.Generator) -> Faulty:
+    """Too few frames to tell noise from load."""
     return measured(Setup(frames=int(level), gravity=0.0, hovers=True), rng)
 
 
-def clipped(level: float, rng: np.random.Generator) -> Faulty:
-    """Share of the frames in which the tracks stick to the edge of the volume."""
+@failure("sensing", "Clipping", "share of frames", (0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.9))
+def clipping(level: float, rng: np.random.Generator) -> Faulty:
+    """A track at the edge of its volume stands still."""
     case = measured(Setup(), rng)
     x = case.recording.motion.position
     assert x is not None
@@ -93,8 +108,9 @@ def clipped(level: float, rng: np.random.Generator) -> Faulty:
     return case.with_position(np.concatenate([np.minimum(x[..., :1], edge), x[..., 1:]], -1))
 
 
+@failure("sensing", "Sensors alone, bias", "m/s2", (0, 0.01, 0.03, 0.1, 0.3, 1, 3, 10))
 def sensors_alone(level: float, rng: np.random.Generator) -> Faulty:
-    """Bias (m/s2) of two accelerometers, with two gyros and no marker; loads along the first body axes."""
+    """A bias that all accelerometers share is a force that turns with the body."""
     flight = fly(Setup(), rng)
     place = np.array([[0.04, 0.01, 0.01], [-0.03, 0.02, -0.02]])
     turn = Rotation.from_matrix(flight.rotation)
@@ -119,57 +135,3 @@ def sensors_alone(level: float, rng: np.random.Generator) -> Faulty:
         case, flight=flight, recording=replace(case.recording, body=body, motion=motion, truth=truth),
         seen=np.zeros_like(case.seen),
     )  # fmt: skip
-
-
-FAILURES = (
-    Failure(
-        "spin_per_frame", "sensing", "Spin per frame", "degrees", (4, 30, 90, 130, 160, 175, 185, 240),
-        "past half a turn a frame the sense and number of turns are lost", fast_spin,
-    ),
-    Failure(
-        "collinear", "sensing", "Markers on a line", "width / length",
-        (1, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 0),
-        "the turn about the line moves no marker", on_a_line,
-    ),
-    Failure(
-        "few_markers", "sensing", "Few markers", "markers", (8, 7, 6, 5, 4, 3, 2, 1),
-        "two markers do not show the turn about their line, one shows none", few_markers,
-    ),
-    Failure(
-        "frames_lost", "sensing", "Frames lost", "share", (0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.93, 0.97),
-        "fewer samples than the load has changes", frames_lost,
-    ),
-    Failure(
-        "markers_lost", "sensing", "Markers lost", "share", (0, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.96),
-        "frames with fewer than three markers show no pose", markers_lost,
-    ),
-    Failure(
-        "long_gap", "sensing", "Long gap", "frames of 240", (0, 4, 10, 20, 40, 80, 140, 200),
-        "nothing is seen for longer than the load remembers", long_gap,
-    ),
-    Failure(
-        "jitter", "clock", "Jitter not stated", "share of a step",
-        (1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 0.6, 0.95),
-        "a late frame is off by speed times delay, all markers alike", jittered,
-    ),
-    Failure(
-        "slow_clock", "clock", "Slow clock", "share", (0, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3),
-        "accelerations scale with the square of the clock, and weight does not cancel", slow_clock,
-    ),
-    Failure(
-        "sample_rate", "clock", "Sample rate", "Hz", (400, 200, 100, 50, 25, 12, 8, 5),
-        "the load changes from one frame to the next", coarse_sampling,
-    ),
-    Failure(
-        "short_record", "clock", "Short record", "frames", (480, 240, 120, 60, 40, 30, 20, 12),
-        "too few frames to tell noise from load", record_length,
-    ),
-    Failure(
-        "clipping", "sensing", "Clipping", "share of frames", (0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.9),
-        "a track at the edge of its volume stands still", clipped,
-    ),
-    Failure(
-        "sensors_alone", "sensing", "Sensors alone, bias", "m/s2", (0, 0.01, 0.03, 0.1, 0.3, 1, 3, 10),
-        "a bias that all accelerometers share is a force that turns with the body", sensors_alone,
-    ),
-)  # fmt: skip
