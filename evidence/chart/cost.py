@@ -6,25 +6,26 @@ the larger half of the sizes, where what every run costs anyway no longer counts
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.chart.simplifications import pass_over
 from evidence.chart.timing import mean_seconds, seconds_of
 from evidence.journal import Journal, key
-from evidence.subjects.flights.cases import case_of, shipped
+from evidence.subjects.flights.cases import Case, case_of, shipped
 from evidence.subjects.flights.methods import DEFAULT, asked, ours
 from evidence.subjects.flights.peers.entrants import peers
-from evidence.subjects.flights.true_prior import problem_of
-from forceid.config import to_toml
-from forceid.records import Body, Motion, Recording
-from forceid.scenes.recipe import SceneRecipe, load_recipe, simulate
+from evidence.subjects.flights.true_prior import Problem, problem_of
+from forceid import kalman
+from forceid.flight.priors.load import load_rows
+from forceid.flight.smoother import settled
+from forceid.kalman.engines import engine
+from forceid.records import Array, Body, Motion, Recording
+from forceid.scenes.recipe import load_recipe, simulate
 
 SAMPLES = (500, 1000, 2000, 4000, 8000, 16000, 32000)
 MARKERS = (3, 5, 10, 20, 50, 100)
@@ -104,10 +105,51 @@ def of_markers(size: int) -> dict[str, Callable[[], Any]]:
     case = case_of("spinning", spinning(size, FRAMES), False)
     whole = {c.name: c.prepare(case) for c in ours() if c.name in (DEFAULT, "savgol")}
     problem = problem_of(case)
-    passes = {"one pass over poses": pass_over(case, False, problem)}
+    passes = {"one pass over poses": pass_over(case, problem, False)}
     if size <= MOST_ROWS:
-        passes["one pass over marker rows"] = pass_over(case, True, problem)
+        passes["one pass over marker rows"] = pass_over(case, problem, True)
     return whole | passes
+
+
+def pass_over(case: Case, problem: Problem, raw: bool) -> Callable[[], Any]:
+    """One smoothing pass about the settled path, over poses or over the rows of all markers."""
+    force, moment = problem.priors["force"], problem.priors["moment"]
+    flight = problem.flight
+    model, z, about, _ = settled(flight, force, moment, engine())
+    n = force.states
+    if raw:
+        model, z = with_marker_rows(case, model, about.rotation, n, force.axes)
+
+    def job() -> Array:
+        x = kalman.smooth(model, z).x
+        end = n + about.chain.shape[1]
+        F = x[:, :n] @ load_rows(n, force.axes, force.lines).T
+        T = x[:, n:end] @ load_rows(end - n, about.axes, about.lines).T
+        return np.concatenate([F, T], 1)
+
+    return job
+
+
+def with_marker_rows(
+    case: Case, model: kalman.StateSpace, rotation: Array, n: int, axes: Array
+) -> tuple[kalman.StateSpace, Array]:
+    """The model of a flight that measures every coordinate of every marker, about a path of rotations."""
+    body, motion = case.blind.body, case.blind.motion
+    assert body.position is not None
+    assert motion.position is not None
+    center = np.zeros(3) if body.mass_center is None else body.mass_center
+    if body.mass is not None:
+        center = body.mass @ body.position / body.mass.sum()
+    arm = (body.position - center) @ rotation.swapaxes(1, 2)  # (time, node, 3)
+    T, nodes = arm.shape[:2]
+    H = np.zeros((T, nodes, 3, len(model.x0)))
+    H[..., :3] = axes
+    # theta x arm, row by row
+    for row, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        H[:, :, row, n + i], H[:, :, row, n + j] = arm[..., j], -arm[..., i]
+    R = motion.noise_std["position"] ** 2 * np.eye(3 * nodes)
+    z = (motion.position - arm).reshape(T, -1)
+    return replace(model, H=H.reshape(T, 3 * nodes, -1), R=R), z
 
 
 def spinning(markers: int, frames: int) -> Recording:
@@ -135,12 +177,12 @@ def spinning(markers: int, frames: int) -> Recording:
 
 def of_modes(size: int) -> dict[str, Callable[[], Any]]:
     """Half of the throw of the flexible boomerang with more and more modes kept."""
-    recipe = load_recipe(shipped()["flexible_boomerang"]).model_copy(update={"duration": 0.3})
-    case = case_of("boomerang", flown(to_toml(recipe)), False)
+    case = case_of("boomerang", boomerang(), False)
     return {"smoother, modes kept": asked("modal", "modes", "", model="modal", modes=size).prepare(case)}
 
 
 @cache
-def flown(recipe: str) -> Recording:
-    """The recording of a recipe, flown once."""
-    return simulate(SceneRecipe.model_validate(tomllib.loads(recipe)))
+def boomerang() -> Recording:
+    """The recording of that throw, flown once."""
+    recipe = load_recipe(shipped()["flexible_boomerang"])
+    return simulate(recipe.model_copy(update={"duration": 0.3}))

@@ -14,9 +14,6 @@ from evidence.written import tabled
 
 NEAR = 1.25  # times the error of the best point: where default settings are to be
 MEMORY = "Memory is the peak of what Python and numpy allocate."
-SIMPLER = (
-    "", "on", "CPU ms", "simpler, ms", "saved", "force error (N)", "simpler", "moment error (N m)", "simpler"
-)  # fmt: skip
 
 Case = Mapping[str, Any]
 
@@ -37,8 +34,6 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
             reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
             parts += [f"## {subject.title}", reading, overview(subject, cases)]
             parts += [part for case in cases for part in of_case(subject, case)]
-    if result["simplifications"]:
-        parts += ["## What simplifications save and lose", simpler(result["simplifications"])]
     if result["cost"]:
         parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -175,16 +170,6 @@ def table(subject: Charted, case: Case) -> str:
     full = [row for row in rows if len(row) == len(heads)]
     kept = [i for i in range(len(heads)) if i < 2 or any(row[i] != "-" for row in full)]
     return tabled([heads[i] for i in kept], [[row[i] for i in kept if i < len(row)] for row in rows])
-
-
-def simpler(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The simplifications."""
-    found = []
-    for r in rows:
-        errors = [number(e) for pair in r["error"].values() for e in pair]
-        times = f"{1e3 * r['exact_s']:.3g}", f"{1e3 * r['simple_s']:.3g}", f"{r['saved']:.2g} times"
-        found.append([f"{r['name']}: {r['about']}", r["case"], *times, *errors])
-    return f"Same flight, same prior (that of the true load), both in turns.\n\n{tabled(SIMPLER, found)}"
 
 
 def grown(costs: Sequence[Mapping[str, Any]]) -> str:

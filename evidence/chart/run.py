@@ -21,7 +21,6 @@ import numpy as np
 import forceid
 from evidence.chart.charted import Charted
 from evidence.chart.cost import costs
-from evidence.chart.simplifications import simplifications
 from evidence.chart.timing import mean_seconds, peak_of, warm_seconds
 from evidence.journal import Journal, key, version
 from evidence.subject import Contestant, Job
@@ -68,16 +67,15 @@ def run(
         found, without = charted(subject, source, extent, journal, said)
         cases.append(found)
         missing |= dict.fromkeys(without)
-    cost, simpler = [], []
+    cost: list[dict[str, Any]] = []
     for subject in general:
-        stamp = stamp_of(subject, "chart.cost", "chart.simplifications")
-        cost = costs(journal, stamp, extent.full, partial(progress, advance, 1 - width, 0.8 * width))
-        simpler = simplifications(journal, stamp, partial(progress, advance, 1 - 0.2 * width, 0.2 * width))
+        said = partial(progress, advance, 1 - width, width)
+        cost = costs(journal, stamp_of(subject, "chart.cost"), extent.full, said)
     return {
         "forceid": forceid.__version__, "engine": engine().name, "extent": asdict(extent), "command": command,
         "date": datetime.now(UTC).strftime("%Y-%m-%d"), "python": platform.python_version(),
         "processor": processor(), "versions": versions(), "missing": list(missing), "cases": cases,
-        "cost": cost, "simplifications": simpler,
+        "cost": cost,
     }  # fmt: skip
 
 

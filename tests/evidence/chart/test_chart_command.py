@@ -20,7 +20,6 @@ def few(monkeypatch, charting):
     chosen = [c for c in [*ours(), *peers()[0]] if c.name in ("smoother", "savgol", "scipy savgol")]
     sweep = {"over": "samples", "sizes": [10, 100], "seconds": {"smoother": [0.1, 1.0]}}
     monkeypatch.setattr(chart, "costs", lambda *a: [sweep | {"exponents": {"smoother": 1.0}}])
-    monkeypatch.setattr(chart, "simplifications", lambda *a: [])
     return charting("flights", chosen, ["statsmodels"])
 
 

@@ -82,7 +82,6 @@ def test_a_contestant_without_answer_is_named_with_its_reason():
     result = {
         "extent": {"seeds": 1, "rounds": 0}, "versions": {}, "command": "c", "date": "d", "forceid": "0",
         "engine": "e", "python": "3", "processor": "p", "missing": ["PyNumDiff"], "cases": [case], "cost": [],
-        "simplifications": [],
     }  # fmt: skip
     text = page(result, CHARTED.values())
     assert "| lost | no answer: no masses |" in text
