@@ -39,9 +39,9 @@ kernels: .venv/test-ready
 bench: .venv-bench/ready
 	.venv-bench/bin/python -m evidence.races -o bench $(BENCH)
 
-# what the estimators reach, into docs/
+# error over bound of flights drawn from their prior
 study: .venv/test-ready
-	$(BIN)/python -m evidence.theory.estimation -o docs
+	$(BIN)/python -m evidence.drawn.strict
 
 # the site, into docs/_build/html; notebooks run when they have changed
 docs: .venv/test-ready

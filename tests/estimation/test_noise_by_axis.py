@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -48,6 +50,20 @@ def test_an_axis_that_is_flat_or_loud_leaves_force_and_claim_in_the_plane_as_the
         assert np.sqrt(np.mean((rms / equal) ** 2)) < 1.2
         assert np.sqrt(np.mean((over / honest) ** 2)) == pytest.approx(1, abs=0.25)
         assert verdict == said
+
+
+@pytest.mark.parametrize("seed", range(RECORDS))
+def test_an_axis_louder_than_the_noise_that_is_stated_for_all_costs_the_others_and_is_said(seed):
+    sigma = 1e-3 * np.random.default_rng(seed).uniform([60, 0.1], [400, 2.0])[1]  # as it is drawn
+    errors, said = [], []
+    for third in (1.0, 10.0):
+        recording, force = thrown(seed, third)
+        motion = replace(recording.motion, noise_std={"center": sigma})
+        found = estimate_recording(replace(recording, motion=motion), load_settings())
+        errors.append(np.sqrt(np.mean((found.force[:, :2] - force) ** 2)))
+        said.append(any(code.startswith("innovations") for code in found.verdict.codes))
+    assert errors[1] > 1.5 * errors[0]
+    assert said == [False, True]
 
 
 def bending(seed, sigma):
