@@ -87,6 +87,13 @@ def written(folder: Path, name: str, text: str) -> Path:
     return folder / name
 
 
+def paged(folder: Path, name: str, title: str, *parts: str) -> None:
+    """A page NAME.md of a title and paragraphs, printed too."""
+    text = "\n\n".join([f"# {title}", *parts]) + "\n"
+    written(folder, f"{name}.md", text)
+    print(text)
+
+
 def pictured(folder: Path, name: str, figure: Any, dpi: int = 160) -> Path:
     """A figure as NAME.png in a folder."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,24 +11,25 @@ Silent: verdict `ok`, and an rms error over the central three quarters of more t
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.written import asked, table, written
-from forceid.config import load_settings
-from forceid.estimation.run import estimate_recording
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated, stacked, told_whole
+from evidence.written import asked, each, paged, table
 from forceid.records import Body, Motion, Recording
 
 OFFSETS = (0.0, 0.002, 0.014, 0.047)  # m
 TOLD = ("total mass", "lumped", "lumped, 2 unmarked")
-GRAVITY = np.array([0.0, 0.0, -9.81])
+SIGMA = 3e-4  # m
 
 
-def drawn(rng: np.random.Generator, offset: float, told: str) -> tuple[Recording, np.ndarray, np.ndarray]:
-    """A recording, its force and its moment (time, 3)."""
+def drawn(rng: np.random.Generator, offset: float, told: str) -> Recording:
+    """A recording with its force and moment."""
     fine, every = np.arange(0, 1.2, 1e-4), 40  # 250 Hz
     size = rng.uniform(0.05, 0.2, 3)
     corners = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3)
@@ -48,7 +49,6 @@ def drawn(rng: np.random.Generator, offset: float, told: str) -> tuple[Recording
     else:
         mass, X = np.full(8, 0.1), X - X.mean(0)
         seen = X
-    E = np.einsum("n,na,nb->ab", mass, X, X)
     w = 2 * np.pi * rng.uniform(0.5, 3.0, (2, 9))
     strain = 0.04 * np.sin(w[0] * fine[:, None] + rng.uniform(0, 6, 9)).reshape(-1, 3, 3)
     spin = rng.uniform(-1, 1, 3)
@@ -57,80 +57,45 @@ def drawn(rng: np.random.Generator, offset: float, told: str) -> tuple[Recording
     F = Rotation.from_rotvec(angle).as_matrix() @ (np.eye(3) + strain)
     c = 0.05 * np.sin(w[1, 3:6] * fine[:, None] + rng.uniform(0, 6, 3))
     c += np.outer(fine, rng.uniform(-1, 1, 3))
-    second_F = CubicSpline(fine, F)(fine[::every], 2)
-    second_c = CubicSpline(fine, c)(fine[::every], 2)
-    t, F, c = fine[::every], F[::every], c[::every]
+    t = fine[::every]
+    second_F, second_c = (CubicSpline(fine, path)(t, 2) for path in (F, c))
+    F, c = F[::every], c[::every]
+    E = np.einsum("n,na,nb->ab", mass, X, X)
     N = np.einsum("tij,jk,tlk->til", second_F, E, F)  # force along i, arm along l
     moment = np.stack([N[:, 2, 1] - N[:, 1, 2], N[:, 0, 2] - N[:, 2, 0], N[:, 1, 0] - N[:, 0, 1]], 1)
-    sigma = 3e-4
-    x = c[:, None] + np.einsum("tab,nb->tna", F, seen) + sigma * rng.standard_normal((len(t), 8, 3))
+    x = c[:, None] + np.einsum("tab,nb->tna", F, seen) + SIGMA * rng.standard_normal((len(t), 8, 3))
     names = tuple("abcdefgh")
-    if told == "total mass":
-        inertia = np.trace(E) * np.eye(3) - E
-        body = Body(names, seen, total_mass=mass.sum(), mass_center=np.zeros(3), inertia=inertia)
-    else:
-        body = Body(names, X, mass)
+    body = told_whole(names, seen, X, mass) if told == "total mass" else Body(names, X, mass)
     if told == "lumped, 2 unmarked":
         x[:, :2] = np.nan
-    motion = Motion(t, x, gravity=GRAVITY, noise_std={"position": sigma})
-    keep = slice(len(t) // 8, -(len(t) // 8))
-    return Recording(body, motion), (mass.sum() * (second_c - GRAVITY))[keep], moment[keep]
+    truth = {"force": mass.sum() * (second_c - GRAVITY), "moment": moment}
+    return Recording(body, Motion(t, x, gravity=GRAVITY, noise_std={"position": SIGMA}), truth)
 
 
-def study(scenes: int, seed: int, model: str) -> list[dict[str, Any]]:
-    """A row an offset and a description: error over claim, coverage, silent."""
-    rows = []
-    for told in TOLD:
-        for offset in OFFSETS:
-            ratio, inside, silent, ok = [], [], 0, 0
-            for scene in range(scenes):
-                rng = np.random.default_rng([seed, scene])
-                recording, force, moment = drawn(rng, offset, told)
-                found = estimate_recording(recording, load_settings(model=model))
-                keep = slice(len(found.time) // 8, -(len(found.time) // 8))
-                each = []
-                for value, std, truth in (
-                    (found.force, found.force_std, force),
-                    (found.moment, found.moment_std, moment),
-                ):
-                    off, std = (value[keep] - truth), std[keep]
-                    each.append(float(np.sqrt((off**2).mean() / (std**2).mean())))
-                    inside.append(float((np.abs(off) < 1.96 * std).mean()))
-                ratio.append(each)
-                good = found.verdict.level == "ok"
-                ok += good
-                silent += good and max(each) > 2
-            force_ratio, moment_ratio = np.sqrt((np.array(ratio) ** 2).mean(0))
-            rows.append(
-                {
-                    "body told by": told, "offset (mm)": f"{1e3 * offset:.0f}",
-                    "force, error over claim": f"{force_ratio:.2f}",
-                    "moment, error over claim": f"{moment_ratio:.2f}",
-                    "95 % interval holds (%)": f"{100 * np.mean(inside):.1f}", "ok": f"{ok} of {scenes}",
-                    "silently wrong": str(silent),
-                }
-            )  # fmt: skip
-            print(rows[-1], flush=True)
-    return rows
-
-
-def page(rows: list[dict[str, Any]], command: str) -> str:
-    """What was done, and every row."""
-    return f"""# Affine bodies with markers off the mass center
-
-`{command}`
-
-{(__doc__ or "").split("]", 2)[2].strip()}
-
-{table(rows)}
-"""
+def row(kind: tuple[str, float], scenes: int, seed: int, model: str) -> dict[str, Any]:
+    """An offset and a description: error over claim, coverage, silent."""
+    told, offset = kind
+    draws = (drawn(np.random.default_rng([seed, scene]), offset, told) for scene in range(scenes))
+    scores = [estimated(draw, model=model) for draw in draws]
+    ratio = np.array([[s.over_claim(FORCE), s.over_claim(MOMENT)] for s in scores])
+    ok = np.array([s.verdict == "ok" for s in scores])
+    force, moment = np.sqrt((ratio**2).mean(0))
+    return {
+        "body told by": told, "offset (mm)": f"{1e3 * offset:.0f}", "force, error over claim": f"{force:.2f}",
+        "moment, error over claim": f"{moment:.2f}",
+        "95 % interval holds (%)": f"{100 * stacked(scores, 'inside').mean():.1f}",
+        "ok": f"{ok.sum()} of {scenes}", "silently wrong": str((ok & (ratio.max(1) > 2)).sum()),
+    }  # fmt: skip
 
 
 def main() -> None:
     """Draw, estimate, and write the page."""
     given = asked("evidence.drawn.affine_offsets", __doc__, scenes=8, seed=0, model="affine")
-    rows = study(given.scenes, given.seed, given.model)
-    written(given.output, "affine_offsets.md", page(rows, given.command))
+    work = partial(row, scenes=given.scenes, seed=given.seed, model=given.model)
+    rows = list(each(work, list(product(TOLD, OFFSETS)), 1))
+    what = (__doc__ or "").split("]", 2)[2].strip()
+    title = "Affine bodies with markers off the mass center"
+    paged(given.output, "affine_offsets", title, f"`{given.command}`", what, table(rows))
 
 
 if __name__ == "__main__":

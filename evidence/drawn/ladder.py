@@ -11,14 +11,15 @@ The judge of a level is its own estimate beside that of the level the scene was 
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections import Counter
+from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, central
 from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
@@ -28,7 +29,6 @@ from forceid.estimation.model_choice.levels import Step
 from forceid.flight.smoother import FlightState
 from forceid.records import Body, Motion, Recording, deviation
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
 FRAMES, RATE = 300, 500.0
 NOISE = (0.03e-3, 0.1e-3, 0.3e-3, 1e-3)  # m
 LEVELS = ("rigid", "affine", "modal 1", "modal 3", "modal 6")
@@ -36,6 +36,7 @@ SIZE = (2.0e-3, 1.2e-3, 0.7e-3, 0.4e-3, 0.25e-3, 0.15e-3)  # m rms of a marker, 
 FREQUENCY = (17.0, 23.0, 31.0, 37.0, 43.0, 53.0)  # Hz
 STRAIN = (0.03, 0.02, 0.04, 0.02, 0.03, 0.025)
 STENCIL = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+STEP = 2e-4  # s, of the stencil
 
 
 def body() -> Body:
@@ -48,25 +49,20 @@ def body() -> Body:
 
 def shapes(level: str) -> Any:
     """Shapes (mode, node, 3) of a level: strains, or modes in the mass gauge, of one meter rms."""
-    known = body()
-    X, m = known.position, known.mass
-    if level == "rigid":
-        return np.zeros((0, 12, 3))
+    X, m = body().position, body().mass
     if level == "affine":
-        pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
-        units = [np.outer(np.eye(3)[a], np.eye(3)[b]) for a, b in pairs]
+        units = (np.outer(*np.eye(3)[list(k)]) for k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)))
         return np.array([X @ (0.5 * (E + E.T)) for E in units])
     rng = np.random.default_rng(11)
     turn = np.cross(np.eye(3)[None], X[:, None]).swapaxes(1, 2)
-    rigid = np.concatenate([np.tile(np.eye(3), (12, 1, 1)), turn], 2).reshape(36, 6)
-    weight = np.repeat(m, 3)
-    found: list[Any] = []
-    for _ in range(int(level.split()[1])):
+    base = np.concatenate([np.tile(np.eye(3), (12, 1, 1)), turn], 2).reshape(36, 6)
+    weight, found = np.repeat(m, 3), []
+    for _ in range(0 if level == "rigid" else int(level.split()[1])):
         waves = 2 * rng.standard_normal((3, 3))
         v = (((X / 0.1) @ waves.T) ** 2 @ rng.standard_normal((3, 3))).ravel()
-        base = np.column_stack([rigid, *found]) if found else rigid
         v = v - base @ np.linalg.solve(base.T @ (weight[:, None] * base), base.T @ (weight * v))
         found.append(v / np.sqrt((v**2).sum() / 12))
+        base = np.column_stack([base, found[-1]])
     return np.array(found).reshape(-1, 12, 3)
 
 
@@ -80,36 +76,27 @@ def center_at(t: Any) -> tuple[Any, Any]:
 
 
 def arms_at(t: Any, level: str, seed: int) -> Any:
-    """Nodes about the mass center (time, node, 3), world axes, and the rotation of the mean axes."""
+    """Nodes about the mass center (time, node, 3), world axes."""
     phi = 0.3 + 8 * np.pi * t + 0.3 * np.sin(2 * np.pi * 1.5 * t)
     angles = np.column_stack([0.4 + 1.5 * t, 0.6 + 0.2 * np.sin(9 * t), phi])
-    R = Rotation.from_euler("ZXZ", angles).as_matrix()
-    patterns = shapes(level)
     s = np.tile(body().position, (len(t), 1, 1))
     rng = np.random.default_rng(1000 + seed)  # a different phase in every record
     size = STRAIN if level == "affine" else SIZE
-    for k, pattern in enumerate(patterns):
-        scale = size[k] * np.sqrt(2)
+    for k, pattern in enumerate(shapes(level)):
         wave = 2 * np.pi * FREQUENCY[k] * rng.uniform(0.95, 1.05) * t + rng.uniform(0, 2 * np.pi)
-        s = s + scale * np.sin(wave)[:, None, None] * pattern
-    return np.einsum("tab,tnb->tna", R, s), R
+        s = s + size[k] * np.sqrt(2) * np.sin(wave)[:, None, None] * pattern
+    return np.einsum("tab,tnb->tna", Rotation.from_euler("ZXZ", angles).as_matrix(), s)
 
 
 def scene(level: str, noise: float, seed: int) -> Recording:
     """Markers of a scene with noise, and the wrench that moved it."""
     known, t = body(), np.arange(FRAMES) / RATE
-    c, a = center_at(t)
-    step = 2e-4
-    rho, R = arms_at(t, level, seed)
-    far = sum(w * arms_at(t + (i - 4) * step, level, seed)[0] for i, w in enumerate(STENCIL)) / step**2
-    truth = {
-        "force": known.mass.sum() * (a - GRAVITY),
-        "moment": np.einsum("n,tna->ta", known.mass, np.cross(rho, far)),
-        "center": c,
-        "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
-    }
+    (c, a), rho = center_at(t), arms_at(t, level, seed)
+    far = sum(w * arms_at(t + (i - 4) * STEP, level, seed) for i, w in enumerate(STENCIL)) / STEP**2
+    moment = np.einsum("n,tna->ta", known.mass, np.cross(rho, far))
     x = c[:, None] + rho + noise * np.random.default_rng(seed).standard_normal(rho.shape)
-    return Recording(known, Motion(t, x, gravity=GRAVITY, noise_std={"position": noise}), truth)
+    motion = Motion(t, x, gravity=GRAVITY, noise_std={"position": noise})
+    return Recording(known, motion, {"force": known.mass.sum() * (a - GRAVITY), "moment": moment})
 
 
 def ladder_to(level: str) -> list[tuple[str, dict[str, Any]]]:
@@ -125,11 +112,11 @@ def expected_error(one: FlightState, other: FlightState) -> float:
 
     By what both claim, and by how far they are apart beyond what chance explains.
     """
-    inner, std = slice(FRAMES // 8, -(FRAMES // 8)), deviation(other.wrench_cov)
+    std = deviation(other.wrench_cov)
     off = np.concatenate([one.force - other.force, one.moment - other.moment], 1)
-    apart, claimed = (((a / std) ** 2)[inner] for a in (off, deviation(one.wrench_cov)))
+    apart, claimed = (central((a / std) ** 2) for a in (off, deviation(one.wrench_cov)))
     found = []
-    for load in (slice(3), slice(3, 6)):
+    for load in (FORCE, MOMENT):
         d, v = float(apart[:, load].mean()), float(claimed[:, load].mean())
         found.append(v + max(d - abs(1 - v), 0.0))
     return float(np.sqrt(max(found)))
@@ -137,14 +124,14 @@ def expected_error(one: FlightState, other: FlightState) -> float:
 
 def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str, float]]:
     """The first level with an error of at most 1.1 times that of the true one, and those before it."""
-    steps = ladder_to(level)
+    (*steps, (_, own)), engine = ladder_to(level), kalman.engine("auto")
 
     def estimate(settings: dict[str, Any]) -> FlightState:
-        level, passes = load_settings(lines="none", **settings), kalman.engine("auto")
-        return estimate_flight(recording.body, recording.motion, level, passes).state
+        chosen = load_settings(lines="none", **settings)
+        return estimate_flight(recording.body, recording.motion, chosen, engine).state
 
-    truth, off = estimate(steps[-1][1]), {}
-    for name, settings in steps[:-1]:
+    truth, off = estimate(own), {}
+    for name, settings in steps:
         off[name] = expected_error(estimate(settings), truth)
         if off[name] <= 1.1:
             return name, off
@@ -153,19 +140,17 @@ def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str
 
 def taken(recording: Recording) -> tuple[str, str, float]:
     """The level that the ladder takes, the one that explains the motion best, and seconds of CPU."""
-    settings = load_settings(lines="none")
-    engine = kalman.engine("auto")
-    began = time.process_time()
+    settings, engine = load_settings(lines="none"), kalman.engine("auto")
+    body, motion, began = recording.body, recording.motion, time.process_time()
 
     def solve(level: Settings) -> Solution:
-        return estimate_flight(recording.body, recording.motion, level, engine)
+        return estimate_flight(body, motion, level, engine)
 
-    choice, _ = climb(recording.body, recording.motion, settings, engine, solve)
+    choice, _ = climb(body, motion, settings, engine, solve)
     spent = time.process_time() - began
     if choice.level is None:
         return choice.model, choice.model, spent
-    most = max(choice.steps, key=lambda step: step.evidence)
-    return named(choice.level), named(most), spent
+    return named(choice.level), named(max(choice.steps, key=lambda step: step.evidence)), spent
 
 
 def named(step: Step) -> str:
@@ -181,32 +166,28 @@ def case(job: tuple[str, float, int]) -> dict[str, Any]:
     return {"job": job, "taken": level, "most": most, "enough": enough, "off": off, "seconds": spent}
 
 
-def main() -> int:
+def main() -> None:
     """A table of the records in which the ladder took the smallest sufficient level."""
     args = asked("evidence.drawn.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
-    jobs = [(level, noise, seed) for seed in range(args.seeds) for level in LEVELS for noise in NOISE]
+    jobs = [(level, noise, seed) for seed, level, noise in product(range(args.seeds), LEVELS, NOISE)]
     cases = list(each(case, jobs, args.jobs))
-    rows = []
+    missed, rows = [c for c in cases if c["taken"] != c["enough"]], []
     for level in LEVELS:
-        cells, names = [], Counter()
-        for noise in NOISE:
-            these = [c for c in cases if c["job"][:2] == (level, noise)]
-            cells.append(f"{sum(c['taken'] == c['enough'] for c in these)}/{len(these)}")
-            names.update(c["taken"] for c in these)
+        own = [c for c in cases if c["job"][0] == level]
+        right = (sum(c["taken"] == c["enough"] for c in own if c["job"][1] == noise) for noise in NOISE)
+        names = Counter(c["taken"] for c in own)
         said = ", ".join(f"{name} {count}" for name, count in sorted(names.items()))
-        rows.append([level, *cells, said])
+        rows.append([level, *(f"{count}/{len(own) // len(NOISE)}" for count in right), said])
     print(tabled(("true level", *(f"{1e3 * noise:g} mm" for noise in NOISE), "levels taken"), rows))
-    right = sum(c["taken"] == c["enough"] for c in cases)
-    explained = sum(c["most"] == c["job"][0] for c in cases)
+    right, every = len(cases) - len(missed), len(cases)
     seconds = np.median([c["seconds"] for c in cases])
-    print(f"\nsmallest sufficient level: {right} of {len(cases)} ({100 * right / len(cases):.1f} %)")
+    print(f"\nsmallest sufficient level: {right} of {every} ({100 * right / every:.1f} %)")
+    explained = sum(c["most"] == c["job"][0] for c in cases)
     print(f"true level of most evidence: {explained}; median {seconds:.2f} s of CPU with the flight")
-    for c in cases:
-        if c["taken"] != c["enough"]:
-            near = {name: round(value, 2) for name, value in c["off"].items()}
-            print("missed:", c["job"], "took", c["taken"], "most", c["most"], "enough", c["enough"], near)
-    return 0
+    for c in missed:
+        near = {name: round(value, 2) for name, value in c["off"].items()}
+        print("missed:", c["job"], "took", c["taken"], "most", c["most"], "enough", c["enough"], near)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -12,21 +12,19 @@ at the start.
 from __future__ import annotations
 
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.written import asked
-from forceid.config import load_settings
-from forceid.errors import EstimationError
-from forceid.estimation.run import estimate_recording
+from evidence.drawn.scored import FORCE, MOMENT, Score, estimated, pooled
+from evidence.written import asked, each, tabled
 from forceid.scenes.recipe import SceneRecipe, simulate
 
 SINES, HIGHEST = 24, 12.0  # Hz
-FORCE, MOMENT, RATE = 1.0, 0.03, 20.0  # N, N m, 1/s
+SIZES = {"force": 1.0, "moment": 0.03}  # N, N m
+RATE = 20.0  # 1/s
 SECONDS, CLOCK, FRAMES = 0.6, 400.0, 100.0  # s, Hz, Hz of the markers
 HALF = np.pi * FRAMES  # rad/s: half a turn a frame
 BIASES = {"specific_force_bias": 0.3, "angular_velocity_bias": 0.05}
@@ -56,62 +54,46 @@ def drawn(size: float, rng: np.random.Generator) -> list[dict[str, Any]]:
     ]
 
 
-def one_flight(name: str, seed: int) -> tuple[Any, ...]:
-    """Mean squared error and claimed variance (force, moment), coverage, verdict and its reasons."""
+def one_flight(job: tuple[str, int]) -> Score:
+    """A flight of a row, estimated."""
+    name, seed = job
     given, rng = dict(ROWS[name]), np.random.default_rng(1000 + seed)
     sensors, told = given.pop("sensors", True), given.pop("noise_std", {})
-    rate = CLOCK if sensors else FRAMES
-    every = int(CLOCK / FRAMES) if sensors else 1
-    loads = {"force": drawn(FORCE, rng), "moment": drawn(MOMENT, rng)}
+    given |= {"marker_every": int(CLOCK / FRAMES) if sensors else 1}
+    loads = {load: drawn(size, rng) for load, size in SIZES.items()}
     recording = simulate(
         SceneRecipe(
-            scene="instrumented", duration=SECONDS, sample_rate=rate, noise_std=5e-4, seed=seed,
-            parameters=loads | {"marker_every": every} | given,
+            scene="instrumented", duration=SECONDS, sample_rate=CLOCK if sensors else FRAMES, noise_std=5e-4,
+            seed=seed, parameters=loads | given,
         )
     )  # fmt: skip
     if not sensors:
         bare = replace(recording.motion, angular_velocity=None, specific_force=None)
         recording = replace(recording, motion=bare)
-    try:
-        found = estimate_recording(recording, load_settings(noise_std=told, lines="none"))
-    except EstimationError as e:
-        return np.full(2, np.nan), np.full(2, np.nan), np.full(2, np.nan), "refused", (str(e),)
-    truth = np.stack([recording.truth["force"], recording.truth["moment"]], 1)
+    turn = None
     if not given.get("markers", True):
-        truth = truth @ Rotation.from_quat(recording.truth["orientation"][0]).as_matrix()
-    n = len(truth)
-    middle = slice(n // 8, n - n // 8)
-    error = (np.stack([found.force, found.moment], 1) - truth)[middle]
-    var = np.diagonal(found.wrench_cov, axis1=1, axis2=2)[middle].reshape(-1, 2, 3)
-    held = (error**2 < 1.959964**2 * var).mean((0, 2))
-    verdict = found.verdict
-    return (error**2).mean((0, 2)), var.mean((0, 2)), held, verdict.level, verdict.reasons
+        turn = Rotation.from_quat(recording.truth["orientation"][0]).as_matrix()
+    return estimated(recording, turn, noise_std=told, lines="none")
 
 
 def main() -> int:
     """Print the table."""
     given = asked("evidence.drawn.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(ROWS))
-    print("| | F rmse, N | over claim | 95 % hold | T rmse, N m | over claim | 95 % hold | verdicts |")
-    print("|---|---|---|---|---|---|---|---|")
-    with ProcessPoolExecutor(given.jobs) as pool:
-        for name in given.only:
-            flights = list(pool.map(one_flight, [name] * given.seeds, range(given.seeds)))
-            square, claimed, held = (np.array([f[i] for f in flights]) for i in range(3))
-            cells = []
-            for i in (0, 1):
-                error, claim = np.nanmean(square[:, i]), np.nanmean(claimed[:, i])
-                cells += [
-                    f"{np.sqrt(error):.3g}",
-                    f"{np.sqrt(error / claim):.2f}",
-                    f"{100 * np.nanmean(held[:, i]):.1f}",
-                ]
-            levels = [f[3] for f in flights]
-            said = ", ".join(
-                f"{levels.count(level)} {level}" for level in ("ok", "degraded", "refused") if level in levels
-            )
-            print(f"| {name} | {' | '.join(cells)} | {said} |", flush=True)
-            for text in sorted({reason[:100] for f in flights for reason in f[4]}):
-                print(f"    {name}: {text}", file=sys.stderr, flush=True)
+    jobs = [(name, seed) for name in given.only for seed in range(given.seeds)]
+    flights, rows = list(each(one_flight, jobs, given.jobs)), []
+    for k, name in enumerate(given.only):
+        own = flights[k * given.seeds : (k + 1) * given.seeds]
+        cells = []
+        for of in (FORCE, MOMENT):
+            error, over, held = pooled(own, of)
+            cells += [f"{error:.3g}", f"{over:.2f}", f"{100 * held:.1f}"]
+        levels = [score.verdict for score in own]
+        said = (f"{levels.count(v)} {v}" for v in ("ok", "degraded", "refused") if v in levels)
+        rows.append([name, *cells, ", ".join(said)])
+        for text in sorted({reason[:100] for score in own for reason in score.reasons}):
+            print(f"    {name}: {text}", file=sys.stderr)
+    over = "over claim", "95 % hold"
+    print(tabled(("", "F rmse, N", *over, "T rmse, N m", *over, "verdicts"), rows))
     return 0
 
 

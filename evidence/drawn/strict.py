@@ -11,7 +11,6 @@ from integration of its own; no code is shared with the estimator.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, Score, pooled, scored, stacked
 from evidence.written import asked, each
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
@@ -33,7 +33,6 @@ RATE, SECONDS, NOISE = 500.0, 0.6, 3e-4  # Hz, s, m
 STD_F, RATE_F = np.array([1.3, 2.3, 0.9]), 20.0  # N, 1/s
 STD_T, RATE_T = np.array([0.12, 0.09, 0.08]), 60.0  # N m, 1/s
 SUBSTEPS = 20  # of the load's path, a sample
-GRAVITY = np.array([0.0, 0.0, -9.81])
 MARKED = [0, 3, 8, 9, 14]
 BOUND_F, BOUND_T = 0.05536, 0.01127  # N, N m: principal equations 5.7
 
@@ -51,98 +50,71 @@ def shape() -> tuple[Any, Any]:
     return m, X - m @ X / m.sum()
 
 
-def matern_path(
-    std: Any, rate: float, step: float, samples: int, rng: np.random.Generator
-) -> tuple[Any, Any]:
-    """A Matern 3/2 load (sample, 3) and its rate, drawn exactly on a grid: stationary from the start."""
-    A = np.array([[0.0, 1.0], [-(rate**2), -2 * rate]])
+MASS, PLACE = shape()
+INERTIA = (MASS @ (PLACE**2).sum(1)) * np.eye(3) - PLACE.T @ (MASS[:, None] * PLACE)
+
+
+def matern_path(std: Any, rate: float, time: Any, rng: np.random.Generator) -> CubicHermiteSpline:
+    """A Matern 3/2 load (sample, 3), drawn exactly on a grid: stationary from the start."""
     stationary = np.diag([1.0, rate**2])
-    F = expm(A * step)
+    F = expm(np.array([[0.0, 1.0], [-(rate**2), -2 * rate]]) * time[1])
     root = np.linalg.cholesky(stationary - F @ stationary @ F.T)
-    x = np.empty((samples, 2, 3))
+    x = np.empty((len(time), 2, 3))
     x[0] = np.sqrt(stationary) @ rng.standard_normal((2, 3))
-    for k in range(samples - 1):
+    for k in range(len(time) - 1):
         x[k + 1] = F @ x[k] + root @ rng.standard_normal((2, 3))
-    return x[:, 0] * std, x[:, 1] * std
+    return CubicHermiteSpline(time, x[:, 0] * std, x[:, 1] * std)
 
 
 def drawn_flight(seed: int) -> tuple[Any, Any, Any, Any]:
     """Times, marker tracks with noise (time, marker, 3), and the true force and moment (time, 3)."""
     rng = np.random.default_rng(seed)
-    m, X = shape()
-    J = (m @ (X**2).sum(1)) * np.eye(3) - X.T @ (m[:, None] * X)
-    samples = int(SECONDS * RATE) + 1
-    fine = np.arange((samples - 1) * SUBSTEPS + 1) / RATE / SUBSTEPS
-    F, dF = matern_path(STD_F, RATE_F, fine[1], len(fine), rng)
-    T, dT = matern_path(STD_T, RATE_T, fine[1], len(fine), rng)
-    force, moment = CubicHermiteSpline(fine, F, dF), CubicHermiteSpline(fine, T, dT)
+    fine = np.arange(int(SECONDS * RATE) * SUBSTEPS + 1) / RATE / SUBSTEPS
+    force, moment = matern_path(STD_F, RATE_F, fine, rng), matern_path(STD_T, RATE_T, fine, rng)
     start = Rotation.from_rotvec([np.radians(70), 0, 0]) * Rotation.from_rotvec([0, 0, 0.3])
-    H0 = start.apply(J @ [0.5, -0.3, 20 * np.pi])
-    J_inv = np.linalg.inv(J)
+    H0, J_inv = start.apply(INERTIA @ [0.5, -0.3, 20 * np.pi]), np.linalg.inv(INERTIA)
 
     def rate(t: float, y: Any) -> Any:
         q = y[9:13]
         R = Rotation.from_quat(q).as_matrix()
         w = R @ J_inv @ R.T @ y[6:9]
         spun = 0.5 * np.array([*(q[3] * w + np.cross(w, q[:3])), -w @ q[:3]])
-        return np.concatenate([y[3:6], force(t) / m.sum() + GRAVITY, moment(t), spun])
+        return np.concatenate([y[3:6], force(t) / MASS.sum() + GRAVITY, moment(t), spun])
 
     y0 = np.concatenate([[0, 0, 1.8], [20, 0, 2], H0, start.as_quat()])
     time = fine[::SUBSTEPS]
     y = solve_ivp(rate, (0, time[-1]), y0, "DOP853", time, rtol=1e-10, atol=1e-11, max_step=2 / RATE).y.T
     R = Rotation.from_quat(y[:, 9:13]).as_matrix()
-    x = y[:, None, :3] + np.einsum("tab,nb->tna", R, X[MARKED])
-    return time, x + NOISE * rng.standard_normal(x.shape), F[::SUBSTEPS], T[::SUBSTEPS]
+    x = y[:, None, :3] + np.einsum("tab,nb->tna", R, PLACE[MARKED])
+    return time, x + NOISE * rng.standard_normal(x.shape), force(time), moment(time)
 
 
-@dataclass(frozen=True)
-class Draw:
-    """Mean squared error and claimed variance (force, moment) per axis, coverage of 95 %, and NIS."""
-
-    square: Any
-    claimed: Any
-    covered: Any
-    nis: float
-
-
-def one_draw(seed: int) -> Draw:
+def one_draw(seed: int) -> Score:
     """One flight, smoothed under the prior that it was drawn from; over its central three quarters."""
     time, x, F, T = drawn_flight(seed)
-    m, X = shape()
-    J = (m @ (X**2).sum(1)) * np.eye(3) - X.T @ (m[:, None] * X)
-    pose = fit_pose(x, X[MARKED], np.ones(len(MARKED)), NOISE**2 * np.eye(3 * len(MARKED)))
-    n = len(time)
-    still = (np.tile(J, (n, 1, 1)), np.zeros((n, 3)))
-    flight = Flight(time, pose.center, pose.rotation, pose.cov, float(m.sum()), *still, GRAVITY)
-
-    def prior(std: Any, rate: float, start: Start) -> LoadPrior:
-        return LoadPrior(Tuned(2, std, np.full(3, rate), 1.0, False, 0.0), np.eye(3), start)
-
-    free = prior(STD_F, RATE_F, Start(1e2, 1e2, 0.0))
-    turned = prior(STD_T, RATE_T, Start(1e2, 1e2, 0.0))
-    found = smooth_flight(flight, free, turned, engines.engine())
-    middle = slice(n // 8, n - n // 8)
-    error = np.concatenate([found.force - F, found.moment - T], 1)[middle]
-    var = np.diagonal(found.wrench_cov, axis1=1, axis2=2)[middle]
-    covered = (error**2 < 1.959964**2 * var).mean(0)
-    return Draw((error**2).mean(0), var.mean(0), covered, float(np.nanmean(found.nis[4:])))
+    pose = fit_pose(x, PLACE[MARKED], np.ones(len(MARKED)), NOISE**2 * np.eye(3 * len(MARKED)))
+    still = np.tile(INERTIA, (len(time), 1, 1)), np.zeros((len(time), 3))
+    flight = Flight(time, pose.center, pose.rotation, pose.cov, float(MASS.sum()), *still, GRAVITY)
+    priors = (
+        LoadPrior(Tuned(2, std, np.full(3, rate), 1.0, False, 0.0), np.eye(3), Start(1e2, 1e2, 0.0))
+        for std, rate in ((STD_F, RATE_F), (STD_T, RATE_T))
+    )
+    found = smooth_flight(flight, *priors, engines.engine())
+    return scored(found, F, T, nis=float(np.nanmean(found.nis[4:])))
 
 
 def main() -> int:
     """Print the ratios; 1 where one of them is outside of what the strict test allows."""
     given = asked("evidence.drawn.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
-    seeds = [1000 * given.seed + k for k in range(given.draws)]
-    draws = list(each(one_draw, seeds, given.jobs))
-    square, claimed = (np.array([getattr(d, name) for d in draws]) for name in ("square", "claimed"))
+    draws = list(each(one_draw, [1000 * given.seed + k for k in range(given.draws)], given.jobs))
     passed = True
-    for name, unit, rows, published in (("F", "N", slice(3), BOUND_F), ("T", "N m", slice(3, 6), BOUND_T)):
-        apart = np.sqrt(square[:, rows].mean(1) / claimed[:, rows].mean(1))
-        ratio = float(np.sqrt(square[:, rows].mean() / claimed[:, rows].mean()))
-        bound = float(np.sqrt(claimed[:, rows].mean()))
-        cover = float(np.mean([d.covered[rows] for d in draws]))
+    for name, unit, of, published in (("F", "N", FORCE, BOUND_F), ("T", "N m", MOMENT, BOUND_T)):
+        apart = [d.over_claim(of) for d in draws]
+        bound = float(np.sqrt(stacked(draws, "claimed")[:, of].mean()))
+        _, ratio, cover = pooled(draws, of)
         print(
             f"{name}: bound {bound:.5f} {unit} (published {published}), rmse over bound {ratio:.3f} "
-            f"+- {apart.std() / np.sqrt(len(apart)):.3f}, 95 % intervals cover {100 * cover:.1f} %"
+            f"+- {np.std(apart) / np.sqrt(len(apart)):.3f}, 95 % intervals cover {100 * cover:.1f} %"
         )
         passed &= 0.95 <= ratio <= 1.06
     nis = float(np.mean([d.nis for d in draws]))

@@ -13,8 +13,10 @@ import time as clock
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import h5py
@@ -23,7 +25,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import forceid
-from evidence.written import asked, tabled, written
+from evidence.drawn.scored import QUANTILE, central, rms
+from evidence.subjects.affine.bodies import hat
+from evidence.written import asked, each, paged, tabled
 from forceid.errors import ForceIdError
 from forceid.records import Array
 
@@ -31,6 +35,8 @@ BANDS = (10.0, 30.0, 100.0, 300.0, 600.0)  # Hz, sample rates
 GRAVITY = 9.81
 NOISE = 2e-3, 0.03  # rad/s and m/s2: of a reading, about what parts for a telephone have at 100 Hz
 BIAS = 0.01, 0.1  # rad/s and m/s2: of such a part at one temperature
+SENSORS = ("angular_velocity", "specific_force")
+LOADS = ("force", "moment")
 
 
 @dataclass(frozen=True)
@@ -38,8 +44,8 @@ class Thrown:
     """A throw: what the sensors read (time, 3), the truth in the axes of the body at the first sample.
 
     time (time,) s; force, moment (time, 3) N, N m; mass kg; inertia (3, 3) kg m2; place (3,) m from the mass
-    center; mounting: sensor to body; noise, bias: standard deviations of gyro and accelerometer; known:
-    whether they are stated; kind: of the load, none, or slow in fixed or in body axes; R (time, 3, 3): body
+    center; mounting: sensor to body; noise: deviations of gyro and accelerometer; known: whether they
+    and the biases are stated; kind: of the load, none, or slow in fixed or in body axes; R (time, 3, 3): body
     to those axes.
     """
 
@@ -53,7 +59,6 @@ class Thrown:
     place: Array
     mounting: Rotation
     noise: tuple[float, float]
-    bias: tuple[float, float]
     known: bool
     kind: str
     R: Array
@@ -73,27 +78,21 @@ def draw(rng: np.random.Generator) -> Thrown:
     kind = str(rng.choice(["none", "world", "body"]))
     slow = float(rng.uniform(0.2, min(5.0, rate / 20)))  # Hz: how fast loads change
     strong = 0.0 if kind == "none" else float(np.exp(rng.uniform(np.log(0.03), 0)))
-    largest = float(np.linalg.eigvalsh(inertia)[0])
     push = waves(rng, slow, strong * mass * GRAVITY)
-    twist = waves(rng, slow, strong * largest * 20.0)
+    twist = waves(rng, slow, strong * float(np.linalg.eigvalsh(inertia)[0]) * 20.0)
 
-    def loads(t: Array, R: Array) -> tuple[Array, Array]:
-        """Force and moment in body axes; R (time, 3, 3)."""
-        F, T = push(t), twist(t)
-        if kind == "world":
-            F, T = (np.einsum("tba,tb->ta", R, a) for a in (F, T))
-        return F, T
+    def in_body(load: Callable[[Array], Array], t: Array, R: Array) -> Array:
+        return np.einsum("tba,tb->ta", R, load(t)) if kind == "world" else load(t)
 
     def rates(t: float, y: Array) -> Array:
         R, w = y[:9].reshape(3, 3), y[9:]
-        _, T = loads(np.array([t]), R[None])
-        W = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-        return np.concatenate([(R @ W).ravel(), np.linalg.solve(inertia, T[0] - np.cross(w, inertia @ w))])
+        T = in_body(twist, np.array([t]), R[None])[0]
+        return np.concatenate([(R @ hat(w)).ravel(), np.linalg.solve(inertia, T - np.cross(w, inertia @ w))])
 
     y0 = np.concatenate([np.eye(3).ravel(), spin])
     path = solve_ivp(rates, (0, time[-1]), y0, "DOP853", time, rtol=1e-10, atol=1e-10).y.T
     R, omega = path[:, :9].reshape(-1, 3, 3), path[:, 9:]
-    F, T = loads(time, R)
+    F, T = (in_body(load, time, R) for load in (push, twist))
     alpha = np.linalg.solve(inertia, (T - np.cross(omega, omega @ inertia))[..., None])[..., 0]
     place = rng.uniform(-0.5, 0.5, 3) * edge.min()
     mounting = Rotation.random(random_state=rng)
@@ -106,7 +105,7 @@ def draw(rng: np.random.Generator) -> Thrown:
 
     to_start = (np.einsum("tab,tb->ta", R, a) for a in (F, T))
     return Thrown(
-        time, read(omega, 0), read(pulled, 1), *to_start, mass, inertia, place, mounting, noise, BIAS,
+        time, read(omega, 0), read(pulled, 1), *to_start, mass, inertia, place, mounting, noise,
         bool(rng.random() < 0.5), kind, R,
     )  # fmt: skip
 
@@ -142,9 +141,8 @@ def settings_of(thrown: Thrown) -> dict[str, Any]:
     """What the user states of the sensors: noise and bias, or nothing."""
     if not thrown.known:
         return {}
-    names = ("angular_velocity", "specific_force")
-    stated = dict(zip(names, thrown.noise, strict=True))
-    return {"noise_std": stated | {f"{k}_bias": b for k, b in zip(names, thrown.bias, strict=True)}}
+    stated = dict(zip(SENSORS, thrown.noise, strict=True))
+    return {"noise_std": stated | {f"{k}_bias": b for k, b in zip(SENSORS, BIAS, strict=True)}}
 
 
 @dataclass(frozen=True)
@@ -166,50 +164,52 @@ class Outcome:
 def judge(thrown: Thrown, path: Path) -> Outcome:
     """Estimate a throw from its file, and compare."""
     rate, began = 1 / float(np.diff(thrown.time)[0]), clock.process_time()
-    none = np.full(2, np.nan)
+    off, inside, relative = np.full((3, 2), np.nan)
     try:
         found = forceid.estimate(forceid.open_motion(path), **settings_of(thrown))["estimate"]
     except ForceIdError as error:
-        return Outcome(rate, f"stopped: {error}", none, none, none, clock.process_time() - began)
+        return Outcome(rate, f"stopped: {error}", off, inside, relative, clock.process_time() - began)
     took = clock.process_time() - began
-    cut = len(thrown.time) // 8
-    middle = slice(cut, len(thrown.time) - cut)
-    off, inside, relative = none.copy(), none.copy(), none.copy()
-    for i, name in enumerate(("force", "moment")):
-        truth = getattr(thrown, name)[middle]
-        error = found[name].values[middle] - truth
-        z = error / found[f"{name}_std"].values[middle]
-        off[i], inside[i] = np.sqrt(np.mean(z**2)), np.mean(np.abs(z) < 1.96)
-        if truth.any():
-            relative[i] = np.sqrt(np.mean(error**2) / np.mean(truth**2))
+    for i, name in enumerate(LOADS):
+        truth = getattr(thrown, name)
+        error = found[name].values - truth
+        z = error / found[f"{name}_std"].values
+        off[i], inside[i] = rms(z), np.mean(np.abs(central(z)) < QUANTILE)
+        if central(truth).any():
+            relative[i] = rms(error) / rms(truth)
     return Outcome(rate, str(found.attrs["verdict"]), off, inside, relative, took)
 
 
-PAGE = """# Boxes in flight, seen by a gyro and an accelerometer alone
+def one(k: int, seed: int) -> Outcome:
+    """A throw by its number."""
+    thrown = draw(np.random.default_rng([seed, k]))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "thrown_box.h5"
+        write(path, thrown)
+        return judge(thrown, path)
 
+
+ABOUT = """\
 `{command}` draws boxes of 5 to 40 cm, spins up to 10 rev/s, sample rates from 10 to 600 Hz, 30 to 300
 samples, one sensor at a drawn place and attitude with noise and constant biases of parts for a telephone,
 stated or not, and loads: none, or slow ones in fixed or in body axes. The truth is integrated by DOP853;
 the files hold no marker and no pose. Errors are those of the central three quarters, in the axes of the
 body at the first sample. Silently wrong is a throw with verdict `ok` and force or moment off by more than
-two claims.
-
-{table}
+two claims."""
+READING = """\
 Without stated biases a load that turns with the body is open within 0.08 g of mass, and the claim says so:
 its errors are far below their claims. The error of a whole throw is largely one draw of its biases, so
 single throws lie off their claims by more than a factor of one. Where the path of the rotation does not
 come to rest, the verdict says by how much. Every verdict is `degraded`, as place, speed and the attitude at
-the start are not observable. {slowest}
-"""
+the start are not observable. The slowest throw took {slowest:.0f} s of CPU."""
 
 
-def page(outcomes: Sequence[Outcome], command: str) -> str:
-    """A table by bands of the sample rate, and what it is of."""
+def bands(outcomes: Sequence[Outcome]) -> str:
+    """A table by bands of the sample rate."""
     heads, rows = ["sample rate (Hz)", "throws", "ended", "verdicts", "silently wrong"], []
-    for name in ("force", "moment"):
+    for name in LOADS:
         heads += [f"{name}: error over claim, median and 90 %", "throws within two claims", "error over load"]
-    pairs = [*pairwise(BANDS), (BANDS[0], BANDS[-1])]
-    for low, high in pairs:
+    for low, high in [*pairwise(BANDS), (BANDS[0], BANDS[-1])]:
         mine = [o for o in outcomes if low <= o.rate < high]
         ended = [o for o in mine if not o.said.startswith("stopped")]
         if not ended:
@@ -217,36 +217,24 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
         cells = [f"{low:.0f} to {high:.0f}", f"{len(mine)}", f"{len(ended)}"]
         cells += [", ".join(f"{n} {said}" for said, n in Counter(o.said for o in ended).items())]
         cells += [f"{sum(o.said == 'ok' and o.off.max() > 2 for o in ended)}"]
-        for i in (0, 1):
+        for i in range(len(LOADS)):
             off = np.array([o.off[i] for o in ended])
             median, most = np.quantile(off, [0.5, 0.9])
             relative = [o.relative[i] for o in ended if np.isfinite(o.relative[i])]
             cells += [f"{median:.2f}, {most:.2f}", f"{100 * np.mean(off < 2):.0f} %"]
             cells += [f"{100 * np.median(relative):.1f} %" if relative else "–"]
         rows.append(cells)
-    slowest = f"The slowest throw took {max(o.seconds for o in outcomes):.0f} s of CPU."
-    return PAGE.format(command=command, table=tabled(heads, rows) + "\n", slowest=slowest)
+    return tabled(heads, rows)
 
 
 def main() -> None:
     """Draw, write, estimate, compare, and say what came of it."""
     args = asked("evidence.drawn.thrown_box", __doc__, count=100, seed=0)
-    args.output.mkdir(parents=True, exist_ok=True)
-    outcomes: list[Outcome] = []
-    command = f"OPENBLAS_NUM_THREADS=1 {args.command}"
-    for k in range(args.count):
-        thrown, path = draw(np.random.default_rng([args.seed, k])), args.output / "thrown_box.h5"
-        write(path, thrown)
-        outcomes.append(out := judge(thrown, path))
-        spin = float(np.linalg.norm(thrown.omega[0])) / (2 * np.pi)
-        print(
-            f"{k:3d} {out.rate:5.0f} Hz {len(thrown.time):3d} samples, {spin:4.1f} rev/s, {thrown.kind:5s} "
-            f"stated {thrown.known!s:5} off {out.off.round(2)} inside {out.inside.round(2)} "
-            f"{out.seconds:5.1f} s {out.said}",
-            flush=True,
-        )
-        written(args.output, "thrown_box.md", page(outcomes, command))
-    print(page(outcomes, command))
+    outcomes = list(each(partial(one, seed=args.seed), range(args.count), 1))
+    about = ABOUT.format(command=f"OPENBLAS_NUM_THREADS=1 {args.command}")
+    reading = READING.format(slowest=max(o.seconds for o in outcomes))
+    title = "Boxes in flight, seen by a gyro and an accelerometer alone"
+    paged(args.output, "thrown_box", title, about, bands(outcomes), reading)
 
 
 if __name__ == "__main__":

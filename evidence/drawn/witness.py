@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from evidence.drawn.scored import rms
 from evidence.subjects.flights.bodies import INERTIA, MASS, NODES, Setup, fly
 from evidence.written import asked
 from forceid.config import load_settings
@@ -37,19 +38,8 @@ def recording(seed: int, whole: bool) -> Recording:
     known: dict[str, Any] = {"mass": MASS}
     if whole:
         known = {"total_mass": float(MASS.sum()), "mass_center": np.zeros(3), "inertia": INERTIA}
-    body = Body(NODES, flown.body.position, **known)
-    return Recording(
-        body, Motion(flown.time, x, gravity=flown.gravity, noise_std={"position": noise}), flown.truth
-    )
-
-
-def central(values: np.ndarray) -> np.ndarray:
-    """The central three quarters."""
-    return values[len(values) // 8 : len(values) - len(values) // 8]
-
-
-def rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(central(values) ** 2, axis=0))
+    motion = Motion(flown.time, x, gravity=flown.gravity, noise_std={"position": noise})
+    return Recording(Body(NODES, flown.body.position, **known), motion, flown.truth)
 
 
 def over_best(record: Recording, witness: Any) -> list[float]:
@@ -57,16 +47,15 @@ def over_best(record: Recording, witness: Any) -> list[float]:
     found = []
     for name in ("force", "moment"):
         channel, truth = getattr(plain_route(record.body, record.motion), name), record.truth[name]
-        span = float(np.ptp(channel.time))
-        cuts = 2 ** np.arange(-1, np.log2(0.35 * len(channel.time)), 0.5) / span
-        errors = [
-            rms(SmoothingSpline(channel.time, f).second(channel.z) - truth[channel.frame]) for f in cuts
-        ]
-        found += list(rms(getattr(witness, name) - truth) / np.min(errors, axis=0))
+        cuts = 2 ** np.arange(-1, np.log2(0.35 * len(channel.time)), 0.5) / float(np.ptp(channel.time))
+        paths = (SmoothingSpline(channel.time, cut).second(channel.z) for cut in cuts)
+        errors = [rms(path - truth[channel.frame], 0) for path in paths]
+        found += list(rms(getattr(witness, name) - truth, 0) / np.min(errors, axis=0))
     return found
 
 
 def main() -> None:
+    """Print what it costs and finds, by method."""
     seeds = asked("evidence.drawn.witness", __doc__, page=False, seeds=20).seeds
     spent: list[float] = []
 
@@ -89,8 +78,8 @@ def main() -> None:
             objects += "off-plain-route" in result.verdict.codes
             ratios += over_best(record, witness)
             for name in ("force", "moment"):
-                std = np.sqrt(np.mean(central(getattr(witness, f"{name}_std")) ** 2, axis=0))
-                claims += list(rms(getattr(witness, name) - record.truth[name]) / std)
+                error, std = getattr(witness, name) - record.truth[name], getattr(witness, f"{name}_std")
+                claims += list(rms(error, 0) / rms(std, 0))
         low, middle, high = np.quantile(shares, [0, 0.5, 1])
         cost = f"{middle:.1%} of the estimate ({low:.1%} to {high:.1%})"
         print(f"{method}: {cost}, {objects} of {seeds} objected to")

@@ -1,0 +1,99 @@
+"""A record estimated beside its truth: errors, claims and coverage by component, and how they pool."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from forceid.config import load_settings
+from forceid.errors import EstimationError
+from forceid.estimation.run import estimate_recording
+from forceid.records import Array, Body, Recording
+
+QUANTILE = 1.959964  # of the normal distribution: 95 % lie within
+FORCE, MOMENT = slice(3), slice(3, 6)
+GRAVITY = np.array([0.0, 0.0, -9.81])
+NONE = np.full(6, np.nan)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Means over the judged part of a record, by component of force and moment (6,), NaN where none is known.
+
+    square: of the error squared; claimed: of the variance; inside: of what lies in the 95 % interval.
+    """
+
+    square: Array = field(default_factory=lambda: NONE)
+    claimed: Array = field(default_factory=lambda: NONE)
+    inside: Array = field(default_factory=lambda: NONE)
+    verdict: str = ""
+    reasons: tuple[str, ...] = ()
+    model: str = ""
+    nis: float = np.nan
+    seconds: float = 0.0
+
+    def error(self, of: slice) -> float:
+        """Rms error of the components."""
+        return float(np.sqrt(self.square[of].mean()))
+
+    def over_claim(self, of: slice) -> float:
+        """Rms error over rms claim of the components."""
+        return float(np.sqrt(self.square[of].mean() / self.claimed[of].mean()))
+
+
+def central(values: Array) -> Array:
+    """The central three quarters of a record."""
+    edge = len(values) // 8
+    return values[edge : len(values) - edge]
+
+
+def rms(values: Array, axis: int | None = None) -> Any:
+    """Root mean square over the central three quarters: of all, or along an axis."""
+    return np.sqrt(np.mean(central(values) ** 2, axis=axis))
+
+
+def scored(found: Any, force: Array, moment: Array, **more: Any) -> Score:
+    """What was found of force and moment (time, 3), with `wrench_cov`, beside the truth."""
+    error = central(np.concatenate([found.force - force, found.moment - moment], 1))
+    var = central(np.diagonal(found.wrench_cov, axis1=1, axis2=2))
+    inside = np.where(np.isfinite(error), error**2 <= QUANTILE**2 * var, np.nan)
+    return Score((error**2).mean(0), var.mean(0), inside.mean(0), **more)
+
+
+def estimated(recording: Recording, turn: Array | None = None, **settings: Any) -> Score:
+    """A recording with its truth, estimated and scored; turn (3, 3): of the truth into its axes."""
+    began = process_time()
+    try:
+        found = estimate_recording(recording, load_settings(**settings))
+    except EstimationError as e:
+        return Score(verdict="refused", reasons=(str(e),), seconds=process_time() - began)
+    spent, none = process_time() - began, np.full((len(found.time), 3), np.nan)
+    turn = np.eye(3) if turn is None else turn
+    truth = [recording.truth.get(name, none) @ turn for name in ("force", "moment")]
+    said = found.verdict
+    return scored(
+        found, *truth, verdict=said.level, reasons=said.reasons, model=found.model, seconds=spent,
+        nis=float(np.nanmean(found.nis)) if np.isfinite(found.nis).any() else np.nan,
+    )  # fmt: skip
+
+
+def stacked(scores: Iterable[Score], name: str) -> Array:
+    """One number by component of every score (score, 6)."""
+    return np.array([getattr(score, name) for score in scores])
+
+
+def pooled(scores: Iterable[Score], of: slice) -> tuple[float, float, float]:
+    """Rms error, that over the rms claim, and the share in the 95 % intervals, over all records."""
+    square, claimed, inside = (np.nanmean(stacked(scores, n)[:, of]) for n in ("square", "claimed", "inside"))
+    return float(np.sqrt(square)), float(np.sqrt(square / claimed)), float(inside)
+
+
+def told_whole(names: tuple[str, ...], position: Array, X: Array, mass: Array) -> Body:
+    """A body of masses (node,) at X (node, 3) about their center, told by total mass and inertia alone."""
+    E = np.einsum("n,na,nb->ab", mass, X, X)
+    inertia = np.trace(E) * np.eye(3) - E
+    return Body(names, position, total_mass=mass.sum(), mass_center=np.zeros(3), inertia=inertia)
