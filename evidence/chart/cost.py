@@ -21,7 +21,6 @@ from evidence.subjects.flights.methods import DEFAULT, asked, ours
 from evidence.subjects.flights.peers.entrants import peers
 from evidence.subjects.flights.true_prior import Problem, problem_of
 from forceid import kalman
-from forceid.flight.priors.load import load_rows
 from forceid.flight.smoother import settled
 from forceid.kalman.engines import engine
 from forceid.records import Array, Body, Motion, Recording
@@ -123,8 +122,8 @@ def pass_over(case: Case, problem: Problem, raw: bool) -> Callable[[], Any]:
     def job() -> Array:
         x = kalman.smooth(model, z).x
         end = n + about.chain.shape[1]
-        F = x[:, :n] @ load_rows(n, force.axes, force.lines).T
-        T = x[:, n:end] @ load_rows(end - n, about.axes, about.lines).T
+        F = x[:, :n] @ force.rows.T
+        T = x[:, n:end] @ about.moment.rows.T
         return np.concatenate([F, T], 1)
 
     return job

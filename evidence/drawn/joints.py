@@ -27,7 +27,7 @@ from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.flight.channels import start_of
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman.engines import engine
 from forceid.principal.wrench import transport_matrix

@@ -23,9 +23,9 @@ from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, Score, pooled, scored,
 from evidence.written import asked, each
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.flight.tuning import Tuned
 from forceid.kalman import engines
 from forceid.motion.pose import fit_pose
 
@@ -96,7 +96,7 @@ def one_draw(seed: int) -> Score:
     still = np.tile(INERTIA, (len(time), 1, 1)), np.zeros((len(time), 3))
     flight = Flight(time, pose.center, pose.rotation, pose.cov, float(MASS.sum()), *still, GRAVITY)
     priors = (
-        LoadPrior(Tuned(2, std, np.full(3, rate), 1.0, False, 0.0), np.eye(3), Start(1e2, 1e2, 0.0))
+        LoadPrior(Tuned(Matern(2, std, np.full(3, rate))), np.eye(3), Start(1e2, 1e2, 0.0))
         for std, rate in ((STD_F, RATE_F), (STD_T, RATE_T))
     )
     found = smooth_flight(flight, *priors, engines.engine())

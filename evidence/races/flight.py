@@ -24,9 +24,9 @@ from evidence.races.paired import Answer, Contestant, Goal, Race
 from forceid import kalman
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.flight.tuning import Tuned
 from forceid.motion.pose import fit_pose
 
 STEP, NOISE = 1e-3, 3e-4  # s, m
@@ -163,7 +163,7 @@ def ours(scene: Scene, engine: str) -> Any:
     J, h, weightless = np.tile(scene.inertia, (n, 1, 1)), np.zeros((n, 3)), np.zeros(3)
     flight = Flight(STEP * np.arange(n), pose.center, pose.rotation, pose.cov, scene.mass, J, h, weightless)
     priors = (
-        LoadPrior(Tuned(1, np.full(3, std), np.full(3, rate), 1.0, False, 0.0), np.eye(3), START)
+        LoadPrior(Tuned(Matern(1, np.full(3, std), np.full(3, rate))), np.eye(3), START)
         for std, rate in ((STD_F, RATE_F), (STD_T, RATE_T))
     )
     return smooth_flight(flight, *priors, kalman.engine(engine))

@@ -76,7 +76,7 @@ def tune_and_smooth(time: np.ndarray, z: np.ndarray) -> list[tuple[np.ndarray, n
     # remembered for a fraction of a second, a load needs no constant beside it over so long a record, and
     # without one the gains come to rest
     start = start_of(time, z, 1.0)
-    load = kalman.matern(tuned.order, tuned.std, tuned.rate)
+    load = tuned.kernel.process
     chain = kalman.integrate(kalman.integrate(load, start.first), start.second)
     model = driven(chain, 1.0, tuned.noise**2 * var[:1], drift, np.diff(time))
     row = np.zeros(chain.P0.shape[-1])

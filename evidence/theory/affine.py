@@ -29,7 +29,7 @@ from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import start_of
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import engine
 from forceid.records import Array, Estimate, Recording
 from forceid.report.bands import draw_estimate

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, discretize, integrate, matern, superpose, with_mean
+from forceid.kalman.process import Process, discretize, integrate, superpose, with_mean
 from forceid.records import Array
 
 JITTER = 1e-6  # of a step: far less than any clock keeps, and more than rounding leaves
@@ -58,15 +57,10 @@ class Channel:
         return np.asarray(np.einsum("ai,tab,bi->ti", axes, self.noise_cov, axes))
 
 
-def load_chain(
-    order: int, std: ArrayLike, rate: ArrayLike, start: Start, lines: Sequence[Process] = ()
-) -> Process:
-    """States (Y, H, mean, load, load', ..., lines) of a load: Y' = H, H' = mean + load + lines.
-
-    The load under a Matern prior, each of the lines a resonator.
-    """
-    load = superpose(with_mean(matern(order, std, rate), start.mean), *lines)
-    return integrate(integrate(load, start.first), start.second)
+def load_chain(load: Process, start: Start, lines: Sequence[Process] = ()) -> Process:
+    """States (Y, H, mean, those of the load, lines) of a load: Y' = H, H' = mean + load + lines."""
+    whole = superpose(with_mean(load, start.mean), *lines)
+    return integrate(integrate(whole, start.first), start.second)
 
 
 def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Array) -> StateSpace:

@@ -9,7 +9,7 @@ state. Source: principal equations 4b, 4d, 4f.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -23,8 +23,7 @@ from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_sensors
 from forceid.flight.modes import FlyingModes, bent, gauged
-from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load_rows
-from forceid.kalman.lines import Line
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.motion.pose import log
 from forceid.principal import cross_matrix as skew
@@ -72,16 +71,14 @@ def unsettled(flight: Flight) -> tuple[str, str]:
 class Reference:
     """Where a flight is linearized: rotation (time, 3, 3) and the moment chain (time, state), theta = 0.
 
-    axes (3, 3): of the chain, as columns in world axes; lines: the last states of the chain, two each;
-    force (time, state): the chain of the force, which sensors are linearized about as well, None for none;
-    steady (number,): of the sensors (`Sensors`), modes (time, state): chains of the modes, each None for
-    those that the flight begins with.
+    moment: the prior whose chain it is; force (time, state): the chain of the force, which sensors are
+    linearized about as well, None for none; steady (number,): of the sensors (`Sensors`), modes (time,
+    state): chains of the modes, each None for those that the flight begins with.
     """
 
     rotation: Array
     chain: Array
-    axes: Array = field(default_factory=lambda: np.eye(3))
-    lines: tuple[Line, ...] = ()
+    moment: LoadPrior
     force: Array | None = None
     steady: Array | None = None
     modes: Array | None = None
@@ -93,13 +90,13 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     carrier (time, 3, 3): rotation of the body, for a force that turns with it.
     """
     step = np.diff(flight.time)
-    F, Q, P0 = chain_along(prior, step, carrier)
+    F, Q, P0 = prior.chain(step, carrier)
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
     F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
     u, gravity = np.zeros((len(step), len(P0))), flight.gravity @ prior.axes
     u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
-    u[:, 3:6] = flight.mass * step[:, None] * gravity
+    u[:, MOMENTUM] = flight.mass * step[:, None] * gravity
     x0, H = np.zeros(len(P0)), np.zeros((3, len(P0)))
     if (seen := np.isfinite(flight.center).all(1)).any():
         x0[:3] = flight.center[seen][0] @ prior.axes
@@ -109,8 +106,7 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
 
 def course(flight: Flight, reference: Reference) -> Course:
     """The flight about its reference."""
-    loads = along_world(reference.chain, reference.axes, reference.lines)
-    return course_of(flight, reference.rotation, *loads)
+    return course_of(flight, reference.rotation, *reference.moment.read(reference.chain))
 
 
 def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course:
@@ -129,7 +125,7 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
 def foretold(reference: Reference, F: Array) -> tuple[Array, Array]:
     """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
     load = reference.chain[:-1, 6:, None]
-    Y, H = ((F[:, rows, 6:] @ load)[..., 0] @ reference.axes.T for rows in (slice(0, 3), slice(3, 6)))
+    Y, H = ((F[:, rows, 6:] @ load)[..., 0] @ reference.moment.axes.T for rows in (slice(0, 3), MOMENTUM))
     return Y, H
 
 
@@ -142,7 +138,7 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Course:
     s = np.diff(flight.time)[:, None]
     b, c = 6 * Y / s**2 - 2 * H / s, 3 * H / s**2 - 6 * Y / s**3
     T, dT = (np.concatenate([a, a[-1:]]) for a in (b, 2 * c))
-    return course_of(flight, reference.rotation, reference.chain[:, 3:6] @ reference.axes.T, T, dT)
+    return course_of(flight, reference.rotation, reference.moment.read(reference.chain)[0], T, dT)
 
 
 def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
@@ -157,7 +153,7 @@ def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
 def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
-    F, Q, P0 = chain_along(prior, step, reference.rotation)
+    F, Q, P0 = prior.chain(step, reference.rotation)
     Y, H = foretold(reference, F)
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
@@ -188,8 +184,7 @@ def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) 
     """One load by itself and what is seen of it: the mass center, or the rotation about a reference."""
     if about is None:
         return translation(flight, prior), flight.center
-    new = 2 * (len(prior.lines) - len(about.lines))  # lines at rest, behind those of the reference
-    wider = replace(about, chain=np.pad(about.chain, ((0, 0), (0, new))), lines=prior.lines)
+    wider = replace(about, chain=prior.restated(about.chain, about.moment), moment=prior)
     return rotation(flight, prior, wider), error_angle(flight, about)
 
 
@@ -218,7 +213,7 @@ def linear_flight(
     n, N = len(free.x0), len(model.x0)
     if flight.modes is not None:
         frames, whole = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
-        H, _, _ = along_world(reference.chain, reference.axes, reference.lines)
+        H, _, _ = reference.moment.read(reference.chain)
         model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
         z = np.where(whole, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
@@ -227,7 +222,6 @@ def linear_flight(
     if flight.sensors is None:
         return model, z
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force
-    to_F, to_T = load_rows(n, force.axes, force.lines), load_rows(N - n, reference.axes, reference.lines)
     moved = moved_along(flight, force, replace(reference, force=chain))
     steady = steady_of(flight.sensors, reference)
     seen = sensed(flight.sensors, moved, steady)
@@ -235,9 +229,9 @@ def linear_flight(
     for prior, by, load in ((force, seen.by["F"], moved.F), (moment, seen.by["T"], moved.T)):
         if prior.carried is not None:
             by_theta = by_theta - by @ skew(load)
-    rows = np.concatenate([seen.by["F"] @ to_F, seen.by["T"] @ to_T], 2)
+    rows = np.concatenate([seen.by["F"] @ force.rows, seen.by["T"] @ reference.moment.rows], 2)
     rows[:, :, n : n + 3] += by_theta
-    rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.axes
+    rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.moment.axes
     about = np.concatenate([chain, reference.chain], 1)
     rows, chance = carried(rows, flight.sensors, flight.sensors.clock(steady), (force, moment))
     read = flight.sensors.readings[:, flight.sensors.used]
@@ -269,8 +263,8 @@ def steady_of(sensors: Sensors, reference: Reference) -> Array:
 def moved_along(flight: Flight, force: LoadPrior, reference: Reference) -> Moved:
     """The flight as its sensors meet it along a reference."""
     assert reference.force is not None
-    H, T, dT = along_world(reference.chain, reference.axes, reference.lines)
-    _, F, dF = along_world(reference.force, force.axes, force.lines)
+    H, T, dT = reference.moment.read(reference.chain)
+    _, F, dF = force.read(reference.force)
     J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
     return Moved(
         reference.rotation, H, T, F, flight.mass,

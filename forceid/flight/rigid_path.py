@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
 from forceid.flight.attitude import Course, apply, between, turned
-from forceid.flight.priors.load import LoadPrior, along_world, chain_along, load_rows, pushes
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
@@ -65,7 +65,7 @@ def step_kinds(time: Array) -> tuple[Array, Indices]:
 
 def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, moment: LoadPrior) -> Kinds:
     """The kinds of steps between the times `time`, of each of which `free` is the translation."""
-    F, Q, P0 = chain_along(moment, np.diff(time))
+    F, Q, P0 = moment.chain(np.diff(time))
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     n, m = len(free.x0), len(P0)
     pushed = np.zeros((2, len(F), n + m, 3))
@@ -77,21 +77,34 @@ def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, mo
     moved = P0.any(1) | Q.any((0, 2)) | (F * (1 - np.eye(n + m))).any((0, 2))
     s = np.flatnonzero(moved)
     read = np.zeros((12, n + m))
-    read[:3, :n] = load_rows(n, force.axes, force.lines)
-    read[3:6, n:] = load_rows(m, moment.axes, moment.lines)
+    read[:3, :n], read[3:6, n:] = force.rows, moment.rows
     read[6:9, :3], read[9:, n : n + 3] = force.axes, np.eye(3)
     assert free.u is not None
     u = np.concatenate([free.u, np.zeros((len(F), m))], 1)[:, s]
     x0, H = np.concatenate([free.x0, np.zeros(m)])[s], block_diag(free.H, np.eye(3, m))[:, s]
     loads = np.zeros((15, n + m))
-    loads[:6, :n] = np.concatenate([a.T for a in along_world(np.eye(n), force.axes, force.lines)[:2]])
-    loads[6:, n:] = np.concatenate([a.T for a in along_world(np.eye(m), moment.axes, moment.lines)])
+    loads[:6, :n] = np.concatenate([a.T for a in force.read(np.eye(n))[:2]])
+    loads[6:, n:] = np.concatenate([a.T for a in moment.read(np.eye(m))])
     # contiguous: a product this thin is slow in any other order
     columns = np.ascontiguousarray(loads[:, s].reshape(5, 3, len(s)).swapaxes(1, 2))
     return Kinds(
         which, F[:, s][:, :, s], Q[:, s][:, :, s], u, x0, P0[s][:, s], H, read[:, s], columns,
         np.ascontiguousarray(pushed[:, :, s]), int((s < n).sum()), s[s >= n] - n, m,
     )  # fmt: skip
+
+
+def pushes(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
+    """Rows (step, 3, state), world axes, that read a load over a step, and its rate, out of the chain before
+    it.
+
+    Of the load that changes evenly over the step and does as much to Y and H as the chain's own: a load that
+    oscillates between two samples is not known by its value and rate at the first. F: of the chain, along
+    axes.
+    """
+    s = step[:, None, None]
+    Y, H = F[:, :3].copy(), F[:, MOMENTUM].copy()
+    Y[:, :, :6] = H[:, :, :6] = 0.0
+    return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
 
 
 def loads_of(kinds: Kinds, x: Array, first: int = 0) -> list[Array]:
@@ -162,7 +175,7 @@ def settled_in_lanes(
     R, last = first[0], np.inf
     guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference
     guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
-    guess[1:-1, 3:6] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
+    guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
     for alone in (True, *[False] * ROUNDS):
         chain = guess[:, t:].copy()
         parts = course_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts

@@ -13,6 +13,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.flight.attitude import apply, turned
+from forceid.flight.attitude import turn as turn_along
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
 from forceid.flight.model import (
     Flight,
@@ -22,10 +23,9 @@ from forceid.flight.model import (
     linear_flight,
     steady_of,
     translation,
-    turn,
     unsettled,
 )
-from forceid.flight.priors.load import LoadPrior, along_world, load_rows
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_path import kinds_of, loads_of, settled_in_lanes, step_kinds
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
@@ -129,7 +129,7 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
     P, F, H, T, _ = loads_of(kinds, x)
     body = apply(rot.swapaxes(1, 2), H) - flight.h
     omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
-    reference = Reference(R, chain, moment.axes, moment.lines)
+    reference = Reference(R, chain, moment)
     return FlightState(
         x[:, :3] @ force.axes.T, P / flight.mass, rot, H, omega, F, T, path.wrench_cov, path.pose_cov,
         path.innovation, mean_square(path.innovation), path.log_likelihood, reference,
@@ -216,7 +216,7 @@ def led(
         before = flight.modes.path if reference.modes is None else reference.modes
         modes = before + share * (modes - before)
     R = turned(theta, reference.rotation)
-    return Reference(R, at_rest(chain), moment.axes, moment.lines, pushed, steady, modes)
+    return Reference(R, at_rest(chain), moment, pushed, steady, modes)
 
 
 def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, first: int) -> Array:
@@ -225,7 +225,7 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
     To first order as the linear model says, where the chain before stands for what theta moves: nothing of a
     load that turns with the body, whose states stand in it.
     """
-    smooth, out = chain.shape[1] - 2 * len(prior.lines), chain.copy()
+    smooth, out = prior.vectors, chain.copy()
     v, v0 = (a[:, first:smooth].reshape(len(a), -1, 3) @ prior.axes.T for a in (chain, before))
     if prior.carried is not None:
         v0[:, (6 - first) // 3 :] = 0.0
@@ -239,10 +239,10 @@ def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal:
     path = engine.smooth(translation(flight, force), flight.center)
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
-    P_world, F, _ = along_world(x, force.axes, force.lines)
+    P_world, F, _ = force.read(x)
     none = np.full((len(x), 3), np.nan)
     wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)
-    out = load_rows(x.shape[1], force.axes, force.lines)
+    out = force.rows
     wrench_cov[:, :3, :3] = out @ P @ out.T
     pose_cov[:, :3, :3] = force.axes @ P[:, :3, :3] @ force.axes.T
     return FlightState(
@@ -279,12 +279,11 @@ def read(
     flight = flexed(flight, reference)
     x, rot = path.x, turned(path.x[:, n : n + 3], reference.rotation)
     axes = force.axes
-    P, F, _ = along_world(x[:, :n], axes, force.lines)
+    P, F, _ = force.read(x[:, :n])
     end = n + reference.chain.shape[1]
-    H, T, _ = along_world(x[:, n:end], reference.axes, reference.lines)
+    H, T, _ = reference.moment.read(x[:, n:end])
     read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
-    read_wrench[:, :3, :n] = load_rows(n, axes, force.lines)
-    read_wrench[:, 3:, n:end] = load_rows(end - n, reference.axes, reference.lines)
+    read_wrench[:, :3, :n], read_wrench[:, 3:, n:end] = force.rows, reference.moment.rows
     for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
         if prior.carried is not None:  # turned by what the rotation is off
             read_wrench[:, part, n : n + 3] = -skew(load)
@@ -320,16 +319,16 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     if rate is not None:
         H_body = np.einsum("tij,tj->ti", flight.inertia, rate) + flight.h
         rot = reckoned(time, steps_of(flight, H_body), flight.rotation)
-        chain[:, 3:6] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
-        return Reference(rot, chain, moment.axes, moment.lines)
+        chain[:, MOMENTUM] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
+        return Reference(rot, chain, moment)
     seen = np.isfinite(flight.rotation).all((1, 2))
     t, R, J, h = (a[seen] for a in (time, flight.rotation, flight.inertia, flight.h))
     H = momentum_between(t, R, J, h)[0]
     last = np.clip(np.searchsorted(t, time, "right") - 1, 0, len(H) - 1)
     rot = free_turn(time - t[last], R[last], H[last], J[last], h[last])[0]
     H = np.stack([np.interp(time, 0.5 * (t[1:] + t[:-1]), axis) for axis in H.T], 1)
-    chain[:, 3:6] = H @ moment.axes
-    return Reference(rot, chain, moment.axes, moment.lines)
+    chain[:, MOMENTUM] = H @ moment.axes
+    return Reference(rot, chain, moment)
 
 
 def steps_of(flight: Flight, H: Array) -> Array:
@@ -337,9 +336,8 @@ def steps_of(flight: Flight, H: Array) -> Array:
 
     Without a moment over the step, by the equations of the top: exact for a free one, however far it turns.
     """
-    chain = np.zeros((len(H), 15))
-    chain[:, 3:6] = H
-    return turn(flight, Reference(np.tile(np.eye(3), (len(H), 1, 1)), chain))[0]
+    still = np.zeros_like(H)
+    return turn_along(course_of(flight, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]
 
 
 def at_rest(chain: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -17,8 +17,11 @@ from forceid.flight.channels import (
     start_of,
     stretch,
 )
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import Tuned
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.lines import PATIENCE, Line
+from forceid.kalman.process import matern
 from forceid.kalman.search import maximize
 from forceid.records import Array, Flags
 
@@ -29,22 +32,6 @@ MISSED = 2  # orders in a row that may be no likelier: the search for one may ha
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis
 OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
-
-
-@dataclass(frozen=True)
-class Tuned:
-    """Matern prior of loads: order, std (axis,), rate (axis,) 1/s, and the noise found with it.
-
-    noise (axis,): factor on the stated standard deviation of the measurement; noise_at_limit: on most axes
-    that a load moves the likelihood would have taken a smaller one than allowed.
-    """
-
-    order: int
-    std: Array
-    rate: Array
-    noise: Array
-    noise_at_limit: bool
-    log_likelihood: float
 
 
 def tune_loads(
@@ -59,7 +46,7 @@ def tune_loads(
     engine: Engine | None = None,
     near: Tuned | None = None,
 ) -> Tuned:
-    """Prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
+    """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
     time (time,) s; z (time, axis), NaN = missing; gain: 1/kg for forces and a mass center; noise_var (time,
     axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on its std, one
@@ -85,7 +72,7 @@ def tune_loads(
         total = np.zeros(len(std))
         for t, y, var in runs:
             beside = [line.scaled(np.abs(line.direction[axis])) for line in lines]
-            chain = load_chain(order, std, rate, start_of(t, y, gain), beside)
+            chain = load_chain(matern(order, std, rate), start_of(t, y, gain), beside)
             model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t))
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
@@ -102,14 +89,15 @@ def tune_loads(
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
         at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < 0.05) > 0.5
-        return Tuned(order, *natural(at, order), np.exp(level), bool(at_limit), value)
+        return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])
     first = None
     if near is not None:
-        orders, level = (near.order,), np.clip(np.log(near.noise), *limits)
-        first = (np.clip(points_of(near), *box(near.order)), level)
+        kernel, level = near.kernel, np.clip(np.log(near.noise), *limits)
+        assert isinstance(kernel, Matern)
+        orders, first = (kernel.order,), (np.clip(points_of(kernel), *box(kernel.order)), level)
     elif limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
         (_, level, _), _ = by_axis(lambda same: search(2, limits, None, same), axes)
     found: dict[int, Peak] = {}
@@ -135,9 +123,9 @@ def tune_loads(
     best = tuned(order, at, level, float(value.sum()), ~still if not still.all() else still)
     if still.any():
         # the axes are known to about a hundredth, and by that much of it a load leaks to a still one
-        strong = np.where(still, 0.0, best.std).argmax()
-        std = np.where(still, LEAK * best.std[strong], best.std)
-        best = replace(best, std=std, rate=np.where(still, best.rate[strong], best.rate))
+        strong = np.where(still, 0.0, best.kernel.std).argmax()
+        kernel = best.kernel.of(np.where(still, strong, np.arange(axes)))
+        best = replace(best, kernel=kernel.scaled(np.where(still, LEAK, 1.0)))
     return best
 
 
@@ -178,10 +166,10 @@ def natural(points: Array, order: int) -> tuple[Array, Array]:
     return np.exp(points[..., 0]) / rate ** (order - 0.5), rate
 
 
-def points_of(tuned: Tuned) -> Array:
-    """The search points (axis, 2) of a prior: those whose `natural` it is."""
-    level = np.log(np.maximum(tuned.std, np.finfo(float).tiny)) + (tuned.order - 0.5) * np.log(tuned.rate)
-    return np.stack([level, np.log(tuned.rate)], 1)
+def points_of(kernel: Matern) -> Array:
+    """The search points (axis, 2) of a kernel: those whose `natural` it is."""
+    level = np.log(np.maximum(kernel.std, np.finfo(float).tiny)) + (kernel.order - 0.5) * np.log(kernel.rate)
+    return np.stack([level, np.log(kernel.rate)], 1)
 
 
 def smoothest(evidence: dict[int, float]) -> int:

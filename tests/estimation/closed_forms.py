@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from forceid.flight.channels import Start
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -22,6 +25,11 @@ def star(**known):
     """Six nodes in pairs along the principal axes, each pair a third of the mass, unless told otherwise."""
     position = np.concatenate([np.diag(REACH), -np.diag(REACH)])
     return Body(node=NAMES, position=position, **(known or {"mass": np.full(6, MASS / 6)}))
+
+
+def load_prior(order, std=1.0, rate=1.0):
+    """A Matern load, alike along world axes."""
+    return LoadPrior(Tuned(Matern(order, np.full(3, std), np.full(3, rate))), np.eye(3), Start(1.0, 1.0, 1.0))
 
 
 def points(*nodes):

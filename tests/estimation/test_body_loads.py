@@ -11,8 +11,8 @@ from forceid.estimation.loads.body_axes import carried, evidence
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel, Start
-from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
-from forceid.flight.tuning import Tuned
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.kalman.engines import engine
 from forceid.records import Array
 from forceid.scenes.recipe import SceneRecipe, simulate
@@ -50,14 +50,14 @@ def channel_of(path: Array, seed: int) -> Channel:
 
 
 TRUTH = LoadPrior(
-    Tuned(2, STD, np.full(3, KAPPA), 1.0, False, 0.0), np.eye(3), Start(1e2, 1e2, 0.0), (), np.eye(3)
+    Tuned(Matern(2, STD, np.full(3, KAPPA))), np.eye(3), Start(1e2, 1e2, 0.0), (), np.eye(3)
 )
 
 
 def smoothed(channel: Channel, prior: LoadPrior) -> tuple[Array, Array]:
     """The force (time, 3) and its variance (time, 3), world axes."""
     path = engine().smooth(channel_model(channel, prior, rotation_at(TIME)), channel.moved)
-    rows = load_rows(path.x.shape[1], prior.axes, prior.lines)
+    rows = prior.rows
     return path.x @ rows.T, np.einsum("as,tsr,ar->ta", rows, path.P, rows)
 
 

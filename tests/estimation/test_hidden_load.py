@@ -11,7 +11,7 @@ from forceid.estimation.long.windows import widest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import channel_model
+from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
 from forceid.kalman.lines import candidates, find_line
 from forceid.records import HiddenLoad

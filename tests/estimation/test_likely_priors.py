@@ -7,7 +7,7 @@ from forceid.estimation.loads.hidden import densities
 from forceid.estimation.loads.order_uncertainty import growth_of
 from forceid.estimation.loads.whitened import LONGEST, whitened
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import channel_model, load_rows
+from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
 from forceid.kalman.process import discretize, integrate, matern
 
@@ -45,7 +45,7 @@ def smoothed(channel, prior):
     """The load (time, 3), what its prior claims of it, and what is claimed for all that are likely."""
     model = channel_model(channel, prior)
     path = engine().smooth(model, channel.moved)
-    rows = load_rows(len(model.x0), prior.axes, prior.lines)
+    rows = prior.rows
     along = prior.axes.T @ rows
     var = np.einsum("as,tsr,ar->ta", along, path.P, along)
     grown = var * growth_of(whitened(channel, prior, engine()), var[INNER].mean(0)) ** 2
@@ -74,7 +74,7 @@ def test_of_a_constant_load_the_claim_allows_for_what_would_not_show_and_grows_a
     for times in (0.0, 0.1, 0.2):
         channel = with_load(times, seed=3)
         prior = tune_channel(channel, (1.0, 1.0), ())
-        assert not prior.tuned.std.max() > 1e-3
+        assert not prior.kernel.std.max() > 1e-3
         _, std, claim = smoothed(channel, prior)
         grown.append(float((claim / std)[INNER].max()))
     assert 1.1 < grown[0] < 3.0
@@ -126,4 +126,4 @@ def test_long_records_are_looked_at_in_their_middle():
 def test_a_search_that_misses_the_peak_of_one_order_hides_no_rougher_one():
     for seed in (0, 2, 4, 13):
         channel, _ = drawn(2, seed, samples=480, step=1 / 120, rate=20.0, mass=0.1, sigma=1.5e-4)
-        assert tune_channel(channel, (1.0, 1.0), ()).tuned.order <= 3
+        assert tune_channel(channel, (1.0, 1.0), ()).kernel.order <= 3

@@ -218,9 +218,8 @@ def test_clock_that_is_slow_costs_what_the_budget_says():
 
 def test_load_is_followed_up_to_where_noise_is_as_strong_as_the_prior(rigid):
     _, solution = rigid
-    kin, tuned = solution.kinematics, {"force_order": 1}
-    tuned |= {f"force_{name}_{i}": 0.05 for name in ("std", "rate") for i in (1, 2, 3)}
-    hertz = sn.follows(kin, tuned, "force")
+    kin = solution.kinematics
+    hertz = sn.follows(kin, {"force": cf.load_prior(1, 0.05, 0.05)}, "force")
     w = 2 * np.pi * hertz
     density = 0.05**2 * 2 * 0.05 / (w**2 + 0.05**2)
     assert density == pytest.approx(sn.noise(kin, "force") * w**4 / 200, rel=0.1)

@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.noise import noise_beyond_motion
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import channel_model, load_rows
+from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
 
 
@@ -42,7 +42,7 @@ def force_error(told, path):
     """Root mean square error of the force of a channel (time, 3) along a path (time, 3)."""
     prior = tune_channel(told, (1.0, 1.0), (), (3,))
     x = engine("auto").smooth(channel_model(told, prior), told.moved).x
-    load = x @ load_rows(x.shape[1], prior.axes, prior.lines).T
+    load = x @ prior.rows.T
     truth = np.gradient(np.gradient(path, 0.01, axis=0), 0.01, axis=0)
     return float(np.sqrt(((load - truth)[50:-50] ** 2).mean()))
 

@@ -214,9 +214,9 @@ def test_an_affine_model_of_unmarked_mass_is_limited_where_the_file_knows_modes(
 
 
 def test_a_load_that_kinks_is_said():
-    (found,) = judge_roughness({"force_order": 1.0, "moment_order": 2.0})
+    (found,) = judge_roughness({"force": cf.load_prior(1), "moment": cf.load_prior(2)})
     assert found.text.startswith("the force found kinks")
-    assert judge_roughness({"force_order": 2.0}) == []
+    assert judge_roughness({"force": cf.load_prior(2)}) == []
 
 
 @pytest.mark.parametrize(("size", "said"), [(0.1, False), (0.7, True), (1.0, True)])
@@ -336,8 +336,8 @@ def overlapping(claimed, rate=30.0, std=1.0):
     """Findings on one node that waves at `rate` rad/s, in the gauge of masses that leave it out."""
     recording = cf.waved(cf.toss(body=cf.star(mass=np.array([1, 0, 1, 1, 1, 1.0]) * cf.MASS / 5)), rate=rate)
     kin = seen(recording)
-    tuned = {"force_order": 1.0} | {f"force_{k}_{i}": std for k in ("std", "rate") for i in (1, 2, 3)}
-    return judge_overlap(kin, np.nan_to_num(kin.amplitude), tuned, np.full((120, 3), claimed))
+    priors = {"force": cf.load_prior(1, std, std)}
+    return judge_overlap(kin, np.nan_to_num(kin.amplitude), priors, np.full((120, 3), claimed))
 
 
 def test_vibration_inside_the_band_of_the_force_is_named_where_it_costs_more_than_is_claimed():

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from forceid.flight.channels import Start, load_chain
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
-from forceid.flight.tuning import Tuned
-from forceid.kalman import StateSpace, discretize
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
+from forceid.kalman import StateSpace, discretize, matern
 
 MASS, INERTIA = 0.13, np.diag([3e-4, 5e-4, 7e-4])
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -20,8 +20,8 @@ SPIN = np.array([2.0, 25.0, 4.0])  # rad/s, body axes: about the middle axis, wh
 
 def prior(std, rate, order=2, first=1.0, second=1.0, mean=1e-8, axes=None):
     axes = np.eye(3) if axes is None else axes
-    tuned = Tuned(order, np.full(3, std), np.full(3, rate), 1.0, False, 0.0)
-    return LoadPrior(tuned, axes, Start(second, first, mean))
+    kernel = Matern(order, np.full(3, std), np.full(3, rate))
+    return LoadPrior(Tuned(kernel), axes, Start(second, first, mean))
 
 
 def tumble(time, R0, H, rtol=1e-12):
@@ -77,7 +77,7 @@ def drawn_flight(force, moment, rng, count=120, step=0.005, fine=4):
         path = []
         for axis in range(3):
             start = Start(0.0, 0.0, p.start.mean)
-            chain = load_chain(p.tuned.order, p.tuned.std[axis], p.tuned.rate[axis], start)
+            chain = load_chain(matern(p.kernel.order, p.kernel.std[axis], p.kernel.rate[axis]), start)
             F, Q = discretize(chain, step / fine)
             model = StateSpace(F, Q, chain.output[None], np.zeros((1, 1)), np.zeros(len(F)), chain.P0)
             path.append(draw(model, len(time), rng)[0])

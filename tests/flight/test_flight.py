@@ -11,7 +11,8 @@ from forceid.errors import EstimationError
 from forceid.flight import model as flight_model
 from forceid.flight import smoother as flights
 from forceid.flight.model import Reference, rotation, stack, translation, turn
-from forceid.flight.priors.load import any_force
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import Tuned
 from forceid.flight.smoother import first_reference, smooth_flight
 from forceid.kalman.lines import Line
 
@@ -47,7 +48,7 @@ def driven_top(step, count=12):
     chain = np.zeros((count, 15))
     chain[:, 3:6], chain[:, 12:15] = [H(t) for t in time], TORQUE_RATE
     chain[:, 6:9], chain[:, 9:12] = 0.25 * TORQUE, 0.75 * TORQUE + TORQUE_RATE * time[:, None]
-    return flight_of(time, np.zeros((count, 3)), R), Reference(R, chain), H
+    return flight_of(time, np.zeros((count, 3)), R), Reference(R, chain, MOMENT), H
 
 
 @pytest.mark.parametrize("step", [1e-3, 4e-3])
@@ -150,7 +151,7 @@ def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
         off = exp(np.random.default_rng(6).normal(0, 0.05, (len(flight.time), 3)))
         chain = first.chain.copy()
         chain[:, 3:6] *= 1.1
-        return Reference(off @ first.rotation, chain)
+        return Reference(off @ first.rotation, chain, moment)
 
     monkeypatch.setattr(flights, "first_reference", tilted)
     other = smooth(flight)
@@ -172,7 +173,7 @@ def test_rotating_the_world_rotates_the_estimate(monkeypatch):
         gravity=W @ flight.gravity,
     )
     # three different priors, along axes that turn with the world
-    uneven = replace(MOMENT.tuned, std=np.array([0.02, 0.05, 0.1]), rate=np.array([10.0, 30.0, 50.0]))
+    uneven = Tuned(Matern(2, np.array([0.02, 0.05, 0.1]), np.array([10.0, 30.0, 50.0])))
     force_line = Line(9.0, 0.3, 1e-3, np.array([0.6, 0.0, 0.8]), driven=False)
     moment_line = Line(4.0, 0.02, 2.0, np.array([0.0, 1.0, 0.0]))
     force = replace(FORCE, lines=(force_line,))
@@ -247,7 +248,7 @@ def test_stacked_models_do_not_disturb_each_other():
 
 def test_without_shared_errors_any_prior_of_the_force_leaves_the_same_moment():
     flight, _ = drawn_flight(FORCE, MOMENT, np.random.default_rng(3))
-    full, bare = (smooth(flight, force) for force in (FORCE, any_force(FORCE)))
+    full, bare = (smooth(flight, force) for force in (FORCE, FORCE.plain()))
     np.testing.assert_allclose(bare.moment, full.moment, atol=1e-9 * np.abs(full.moment).max())
     claim, same = (state.wrench_cov[:, 3:, 3:] for state in (full, bare))
     np.testing.assert_allclose(same, claim, atol=1e-9 * claim.max())

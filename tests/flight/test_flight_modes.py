@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight, Reference, flexed, linear_flight, turn
 from forceid.flight.modes import FlyingModes
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.flight.tuning import Tuned
 from forceid.flight.vibration import STATES, Vibration
 from forceid.kalman.engines import engine
 from forceid.motion.frames import Frames
@@ -37,10 +37,10 @@ def flying(time, path, leak, rows, rng=None):
     R, H = np.empty((T, 3, 3)), np.array([0.02, -0.03, 0.12])
     R[0] = Rotation.from_rotvec([0.3, 0.2, 0.1]).as_matrix()
     still = Flight(time, np.zeros((T, 3)), R, np.tile(np.eye(6), (T, 1, 1)), MASS.sum(), J, h, np.zeros(3))
-    chain = np.zeros((T, 12))
+    chain = np.zeros((T, 15))
     chain[:, 3:6] = H
     for k in range(T - 1):  # a step at a time: each begins where the last one ended
-        R[k + 1] = turn(still, Reference(R, chain))[0][k]
+        R[k + 1] = turn(still, Reference(R, chain, prior()))[0][k]
     cov = np.tile(np.diag([1e-8] * 3 + [1e-6] * 3), (T, 1, 1))
     noise = np.zeros((T, 8)) if rng is None else rng.standard_normal((T, 8))
     off = noise[:, :6] * np.sqrt(np.diagonal(cov[0])) + np.einsum("tik,tk->ti", leak, q)
@@ -51,8 +51,8 @@ def flying(time, path, leak, rows, rng=None):
 
 
 def prior(order=2, std=1e-3, axes=None):
-    tuned = Tuned(order, np.full(3, std), np.full(3, 20.0), 1.0, False, 0.0)
-    return LoadPrior(tuned, np.eye(3), Start(1.0, 1.0, 1e-4))
+    kernel = Matern(order, np.full(3, std), np.full(3, 20.0))
+    return LoadPrior(Tuned(kernel), np.eye(3), Start(1.0, 1.0, 1e-4))
 
 
 def smooth_path(time):
@@ -69,7 +69,7 @@ def test_rotation_answers_the_modes_as_the_equations_say():
     flight, R, H = flying(time, path, leak, rows)
     chain = np.zeros((12, 15))
     chain[:, 3:6] = H
-    reference = Reference(R, chain, modes=path)
+    reference = Reference(R, chain, prior(), modes=path)
     model, _ = linear_flight(flight, prior(), prior(), reference)
     theta, own = slice(15, 18), slice(30, 36)
     A, k = VIBRATION.process.A, 5

@@ -19,7 +19,7 @@ from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import smooth_flight
-from forceid.kalman import StateSpace, discretize
+from forceid.kalman import StateSpace, discretize, matern
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 POSITION = np.array([[0.06, 0.01, 0.02], [-0.05, 0.03, -0.01]])
@@ -37,7 +37,7 @@ def chains(p, rng, count, step):
     path = []
     for axis in range(3):
         start = Start(0.0, 0.0, p.start.mean)
-        chain = load_chain(p.tuned.order, p.tuned.std[axis], p.tuned.rate[axis], start)
+        chain = load_chain(matern(p.kernel.order, p.kernel.std[axis], p.kernel.rate[axis]), start)
         F, Q = discretize(chain, step)
         model = StateSpace(F, Q, chain.output[None], np.zeros((1, 1)), np.zeros(len(F)), chain.P0)
         path.append(draw(model, count, rng)[0])

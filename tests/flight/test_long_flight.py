@@ -67,7 +67,7 @@ def test_compiled_steps_are_those_in_numpy(flown, bending):
         )
     about = first_reference(flight, MOMENT)
     chain = about.chain + 1e-3 * np.random.default_rng(1).standard_normal(about.chain.shape)
-    here = course(flight, Reference(about.rotation, chain))
+    here = course(flight, Reference(about.rotation, chain, MOMENT))
     for ours, plain in zip(turning.turn(here), turning.turn_in_numpy(here), strict=True):
         np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-13 * np.abs(plain).max())
 

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from forceid.flight.channels import Start, load_chain, search_box, start_of, stretch
 from forceid.flight.tuning import natural, smoothest, tune_loads
-from forceid.kalman import StateSpace, discretize, log_likelihood
+from forceid.kalman import StateSpace, discretize, log_likelihood, matern
 from forceid.kalman.lines import PATIENCE
 from forceid.kalman.search import maximize
 
@@ -15,7 +15,7 @@ GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
 
 def driven_channel(order, std, rate, seed, time=400, noise=NOISE):
     """Position of a 0.1 kg mass under a force with a Matern prior and no mean, measured with noise."""
-    chain = load_chain(order, std, rate, Start(second=1e-4, first=1e-2, mean=1e-12))
+    chain = load_chain(matern(order, std, rate), Start(second=1e-4, first=1e-2, mean=1e-12))
     F, Q = discretize(chain, STEP)
     start = np.zeros(len(F))
     model = StateSpace(F, Q, GAIN * chain.output[None], np.array([[noise**2]]), start, chain.P0)
@@ -34,7 +34,7 @@ def evidence(time, z, order, std, rate, noise):
     y = z - z[0]
     start, total = start_of(time, y, GAIN), 0.0
     for axis in range(z.shape[1]):
-        chain = load_chain(order, std[axis], rate[axis], start)
+        chain = load_chain(matern(order, std[axis], rate[axis]), start)
         F, Q = discretize(chain, STEP)
         R = np.array([[noise**2]])
         model = StateSpace(F, Q, GAIN * chain.output[None], R, np.zeros(len(F)), chain.P0)
@@ -95,26 +95,27 @@ def test_tuning_recovers_std_rate_and_noise_within_the_sampling_error(seed):
     gained = 2 * (tuned.log_likelihood - evidence(time, z, 2, std, rate, NOISE))
     assert -0.5 < gained < chi2(7).ppf(0.999)
     assert tuned.noise == pytest.approx(0.5, rel=3 / np.sqrt(2 * z.size))
-    np.testing.assert_allclose(np.log(tuned.std / std), 0, atol=0.7)
-    np.testing.assert_allclose(np.log(tuned.rate / rate), 0, atol=0.7)
+    np.testing.assert_allclose(np.log(tuned.kernel.std / std), 0, atol=0.7)
+    np.testing.assert_allclose(np.log(tuned.kernel.rate / rate), 0, atol=0.7)
     assert not tuned.noise_at_limit
 
 
 def test_tuned_likelihood_is_that_of_its_models_and_no_optimizer_finds_more():
     time, z, *_ = three_axes(seed=4, time=200)
     tuned = tune_loads(time, z, GAIN, np.full(z.shape, NOISE**2), np.zeros(3), orders=(2,))
-    assert tuned.log_likelihood == pytest.approx(evidence(time, z, 2, tuned.std, tuned.rate, NOISE), abs=1e-6)
+    found = tuned.kernel
+    assert tuned.log_likelihood == pytest.approx(evidence(time, z, 2, found.std, found.rate, NOISE), abs=1e-6)
     for axis in range(3):
         one = z[:, [axis]] - z[0, axis]
         start = start_of(time, z - z[0], GAIN)
 
         def minus(p, one=one, start=start):
-            chain = load_chain(2, *np.exp(p), start)
+            chain = load_chain(matern(2, *np.exp(p)), start)
             F, Q = discretize(chain, STEP)
             H, R = GAIN * chain.output[None], np.array([[NOISE**2]])
             return -float(log_likelihood(StateSpace(F, Q, H, R, np.zeros(5), chain.P0), one))
 
-        at = np.log([tuned.std[axis], tuned.rate[axis]])
+        at = np.log([found.std[axis], found.rate[axis]])
         best = minimize(minus, at, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3})
         assert minus(at) - best.fun < 0.5  # far below the sampling error of the likelihood
 
@@ -125,16 +126,16 @@ def test_tuning_keeps_the_meaning_of_units():
     noise, still = np.full(z.shape, NOISE**2), np.zeros(3)
     a = tune_loads(time, z, GAIN, noise, still, orders=(2,))
     b = tune_loads(1000 * time, 100 * z, GAIN, 1e4 * noise, still, orders=(2,))
-    np.testing.assert_allclose(b.std, a.std * 1e-4, rtol=1e-6)
-    np.testing.assert_allclose(b.rate, a.rate * 1e-3, rtol=1e-6)
+    np.testing.assert_allclose(b.kernel.std, a.kernel.std * 1e-4, rtol=1e-6)
+    np.testing.assert_allclose(b.kernel.rate, a.kernel.rate * 1e-3, rtol=1e-6)
 
 
 def test_a_record_with_gaps_is_tuned_on_what_is_there():
     time, z, std, rate = three_axes(seed=6)
     z[50:80] = z[200] = np.nan
     tuned = tune_loads(time, z, GAIN, np.full(z.shape, NOISE**2), np.zeros(3), orders=(2,))
-    np.testing.assert_allclose(np.log(tuned.std / std), 0, atol=0.8)
-    np.testing.assert_allclose(np.log(tuned.rate / rate), 0, atol=0.8)
+    np.testing.assert_allclose(np.log(tuned.kernel.std / std), 0, atol=0.8)
+    np.testing.assert_allclose(np.log(tuned.kernel.rate / rate), 0, atol=0.8)
 
 
 def test_noise_at_the_floor_is_reported():
@@ -150,7 +151,7 @@ def test_a_rough_load_is_not_taken_for_a_smooth_one():
     """Of a load of order one, drawn over a long record, the evidence against order three is plain."""
     time, z, *_ = three_axes(order=1, seed=8, time=600, noise=3e-6)
     noise = np.full(z.shape, (3e-6) ** 2)
-    assert tune_loads(time, z, GAIN, noise, np.zeros(3), orders=(1, 3)).order == 1
+    assert tune_loads(time, z, GAIN, noise, np.zeros(3), orders=(1, 3)).kernel.order == 1
 
 
 def test_the_smoothest_order_wins_until_the_evidence_is_against_it():
@@ -164,7 +165,7 @@ def test_an_axis_without_a_varying_load_is_given_a_constant_one():
     quiet = np.random.default_rng(11).standard_normal((len(time), 2)) * NOISE
     z = np.concatenate([quiet, z[:, :1]], 1)
     tuned = tune_loads(time, z, GAIN, np.full(z.shape, NOISE**2), np.zeros(3), orders=(2,))
-    np.testing.assert_allclose(tuned.std[:2], 0.01 * tuned.std[2])
+    np.testing.assert_allclose(tuned.kernel.std[:2], 0.01 * tuned.kernel.std[2])
 
 
 def test_one_wild_sample_does_not_pass_for_a_rough_load():
@@ -173,8 +174,8 @@ def test_one_wild_sample_does_not_pass_for_a_rough_load():
     calm = tune_loads(time, z, GAIN, noise, still, orders=(2,))
     z[200] += 100 * NOISE
     wild = tune_loads(time, z, GAIN, noise, still, orders=(2,))
-    np.testing.assert_allclose(np.log(wild.std / calm.std), 0, atol=0.7)
-    np.testing.assert_allclose(np.log(wild.rate / calm.rate), 0, atol=0.7)
+    np.testing.assert_allclose(np.log(wild.kernel.std / calm.kernel.std), 0, atol=0.7)
+    np.testing.assert_allclose(np.log(wild.kernel.rate / calm.kernel.rate), 0, atol=0.7)
 
 
 def test_search_points_and_natural_numbers_go_over_into_each_other():
@@ -226,7 +227,7 @@ def test_an_axis_with_less_noise_or_more_has_no_say_in_that_of_the_others(third)
         assert uneven.noise[:2] == pytest.approx(0.5, rel=3 / np.sqrt(2 * z[:, :2].size))
         assert uneven.noise[2] == pytest.approx(max(0.5 * third, 0.02), rel=0.25)
         assert not uneven.noise_at_limit
-        np.testing.assert_allclose(np.log(uneven.std / equal.std)[:2], 0, atol=0.3)
+        np.testing.assert_allclose(np.log(uneven.kernel.std / equal.kernel.std)[:2], 0, atol=0.3)
 
 
 def test_frames_that_are_gone_from_a_regular_clock_change_no_likelihood():
@@ -239,9 +240,9 @@ def test_frames_that_are_gone_from_a_regular_clock_change_no_likelihood():
     ticks, steps = (
         tune_loads(time[k], a[k], GAIN, var[k], still, orders=(2,)) for a, k in ((gone, ...), (z, kept))
     )
-    np.testing.assert_allclose(steps.std, ticks.std, rtol=0.02)
-    np.testing.assert_allclose(steps.rate, ticks.rate, rtol=0.02)
-    at = (2, steps.std, steps.rate, NOISE)
+    np.testing.assert_allclose(steps.kernel.std, ticks.kernel.std, rtol=0.02)
+    np.testing.assert_allclose(steps.kernel.rate, ticks.kernel.rate, rtol=0.02)
+    at = (2, steps.kernel.std, steps.kernel.rate, NOISE)
     assert evidence(time, gone, *at) == pytest.approx(steps.log_likelihood, abs=0.05)
 
 
@@ -251,6 +252,6 @@ def test_a_search_that_begins_near_ends_where_one_from_afar_does():
     before = tune_loads(time, z, GAIN, stated, still, (0.02, 10.0))
     z[[40, 90, 91]] = np.nan
     found, near = (tune_loads(time, z, GAIN, stated, still, (0.02, 10.0), near=n) for n in (None, before))
-    assert near.order == found.order
+    assert near.kernel.order == found.kernel.order
     assert near.log_likelihood == pytest.approx(found.log_likelihood, abs=0.1)
     np.testing.assert_allclose(near.noise, found.noise, rtol=0.02)

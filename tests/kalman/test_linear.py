@@ -227,7 +227,7 @@ def test_a_record_without_data_returns_the_prior(engine):
 def test_many_models_at_once_are_each_model_by_itself(engine):
     rng = np.random.default_rng(5)
     time, std, rate = 60, np.array([0.5, 1.0, 3.0, 4.0]), np.array([3.0, 30.0, 100.0, 8.0])
-    chain = load_chain(2, std, rate, Start(1e-2, 1e-2, 1.0))
+    chain = load_chain(kalman.matern(2, std, rate), Start(1e-2, 1e-2, 1.0))
     step = rng.uniform(0.002, 0.006, time - 1)
     F, Q = kalman.discretize(dataclasses.replace(chain, A=chain.A[None], Qc=chain.Qc[None]), step[:, None])
     H = np.broadcast_to(10 * chain.output, (1, 4, 1, 5))
@@ -251,7 +251,7 @@ def test_many_models_at_once_are_each_model_by_itself(engine):
 def test_any_number_of_models_at_once_meets_outliers_as_each_by_itself(models, limit, engine):
     rng, time = np.random.default_rng(models), 300
     std, rate = rng.uniform(0.5, 4.0, models), rng.uniform(3.0, 100.0, models)
-    chain = load_chain(3, std, rate, Start(1e-2, 1e-2, 1.0))
+    chain = load_chain(kalman.matern(3, std, rate), Start(1e-2, 1e-2, 1.0))
     F, Q = kalman.discretize(chain, 0.004)
     H = 10 * chain.output[None, None, None]
     R = np.full((1, models, 1, 1), 1e-7)

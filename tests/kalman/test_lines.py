@@ -8,8 +8,9 @@ from linear_models import draw
 from scipy.spatial.transform import Rotation
 
 from forceid.flight.channels import Channel, Start, driven, load_chain
-from forceid.flight.priors.load import LoadPrior, chain_along, channel_model, load_rows
-from forceid.flight.tuning import Tuned, tune_loads
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
+from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
 from forceid.kalman.lines import Candidate, Line, candidates, evidence, excite, find_line, let_drift, whiten
@@ -21,8 +22,8 @@ TURN = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
 
 
 def prior(lines=(), axes=TURN, order=3):
-    tuned = Tuned(order, np.array([1.0, 2.0, 0.5]), np.array([6.0, 4.0, 8.0]), 1.0, False, 0.0)
-    return LoadPrior(tuned, axes, Start(1e-4, 1e-2, 1e-2), lines)
+    kernel = Matern(order, np.array([1.0, 2.0, 0.5]), np.array([6.0, 4.0, 8.0]))
+    return LoadPrior(Tuned(kernel), axes, Start(1e-4, 1e-2, 1e-2), lines)
 
 
 def channel(z, noise=NOISE):
@@ -35,9 +36,8 @@ def model_of(lines=(), **more):
 
 def recorded(seed, lines=()):
     """Measured positions under loads drawn from the prior, and the true load (time, 3)."""
-    model = model_of(lines)
-    x, z = draw(model, COUNT, np.random.default_rng(seed))
-    return z, x @ load_rows(len(model.x0), TURN, lines).T
+    x, z = draw(model_of(lines), COUNT, np.random.default_rng(seed))
+    return z, x @ prior(lines).rows.T
 
 
 def line(frequency=20.0, std=0.3, bandwidth=1e-4, axis=0, driven=False):
@@ -54,10 +54,10 @@ def test_chain_with_lines_is_that_of_each_axis_by_itself_when_axes_and_direction
     wave = line(axis=1, bandwidth=2.0, driven=True)
     space = channel_model(channel(np.zeros((COUNT, 3))), prior((wave,), axes=np.eye(3)))
     z = draw(space, COUNT, np.random.default_rng(0))[1]
-    tuned, start, total = prior().tuned, prior().start, 0.0
+    kernel, start, total = prior().kernel, prior().start, 0.0
     for axis in range(3):
         beside = [wave.process] if axis == 1 else []
-        chain = load_chain(3, tuned.std[[axis]], tuned.rate[[axis]], start, beside)
+        chain = load_chain(kernel.of(np.array([axis])).process, start, beside)
         var = np.full((COUNT, 1), NOISE**2)
         model = driven(chain, 1 / MASS, var, np.zeros(1), np.diff(TIME)).one(0)
         total += float(log_likelihood(model, z[:, axis]))
@@ -65,7 +65,7 @@ def test_chain_with_lines_is_that_of_each_axis_by_itself_when_axes_and_direction
 
 
 def test_chain_with_lines_keeps_a_covariance_that_is_symmetric_and_positive():
-    _, Q, P0 = chain_along(prior((line(), line(axis=1, bandwidth=3.0, driven=True))), np.array([1e-3, 0.5]))
+    _, Q, P0 = prior((line(), line(axis=1, bandwidth=3.0, driven=True))).chain(np.array([1e-3, 0.5]))
     for cov in (*Q, P0):
         np.testing.assert_allclose(cov, cov.T, atol=1e-12 * cov.max())
         size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
@@ -79,7 +79,7 @@ def test_a_unit_of_any_line_is_read_as_its_direction_wherever_it_stands(carried,
     load = replace(prior(lines, axes=np.eye(3)), carried=carried)
     R = Rotation.from_rotvec(np.outer(9.0 * TIME, [0.2, 0.4, 1.0])).as_matrix()
     model = channel_model(channel(np.zeros((COUNT, 3))), load, R)
-    rows = np.broadcast_to(load_rows(len(model.x0), load.axes, lines, R), (COUNT, 3, len(model.x0)))
+    rows = np.broadcast_to(load.rows_along(R), (COUNT, 3, len(model.x0)))
     for i in range(3):
         unit = np.eye(len(model.x0))[len(model.x0) - 6 + 2 * i]
         wanted = R[:, :, i] if turns else np.tile(np.eye(3)[i], (COUNT, 1))
@@ -200,7 +200,7 @@ def test_load_with_its_line_is_recovered_within_its_claims_and_the_other_axes_lo
         lines = found_in(z)
         for kept, some in ((ratio, lines), (beside, ())):
             model = model_of(some)
-            rows = load_rows(len(model.x0), TURN, some)
+            rows = prior(some).rows
             path = smooth(model, z)
             off = (path.x @ rows.T - truth)[inner]
             var = np.einsum("as,tsr,ar->ta", rows, path.P, rows)[inner]
@@ -220,6 +220,6 @@ def test_smooth_load_is_tuned_beside_a_line_as_if_the_line_were_not_there():
     plain = tune_loads(TIME, quiet @ TURN, 1 / MASS, noise, still, orders=(3,))
     beside = tune_loads(TIME, (quiet + wave) @ TURN, 1 / MASS, noise, still, orders=(3,), lines=share)
     blind = tune_loads(TIME, (quiet + wave) @ TURN, 1 / MASS, noise, still, orders=(3,))
-    off, wrong = (np.abs(np.log(t.rate / plain.rate)).max() for t in (beside, blind))
+    off, wrong = (np.abs(np.log(t.kernel.rate / plain.kernel.rate)).max() for t in (beside, blind))
     assert off < 0.15
     assert wrong > 2 * off

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from forceid.flight.priors.load import swept
+from forceid.flight.priors.body_fixed import swept
 from forceid.motion.free_turn import free_turn
 
 INERTIA = np.diag([1.0, 4.0, 5.0])

@@ -12,9 +12,9 @@ from evidence.subjects.flights.bodies import PLACE, Flown
 from forceid.errors import ForceIdError
 from forceid.flight.channels import start_of
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.flight.tuning import Tuned
 from forceid.kalman.engines import engine
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.pose import fit_pose
@@ -54,8 +54,8 @@ def bound(
         (setup.moment_std * np.ones(3), np.eye(3), turned.time, path, 1.0),
     )
     for std, along, time, z, gain in loads:
-        tuned = Tuned(LOAD_ORDER, std, np.full(3, setup.load_rate), np.ones(3), False, 0.0)
-        priors.append(LoadPrior(tuned, along, start_of(time, z, gain)))
+        kernel = Matern(LOAD_ORDER, std, np.full(3, setup.load_rate))
+        priors.append(LoadPrior(Tuned(kernel), along, start_of(time, z, gain)))
     whole = Flight(
         flight.time, pose.center, pose.rotation, cov, mass, flight.inertia, flight.h, flight.gravity
     )

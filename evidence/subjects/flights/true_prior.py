@@ -25,9 +25,10 @@ from forceid.estimation.instruments.on_flight import with_sensors
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation
-from forceid.flight.tuning import ORDERS, Tuned
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import engine
 from forceid.records import Array
 
@@ -82,7 +83,7 @@ def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
 
     >>> t = np.arange(200) / 100
     >>> tuned, _ = fitted(t, np.outer(np.sin(6 * t), [0.0, 0.0, 2.0]))
-    >>> bool(tuned.std.max() > 0.5), bool(tuned.std.min() < 1e-6)
+    >>> bool(tuned.kernel.std.max() > 0.5), bool(tuned.kernel.std.min() < 1e-6)
     (True, True)
     """
     thin = max(len(time) // ENOUGH, 1)
@@ -107,7 +108,8 @@ def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
         best = value, order, theta
     assert best is not None
     std = np.where(moving, size * np.exp(best[2][:, 0]), QUIET)
-    return Tuned(best[1], std, np.exp(best[2][:, 1]), np.ones(len(std)), False, best[0]), np.asarray(axes)
+    kernel = Matern(best[1], std, np.exp(best[2][:, 1]))
+    return Tuned(kernel, log_likelihood=best[0]), np.asarray(axes)
 
 
 def likeliest(order: int, z: Array, step: float, span: float) -> tuple[Array, float]:
@@ -148,7 +150,7 @@ def told_the_prior() -> Contestant:
         def job() -> Answer:
             state = problem.smoothed()
             std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
-            order = ", ".join(f"{load} order {prior.tuned.order}" for load, prior in problem.priors.items())
+            order = ", ".join(f"{load} order {prior.kernel.order}" for load, prior in problem.priors.items())
             return Answer((state.force, state.moment), halves(std), chosen=order)
 
         return job

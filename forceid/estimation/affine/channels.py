@@ -20,7 +20,7 @@ from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.kinematics import marker_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.pseudorigid import polar
 from forceid.records import Array, Finding, Flags, Recording
 

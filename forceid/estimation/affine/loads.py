@@ -17,7 +17,7 @@ from forceid.estimation.affine.channels import AffineChannels, affine_channels, 
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.affine.smoothing import smoothed
 from forceid.estimation.verdict.catalogue import note
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine, engine
 from forceid.pseudorigid import Material
 from forceid.records import Array, Finding, Flags, Recording

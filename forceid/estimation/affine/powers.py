@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.flight.channels import driven, load_chain, start_of
-from forceid.flight.tuning import OUTLIER, Tuned
+from forceid.flight.priors.protocol import Kernel
+from forceid.flight.tuning import OUTLIER
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, matern_density, resonator
+from forceid.kalman.process import Process, resonator
 from forceid.records import Array
 
 LONGEST = 4096  # samples that are looked at
@@ -56,12 +57,12 @@ class Powers:
     prior: Array
 
 
-def powers(tuned: Tuned, seen: Axes, engine: Engine, swings: Sequence[Swing] = ()) -> Powers:
+def powers(kernel: Kernel, seen: Axes, engine: Engine, swings: Sequence[Swing] = ()) -> Powers:
     """What a record shows of load and noise at every frequency, under a prior that whitens it roughly."""
     time, step = seen.time, float(np.median(np.diff(seen.time)))
     w: Array = 2 * np.pi * np.fft.rfftfreq(len(time), step)[1:].astype(float)
     lines = [resonator(s.w / (2 * np.pi), s.std, s.bandwidth) for s in swings]
-    chain = load_chain(tuned.order, tuned.std, tuned.rate, start_of(time, seen.z, 1.0), lines)
+    chain = load_chain(kernel.process, start_of(time, seen.z, 1.0), lines)
     white = np.empty((len(w), seen.z.shape[1]))
     for a in range(seen.z.shape[1]):
         own = Process(chain.A[a][None], chain.Qc[a][None], chain.P0[a][None], chain.output)
@@ -74,7 +75,7 @@ def powers(tuned: Tuned, seen: Axes, engine: Engine, swings: Sequence[Swing] = (
     known = np.isfinite(seen.z)
     var = known.sum(0) / np.where(known, 1 / seen.noise_var, 0.0).sum(0)  # of frames that show the most
     noise = step * var * swing**4 + seen.drift * swing**2
-    prior = matern_density(tuned.order, tuned.std, tuned.rate, w[:, None])
+    prior = kernel.density(w[:, None])
     for s in swings:
         near, far = (s.bandwidth / (s.bandwidth**2 + (w + sign * s.w) ** 2) for sign in (-1, 1))
         prior += s.std**2 * (near + far)[:, None]

@@ -9,19 +9,17 @@ Ann. Stat. 9 (1981) 1135, sections 2 and 5; principal equations 4e.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from forceid.estimation.affine.channels import AffineChannels, in_body, on_body
 from forceid.estimation.affine.powers import Axes, Powers, powers, richest
 from forceid.estimation.affine.resonances import find_swings
 from forceid.flight.channels import Channel, load_axes, start_of
-from forceid.flight.priors.load import LoadPrior
-from forceid.flight.tuning import ORDERS, Tuned, tune_loads
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import Kernel, LoadPrior, Tuned
+from forceid.flight.tuning import ORDERS, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE, Line
-from forceid.kalman.process import matern_density
 from forceid.records import Array
 
 SURE = 1.0  # log-likelihood by which a smoother prior must be likelier: too smooth a one claims too little
@@ -39,24 +37,23 @@ def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
     priors = []
     if channels.center is not None:
         center, world = channels.center, axes_of(channels.center)
-        tuned = likeliest(joined([center], [world]), engine)
+        tuned = Tuned(likeliest(joined([center], [world]), engine))
         priors.append(LoadPrior(tuned, world, start_of(center.time, center.moved @ world, center.gain)))
     bodily = [in_body(column, channels.rotation) for column in channels.columns]
     axes = [axes_of(w) for w in bodily]
     seen = joined(bodily, axes)
     most = richest(seen)
-    tuned = least_error(likeliest(seen, engine), most, engine)
-    swings = find_swings(tuned, most, engine)
+    kernel = least_error(likeliest(seen, engine), most, engine)
+    swings = find_swings(kernel, most, engine)
     for B, column in enumerate(channels.columns):
-        own = slice(3 * B, 3 * B + 3)
-        part = replace(tuned, std=tuned.std[own], rate=tuned.rate[own])
+        own = np.arange(3 * B, 3 * B + 3)
         lines = tuple(
             Line(s.w / (2 * np.pi), float(std), s.bandwidth, axis, turns=True)
             for s in swings
             for std, axis in zip(s.std[own], axes[B].T, strict=True)
         )
         start = start_of(column.time, column.moved, 1.0)
-        priors.append(on_body(LoadPrior(part, axes[B], start, lines), column))
+        priors.append(on_body(LoadPrior(Tuned(kernel.of(own)), axes[B], start, lines), column))
     return priors
 
 
@@ -77,8 +74,8 @@ def joined(channels: list[Channel], axes: list[Array]) -> Axes:
     )
 
 
-def likeliest(seen: Axes, engine: Engine) -> Tuned:
-    """The likeliest prior of the lowest order that no other beats clearly."""
+def likeliest(seen: Axes, engine: Engine) -> Kernel:
+    """The likeliest kernel of the lowest order that no other beats clearly."""
     found: list[Tuned] = []
     for order in sorted((o for o in ORDERS if o > 1), reverse=True):
         tuned = tune_loads(seen.time, seen.z, 1.0, seen.noise_var, seen.drift, orders=(order,), engine=engine)
@@ -86,19 +83,19 @@ def likeliest(seen: Axes, engine: Engine) -> Tuned:
         if tuned.log_likelihood < max(t.log_likelihood for t in found) - PATIENCE:
             break  # rougher ones are less likely still
     top = max(t.log_likelihood for t in found)
-    return next(t for t in reversed(found) if t.log_likelihood > top - SURE)
+    return next(t.kernel for t in reversed(found) if t.log_likelihood > top - SURE)
 
 
-def least_error(tuned: Tuned, seen: Axes, engine: Engine) -> Tuned:
+def least_error(kernel: Kernel, seen: Axes, engine: Engine) -> Kernel:
     """The prior of the same order, one rate and one factor on all levels, of the least expected error.
 
     Expected error of the load at a frequency, from total power T, noise N and a prior S: the part 1 - G of
     T - N that is lost, and the part G of N that passes, G = S / (S + N).
     """
-    p = powers(tuned, seen, engine)
+    p = powers(kernel, seen, engine)
     shown = p.prior > SHOWN * p.noise
     if not shown.any():
-        return tuned
+        return kernel
     top = int(np.flatnonzero(shown.any(1))[-1]) + 1
     shown, p = shown[:top], Powers(p.w[:top], p.total[:top], p.noise[:top], p.prior[:top])
     alike = np.abs(np.log(p.prior / p.noise)).argmin(0)
@@ -106,9 +103,9 @@ def least_error(tuned: Tuned, seen: Axes, engine: Engine) -> Tuned:
     # all axes count alike, whatever their size
     share = shown / np.maximum((p.prior * p.noise / (p.prior + p.noise) * shown).sum(0), 1e-300)
     middle = float(np.exp(np.log(p.w[alike][shown.any(0)]).mean()))
-    best, least = tuned, np.inf
+    best, least = kernel, np.inf
     for rate in middle * np.array(SLOWER):
-        base = matern_density(tuned.order, 1.0, rate, p.w)[:, None]
+        base = Matern(kernel.order, np.ones(1), np.array([rate])).density(p.w[:, None])
         level = np.log(p.prior[alike, axis] / base[alike, 0])  # alike where error is made
         S = base * np.exp(level + 2 * SCALES[:, None, None])
         gain = S / (S + p.noise)
@@ -117,5 +114,5 @@ def least_error(tuned: Tuned, seen: Axes, engine: Engine) -> Tuned:
         k = int(error.argmin())
         if error[k] < least:
             std = np.exp(0.5 * level + SCALES[k])
-            best, least = replace(tuned, std=std, rate=np.full(len(axis), rate)), float(error[k])
+            best, least = Matern(kernel.order, std, np.full(len(axis), rate)), float(error[k])
     return best

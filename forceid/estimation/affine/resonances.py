@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from forceid.estimation.affine.powers import Axes, Swing, powers
 from forceid.flight.channels import driven, load_chain, start_of
-from forceid.flight.tuning import OUTLIER, Tuned
+from forceid.flight.priors.protocol import Kernel
+from forceid.flight.tuning import OUTLIER
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.process import resonator
 from forceid.records import Array, Indices
@@ -26,12 +27,12 @@ WIDTHS = np.array([0.3, 1.0, 3.0, 10.0])  # bandwidths tried, times the length o
 SIZES = np.geomspace(0.1, 3.0, 7)  # std tried, of that which the ordinate asks for
 
 
-def find_swings(tuned: Tuned, seen: Axes, engine: Engine) -> tuple[Swing, ...]:
+def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]:
     """Swings that stand out of the noise where the prior is below it; none is the rule."""
     found: tuple[Swing, ...] = ()
-    value = likelihoods(tuned, seen, np.arange(seen.z.shape[1]), (), engine)
+    value = likelihoods(kernel, seen, np.arange(seen.z.shape[1]), (), engine)
     for _ in range(MOST):
-        p = powers(tuned, seen, engine, found)
+        p = powers(kernel, seen, engine, found)
         over = np.where(p.prior < p.noise, p.total / (p.prior + p.noise), 1.0)
         gain = np.where(over > 1, over - 1 - np.log(over), 0.0)
         k = int(gain.sum(1).argmax())
@@ -41,7 +42,7 @@ def find_swings(tuned: Tuned, seen: Axes, engine: Engine) -> tuple[Swing, ...]:
         apart = float(p.w[1] - p.w[0])
         size = np.sqrt(np.maximum(p.total[k] - p.noise[k], 1e-3 * p.noise[k]) * apart / np.pi)
         w, b = (a.ravel() for a in np.meshgrid(p.w[k] + ASIDE * apart, WIDTHS * apart / (2 * np.pi)))
-        each = tried(tuned, seen, found, w[:, None], b[:, None], SIZES[:, None, None] * size, engine)
+        each = tried(kernel, seen, found, w[:, None], b[:, None], SIZES[:, None, None] * size, engine)
         gained = np.maximum(each.max(0) - value, 0.0)  # (line, axis)
         best = int(gained.sum(1).argmax())
         if gained[best].sum() < price:
@@ -52,17 +53,17 @@ def find_swings(tuned: Tuned, seen: Axes, engine: Engine) -> tuple[Swing, ...]:
 
 
 def tried(
-    tuned: Tuned, seen: Axes, found: tuple[Swing, ...], w: Array, b: Array, std: Array, engine: Engine
+    kernel: Kernel, seen: Axes, found: tuple[Swing, ...], w: Array, b: Array, std: Array, engine: Engine
 ) -> Array:
     """Log-likelihoods (size, line, axis) with one more line at w of bandwidth b and std, which broadcast."""
     w, b, std = np.broadcast_arrays(w, b, std)
     axis = np.broadcast_to(np.arange(std.shape[-1]), std.shape).ravel()
     lines = [(s.w, s.std[axis], s.bandwidth) for s in found] + [(w.ravel(), std.ravel(), b.ravel())]
-    return likelihoods(tuned, seen, axis, lines, engine).reshape(std.shape)
+    return likelihoods(kernel, seen, axis, lines, engine).reshape(std.shape)
 
 
 def likelihoods(
-    tuned: Tuned,
+    kernel: Kernel,
     seen: Axes,
     axis: Indices,
     lines: Sequence[tuple[ArrayLike, Array, ArrayLike]],
@@ -71,6 +72,6 @@ def likelihoods(
     """Log-likelihoods (model,) of axes (model,) under the prior and lines: frequency, std and bandwidth."""
     beside = [resonator(np.asarray(w) / (2 * np.pi), std, b) for w, std, b in lines]
     start = start_of(seen.time, seen.z, 1.0)
-    chain = load_chain(tuned.order, tuned.std[axis], tuned.rate[axis], start, beside)
+    chain = load_chain(kernel.of(axis).process, start, beside)
     model = driven(chain, 1.0, seen.noise_var[:, axis], seen.drift[axis], np.diff(seen.time))
     return np.asarray(for_tuning(engine).log_likelihood(model, seen.z[:, axis, None], OUTLIER))

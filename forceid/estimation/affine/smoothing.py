@@ -8,7 +8,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.affine.channels import AffineChannels
-from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import block_diagonal
@@ -54,7 +54,7 @@ def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) 
     read = np.zeros((1 if turning is None else T, 3, 3, n, sum(sizes)))  # load, channel, rate: axis and group
     for B, (at, size, prior) in enumerate(zip(starts, sizes, priors, strict=True)):
         # the center's chain runs along the axes of its prior, those of the columns in world axes
-        read[:, 0, :, B, at : at + size] = load_rows(size, prior.axes, prior.lines, turning)
+        read[:, 0, :, B, at : at + size] = prior.rows_along(turning)
         for first, which in ((0, 1), (3, 2)):
             read[:, which, :, B, at + first : at + first + 3] = channels.groups[B].gain * prior.axes
     k, z, rate = np.einsum("tmaBs,ts->mtaB", np.broadcast_to(read, (T, *read.shape[1:])), x)

@@ -113,7 +113,7 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Arr
         return np.zeros(0), np.zeros(0)
     noise, none = np.full_like(q, var), np.zeros(modes)
     tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,), engine=engine)
-    chain = load_chain(ORDER, tuned.std, tuned.rate, start_of(time, q, 1.0))
+    chain = load_chain(tuned.kernel.process, start_of(time, q, 1.0))
     models = driven(chain, 1.0, noise, none, np.diff(time))
     paths = [engine.filter(models.one(j), q[:, j]) for j in range(modes)]
     white = -0.5 * np.nansum(q**2 / var + np.log(var) + LOG_2PI + 0 * q, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.flight.instruments.sensors import sensed
 from forceid.flight.model import Flight, moved_along, steady_of
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import settled
 from forceid.kalman.engines import Engine
 from forceid.records import Array

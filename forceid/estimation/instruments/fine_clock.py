@@ -13,7 +13,7 @@ import numpy as np
 
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight, Reference
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.smoother import FlightState, first_reference
 from forceid.motion.free_turn import free_turn
 from forceid.records import Array, Indices
@@ -69,7 +69,7 @@ def refined_reference(
     """Where a fine flight is first linearized: between the samples of its own clock the body turns freely."""
     first = first_reference(flight, moment)
     last = np.searchsorted(at, np.arange(at[-1] + 1), "right") - 1
-    H = first.chain[last, 3:6]
+    H = first.chain[last, MOMENTUM]
     since = fine.time - flight.time[last]
     R = free_turn(since, first.rotation[last], H @ moment.axes.T, fine.inertia, fine.h)[0]
     pushed = np.zeros((len(fine.time), force.states))

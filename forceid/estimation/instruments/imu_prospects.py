@@ -29,7 +29,7 @@ def sensed_bandwidths(flight: Flight, resolved: float) -> tuple[float | None, fl
         share = np.isfinite(read).all(2).mean()  # of the samples at which one of them reads
         noise = gain * float(sensors.noise_std[sensors.instruments.index(one)].mean()) / np.sqrt(count)
         raw = noise / step if one is GYRO else noise * np.sqrt(count)  # of the rough look itself
-        power = float(prior.tuned.std.max()) ** 2 - raw**2
+        power = float(prior.kernel.std.max()) ** 2 - raw**2
         density = noise**2 * step / max(float(share), 1e-9)
         if power <= 0:
             found.append(None)

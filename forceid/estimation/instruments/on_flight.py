@@ -23,7 +23,7 @@ from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior, any_force
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.free_turn import largest_turn
@@ -100,7 +100,7 @@ def fused(
     elif flight.sensors is not None and gyro_rate(flight.time, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
     known, alone = set(motion.noise_std | settings.noise_std), kin.apart and flight.sensors is None
-    given = any_force(force) if alone else force
+    given = force.plain() if alone else force
     try:
         flight, tuned, moment = tune_together(flight, given, moment, engine, known, alone=alone)
     except EstimationError:

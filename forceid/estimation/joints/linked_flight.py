@@ -18,10 +18,10 @@ from scipy.linalg import block_diag
 from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Ties
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import LONGEST, climb, moved
+from forceid.estimation.loads.fused_tuning import LONGEST, climb
 from forceid.estimation.methods.smoother import Smoothing, Solution
 from forceid.flight.model import Reference, linear_flight
-from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import Engine
@@ -64,7 +64,7 @@ def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart 
         return None
     kin, priors = solution.kinematics, dict(smoothing.priors)
     for name, prior in smoothing.priors.items():
-        if prior.tuned.order > highest:
+        if prior.kernel.order > highest:
             force = name == "force"
             channel = (
                 force_channel(kin, smoothing.flight.gravity)
@@ -126,7 +126,7 @@ def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: E
 
 def both_moved(priors: Priors, by: Array) -> Priors:
     """The priors of all parts, of forces moved by by[:2] and of moments by by[2:]."""
-    return [{"force": moved(p["force"], by[:2]), "moment": moved(p["moment"], by[2:])} for p in priors]
+    return [{"force": p["force"].moved(by[:2]), "moment": p["moment"].moved(by[2:])} for p in priors]
 
 
 def linked_model(
@@ -140,9 +140,9 @@ def linked_model(
     for part, prior in zip(parts, priors, strict=True):
         force, moment = prior["force"], prior["moment"]
         model, z = linear_flight(part.smoothing.flight, force, moment, part.reference)
-        n, end = (len(load_rows_of(p)[0]) for p in (force, moment))
+        n, end = force.states, moment.states
         wrench, moving = np.zeros((6, len(model.x0))), np.zeros((9, len(model.x0)))
-        wrench[:3, :n], wrench[3:, n : n + end] = load_rows_of(force), load_rows_of(moment)
+        wrench[:3, :n], wrench[3:, n : n + end] = force.rows, moment.rows
         moving[:3, :3], moving[3:6, n : n + 3], moving[6:, n + 3 : n + 6] = force.axes, np.eye(3), moment.axes
         models.append(model)
         seen.append(z[run])
@@ -176,20 +176,14 @@ def widened(prior: LoadPrior, factor: float) -> LoadPrior:
     That an axis holds next to no load a part by itself tells badly, and of several parts the one that claims
     it most would prevail.
     """
-    root, tuned = float(np.sqrt(factor)), prior.tuned
-    strong = int(tuned.std.argmax())
-    fast = FAST * tuned.rate[strong]  # where a record still tells them, and a prior begins to
-    level = tuned.std * tuned.rate ** (tuned.order - 0.5) / (tuned.rate**2 + fast**2) ** (0.5 * tuned.order)
-    weak = (level < WEAK * level[strong]) & (tuned.rate < fast)
-    std = root * np.where(weak, WEAK * tuned.std[strong], tuned.std)
-    rate = np.where(weak, tuned.rate[strong], tuned.rate)
+    root, kernel = float(np.sqrt(factor)), prior.kernel
+    strong = int(kernel.std.argmax())
+    fast = FAST * kernel.rate[strong]  # where a record still tells them, and a prior begins to
+    level = kernel.density(fast * np.ones(1))
+    weak = (level < WEAK**2 * level[strong]) & (kernel.rate < fast)
+    even = kernel.of(np.where(weak, strong, np.arange(3))).scaled(np.where(weak, WEAK, 1.0)).scaled(root)
     lines = tuple(replace(line, std=root * line.std) for line in prior.lines)
-    return replace(prior, tuned=replace(tuned, std=std, rate=rate), lines=lines)
-
-
-def load_rows_of(prior: LoadPrior) -> Array:
-    """Rows (3, state) that read a load out of its own chain."""
-    return load_rows(prior.states, prior.axes, prior.lines)
+    return replace(prior.with_kernel(even), lines=lines)
 
 
 def stretches(time: int, longest: int) -> Iterator[tuple[slice, slice]]:

@@ -23,7 +23,6 @@ from forceid.estimation.joints.linked_flight import (
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.smoother import Solution
 from forceid.estimation.verdict.catalogue import note
-from forceid.flight.priors.load import along_world
 from forceid.kalman.engines import engine
 from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
@@ -101,7 +100,7 @@ def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
 def orders_of(solutions: list[Solution | None]) -> list[int]:
     """Highest orders of priors to try, the smoothest first: that of the parts, and those below it."""
     smoothed = [s.smoothing for s in solutions if s is not None and s.smoothing is not None]
-    top = max((p.tuned.order for s in smoothed for p in s.priors.values()), default=0)
+    top = max((p.kernel.order for s in smoothed for p in s.priors.values()), default=0)
     return sorted({min(order, top) for order in SMOOTHEST}, reverse=True)
 
 
@@ -191,7 +190,7 @@ def changed(ties: Ties, center: Array, pose_cov: list[Array]) -> float:
 def motion_of(part: LinkedPart) -> Motion:
     """A part along its reference."""
     reference, flight = part.reference, part.smoothing.flight
-    H, T, _ = along_world(reference.chain, reference.axes, reference.lines)
+    H, T, _ = reference.moment.read(reference.chain)
     return Motion(reference.rotation, H, T, flight.mass, flight.inertia, flight.gravity)
 
 

@@ -9,12 +9,11 @@ from scipy.optimize import Bounds, minimize
 
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior, channel_model
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.records import Array
 
-ORDER = 2  # of the Matern prior: a load that turns with the body leaves little to tell orders apart
 SPAN = np.log([1e-3, 1e3, 1e-2, 1e2])  # factors on the first guess of every std, and of the rate
 TOLERANCE = 0.05  # of a log-likelihood
 
@@ -37,8 +36,9 @@ def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, en
     z, likelihood = channel.moved, for_tuning(engine).log_likelihood
 
     def at(x: Array) -> LoadPrior:
-        tuned = replace(prior.tuned, order=ORDER, std=np.exp(x[:3]), rate=np.full(3, np.exp(x[3])))
-        return replace(prior, tuned=tuned, axes=np.eye(3), carried=axes)
+        # a load that turns with the body leaves little to tell kernels apart
+        kernel = prior.kernel.unknown(np.exp(x[:3]), float(np.exp(x[3])))
+        return replace(prior.with_kernel(kernel), axes=np.eye(3), carried=axes)
 
     def misfit(x: Array) -> float:
         return -float(likelihood(channel_model(channel, at(x), rotation), z))

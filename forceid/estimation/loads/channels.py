@@ -10,8 +10,9 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.model import Flight
 from forceid.flight.modes import FlyingModes
-from forceid.flight.priors.load import LoadPrior
-from forceid.flight.tuning import ORDERS, tune_loads
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.table import PRIORS
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import Line
 from forceid.motion.first_moment import angular_channel
@@ -47,10 +48,11 @@ def tune_channel(
     orders: tuple[int, ...] = ORDERS,
     engine: Engine | None = None,
     near: LoadPrior | None = None,
+    kind: str = "matern",
 ) -> LoadPrior:
     """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds.
 
-    near: of a channel hardly different, where the search begins if it holds the same lines.
+    near: of a channel hardly different, where the search begins if it holds the same lines; kind: of prior.
     """
     time, z, gain = channel.time, channel.z, channel.gain
     seen = np.isfinite(z).all(1)
@@ -60,7 +62,7 @@ def tune_channel(
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
     first = None if near is None else near.tuned
-    tuned = tune_loads(time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first)
+    tuned = PRIORS[kind](time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.model import Flight, Reference, linear_flight, seen_part
-from forceid.flight.priors.load import LoadPrior, along_world
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, settled
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import OUTLIER
@@ -65,12 +65,12 @@ def tune_together(
         cut, near = stretched(flight, part), stretched_reference(about, part)
         if alone:
             by = climb(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
-            return flight, force, moved(moment, by)
+            return flight, force, moment.moved(by)
         value = partial(evidence, cut, force, moment, near, engine, loud)
         best = climb(value, np.zeros(4 + len(loud)))
-        return louder(flight, loud, best[4:]), moved(force, best[:2]), moved(moment, best[2:4])
+        return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
-    force, moment = force if alone else round_prior(force), round_prior(moment)
+    force, moment = force if alone else force.alike(), moment.alike()
     _, _, _, about = settled(flight, force, moment, engine, first)
     flight, force, moment = searched(about)
     flight = wandering(
@@ -147,22 +147,15 @@ def uneven(
     """Both priors, that of one load along the axes of what a reference holds of it; the reference on them."""
     assert about.force is not None
     prior, chain = (force, about.force) if load == "force" else (moment, about.chain)
-    found = along_world(chain, prior.axes, prior.lines)[1]
+    found = prior.read(chain)[1]
     if prior.carried is not None:  # its axes turn with the body, its states do not
         along = along_own_axes(prior, np.einsum("tba,tb->ta", about.rotation, found))
         along = replace(along, axes=prior.axes, carried=along.axes)
         return ((along, moment) if load == "force" else (force, along)), about
     along = along_own_axes(prior, found)
     if load == "force":
-        return (along, moment), replace(about, force=on_axes(about.force, force, along))
-    return (force, along), replace(about, chain=on_axes(about.chain, moment, along), axes=along.axes)
-
-
-def on_axes(chain: Array, was: LoadPrior, now: LoadPrior) -> Array:
-    """A chain (time, state) along the axes of one prior, put along those of another."""
-    smooth = chain.shape[1] - 2 * len(was.lines)
-    turned = chain[:, :smooth].reshape(len(chain), -1, 3) @ (was.axes.T @ now.axes)
-    return np.concatenate([turned.reshape(len(chain), smooth), chain[:, smooth:]], 1)
+        return (along, moment), replace(about, force=along.restated(about.force, force))
+    return (force, along), replace(about, chain=along.restated(about.chain, moment), moment=along)
 
 
 def evidence(
@@ -175,7 +168,7 @@ def evidence(
     by: Array,
 ) -> float:
     """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved."""
-    priors = moved(force, by[:2]), moved(moment, by[2:4])
+    priors = force.moved(by[:2]), moment.moved(by[2:4])
     model, z = linear_flight(louder(flight, free, by[4:]), *priors, about)
     try:
         return float(engine.log_likelihood(model, z))
@@ -186,17 +179,9 @@ def evidence(
 def of_rotation(flight: Flight, moment: LoadPrior, about: Reference, engine: Engine, by: Array) -> float:
     """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved."""
     try:
-        return float(engine.log_likelihood(*seen_part(flight, moved(moment, by), about)))
+        return float(engine.log_likelihood(*seen_part(flight, moment.moved(by), about)))
     except EstimationError:
         return -np.inf
-
-
-def round_prior(prior: LoadPrior) -> LoadPrior:
-    """A prior that is along every axis what it is along its strongest."""
-    tuned = prior.tuned
-    strongest = int(tuned.std.argmax())
-    std, rate = (np.full(3, a[strongest]) for a in (tuned.std, tuned.rate))
-    return replace(prior, tuned=replace(tuned, std=std, rate=rate))
 
 
 def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
@@ -204,14 +189,7 @@ def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
     square, axes = np.linalg.eigh(np.cov(load.T))
     share = np.sqrt(np.maximum(square / square[-1], LEAK**2))
     axes = axes * np.sign(np.linalg.det(axes))
-    return replace(prior, axes=axes, tuned=replace(prior.tuned, std=prior.tuned.std * share))
-
-
-def moved(prior: LoadPrior, by: Array) -> LoadPrior:
-    """A prior whose level at high frequency is e^by[0] times itself, and its rate e^by[1]."""
-    tuned = prior.tuned
-    std = tuned.std * np.exp(by[0] - (tuned.order - 0.5) * by[1])
-    return replace(prior, tuned=replace(tuned, std=std, rate=tuned.rate * np.exp(by[1])))
+    return replace(prior.with_kernel(prior.kernel.scaled(share)), axes=axes)
 
 
 def louder(flight: Flight, family: list[int], by: Array) -> Flight:

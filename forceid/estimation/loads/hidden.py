@@ -15,10 +15,9 @@ import numpy as np
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.lines import PATIENCE, REACH, near
-from forceid.kalman.process import matern_density
 from forceid.records import Array, Finding, HiddenLoad, deviation
 
 POINTS = 64  # frequencies of the curve
@@ -128,16 +127,12 @@ def densities(
     The axes are those of the prior, as columns in world axes. One along axes of the body counts with the mean
     of its density along each axis of the world.
     """
-    tuned, axes, w = prior.tuned, prior.axes, 2 * np.pi * frequency[:, None]
-    std, rate = tuned.std, tuned.rate
+    axes, w = prior.axes, 2 * np.pi * frequency[:, None]
     span, seen = float(np.ptp(channel.time)), np.isfinite(channel.z).all(1)
     white = channel.var(axes)[seen].mean(0) * span / seen.sum()
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes) / w**2
     noise = (white + drift) * w**4 / channel.gain**2
-    smooth = matern_density(tuned.order, std, rate, w)
-    if prior.carried is not None and rotation is not None:
-        smooth = smooth @ ((rotation @ prior.carried) ** 2).mean(0).T
-    return noise, smooth, axes
+    return noise, prior.spectrum(w[:, 0], rotation), axes
 
 
 def asked(cycles: Array, samples: int, named: bool = False) -> Array:

@@ -9,17 +9,20 @@ from forceid.flight.channels import Start
 from forceid.flight.instruments import ACCELEROMETER
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import steps_of
-from forceid.flight.tuning import Tuned
 from forceid.records import Array
 
 ORDER = 3  # of the prior that a search begins with: the middle of those it may end at
 RATE = 20.0  # 1/s: where the search for the rate begins
 
 
-def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
-    """Priors of force and moment of about the size that the sensors show, for a search to begin with."""
+def rough_priors(flight: Flight, rate: float | None = None) -> tuple[LoadPrior, LoadPrior]:
+    """Priors of force and moment of about the size that the sensors show, for a search to begin with.
+
+    rate: 1/s, where the search for it begins; by default of loads as fast as hands and gusts make them.
+    """
     sensors, time = flight.sensors, flight.time
     omega = gyro_rate(time, sensors)
     assert sensors is not None
@@ -35,13 +38,14 @@ def rough_priors(flight: Flight) -> tuple[LoadPrior, LoadPrior]:
         swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
         f = pulled - swept
         F = flight.mass * f[np.isfinite(f).all(2)]
-    return prior(F, 0.0, span), prior(T, float(np.abs(H).max()), span)
+    rate = max(RATE, 3 / span) if rate is None else rate
+    return prior(F, 0.0, span, rate), prior(T, float(np.abs(H).max()), span, rate)
 
 
-def prior(load: Array, momentum: float, span: float) -> LoadPrior:
+def prior(load: Array, momentum: float, span: float, rate: float) -> LoadPrior:
     """A prior of loads of the size of `load` (sample, 3), with momentum of about that size at the start."""
     size = float(np.sqrt(np.mean(load**2))) if load.size else 1.0
     size = size or 1.0
     first = (10 * max(momentum, size * span)) ** 2
-    tuned = Tuned(ORDER, np.full(3, size), np.full(3, max(RATE, 3 / span)), np.ones(3), False, 0.0)
-    return LoadPrior(tuned, np.eye(3), Start(1.0, first, (10 * size) ** 2))
+    kernel = Matern(ORDER, np.full(3, size), np.full(3, rate))
+    return LoadPrior(Tuned(kernel), np.eye(3), Start(1.0, first, (10 * size) ** 2))

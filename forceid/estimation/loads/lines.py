@@ -8,7 +8,7 @@ import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.model import Flight, Reference, seen_part
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import Candidate, Line, candidates, find_line, let_drift, near

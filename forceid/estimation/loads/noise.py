@@ -17,7 +17,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import colored
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, seen_part
-from forceid.flight.priors.load import LoadPrior, load_rows
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE
@@ -81,7 +81,7 @@ def widened(
     its force differs by.
     """
     rival = force
-    for order in range(1, force.tuned.order):
+    for order in range(1, force.kernel.order):
         other = tune_channel(channel, (1.0, 1.0), force.lines, (order,), engine)
         if other.tuned.log_likelihood > force.tuned.log_likelihood - PATIENCE:
             rival = other
@@ -91,12 +91,11 @@ def widened(
     center = np.where(np.isfinite(flight.center[run]), flight.center[run], 0.0)
     part = replace(flight, time=flight.time[run], center=center, pose_cov=flight.pose_cov[run])
     model, _ = seen_part(part, rival)
-    rows = load_rows(len(model.x0), rival.axes, rival.lines)
     cov = state.wrench_cov.copy()
     if rival is not force:
         path = smooth_translation(flight, rival, engine)
         off = path.force - state.force
         cov[:, :3, :3] = path.wrench_cov[:, :3, :3] + off[:, :, None] * off[:, None, :]
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
-    cov[:, :3, :3] += slow_noise_cov(model, rows, part.time, noise, engine.smooth)
+    cov[:, :3, :3] += slow_noise_cov(model, rival.rows, part.time, noise, engine.smooth)
     return replace(state, wrench_cov=cov)

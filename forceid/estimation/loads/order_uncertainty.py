@@ -59,7 +59,7 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     growth = np.ones(3)
     for axis, candidates in enumerate(found.candidates):
         counted = width
-        if not prior.tuned.std[axis] > LEAKED * prior.tuned.std.max():
+        if not prior.kernel.std[axis] > LEAKED * prior.kernel.std.max():
             # what is faster than the band of the load is no part of the claim, but of what may hide
             counted = np.where(wide < max(band, SLOWEST / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from forceid.estimation.loads.hidden import beside_parabola, densities
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import OUTLIER
 from forceid.kalman.process import matern_density
@@ -135,7 +135,7 @@ def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array |
         gaps = np.where(np.isfinite(part.z), 0.0, np.nan)[:, None]
         also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
         filtered, states = engine.filter_and_smooth_states(turned, np.concatenate([z, also], 1))
-        rows = axes.T @ load_rows(len(model.x0), axes, prior.lines)
+        rows = axes.T @ prior.rows
         v, loads = filtered.innovation, np.moveaxis(states[:, 1:] @ rows.T, 1, 2)
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)

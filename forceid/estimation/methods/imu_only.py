@@ -28,7 +28,7 @@ from forceid.estimation.instruments.on_flight import judge_sensors, named_sensor
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.left_over import LEFT, mixed
 from forceid.estimation.methods.smoother import Solution, named
-from forceid.estimation.methods.turning_loads import Search, alternatives, slow
+from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import gyro_rate
@@ -38,6 +38,7 @@ from forceid.kalman.engines import Engine
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Finding, Motion
 
+SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
 LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
 
@@ -73,7 +74,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)
     fine, at = refined(flight)
-    rough = slow(motion.time, *rough_priors(flight))
+    rough = rough_priors(flight, SLOW / np.ptp(motion.time))
     first = refined_reference(flight, fine, at, *rough)
     every = alternatives(first, Search(fine, rough, settings, engine, frozenset(stated)))
     share = np.array([alternative.state.log_likelihood for alternative in every])
@@ -119,7 +120,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     priors = {"force": best.force, "moment": best.moment}
     tuned = named(kin, priors) | named_sensors(best.flight, state)
     tuned |= {f"{name}_turns_with_body": p for name, p in zip(("force", "moment"), with_body, strict=True)}
-    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(findings))
+    return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(findings), priors)
 
 
 def common_bias(flight: Flight, state: FlightState) -> Array:

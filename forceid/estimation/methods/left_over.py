@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.flight.model import Flight
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smoothed_once_more
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import log

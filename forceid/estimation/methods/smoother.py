@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 
@@ -40,7 +40,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.estimation.verdict.tracks import judge_mending, judge_wild
 from forceid.flight.model import Flight, Reference, translation
-from forceid.flight.priors.load import LoadPrior, any_force
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.robust import WILD
@@ -68,7 +68,8 @@ class Solution:
     """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
-    less noise than it was allowed; findings: for the verdict; smoothing: of a smoother's wrench;
+    less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
+    smoother's wrench;
     hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for what the record
     does not tell of its priors, None for none. Levels are compared without it: it is alike at all of them.
     """
@@ -80,6 +81,7 @@ class Solution:
     tuned: dict[str, float]
     noise_at_limit: dict[str, bool]
     findings: tuple[Finding, ...] = ()
+    priors: Mapping[str, LoadPrior] = field(default_factory=dict)
     smoothing: Smoothing | None = None
     hidden: HiddenLoad | None = None
     growth: Array | None = None
@@ -168,8 +170,8 @@ def estimate_flight(
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, any_force(force), moment, engine, causal, first)
-        beyond = engine.log_likelihood(translation(beside, any_force(force)), beside.center)
+        state = smooth_flight(beside, force.plain(), moment, engine, causal, first)
+        beyond = engine.log_likelihood(translation(beside, force.plain()), beside.center)
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return turning(with_translation(state, free), kin.spin, kin.inertia.line)
 
@@ -239,23 +241,14 @@ def estimate_flight(
     if flight.sensors is None and not causal:  # these would show what poses do not
         turned = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
         hides = hidden_load(told_by, priors, turned)
-    return Solution(kin, deformation, state, engine.name, tuned, at_limit, findings, smoothing, hides, growth)
+    return Solution(
+        kin, deformation, state, engine.name, tuned, at_limit, findings, priors, smoothing, hides, growth
+    )  # fmt: skip
 
 
 def named(kin: Kinematics, priors: dict[str, LoadPrior]) -> dict[str, float]:
-    """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found.
-
-    Of a line, the frequency in Hz, the std along world axes, and the bandwidth in 1/s.
-    """
+    """What tuning chose of noise and loads, as numbers with names."""
     found = {f"noise_std_{name}": level for name, level in kin.noise.items()}
     for load, prior in priors.items():
-        found[f"{load}_order"] = prior.tuned.order
-        for i in range(3):
-            found[f"{load}_std_{i + 1}"] = float(prior.tuned.std[i])
-            found[f"{load}_rate_{i + 1}"] = float(prior.tuned.rate[i])
-        for k, line in enumerate(prior.lines, 1):
-            found[f"{load}_line_{k}_frequency"] = line.frequency
-            found[f"{load}_line_{k}_bandwidth"] = line.bandwidth
-            for axis, share in zip("xyz", line.std * np.abs(line.direction), strict=True):
-                found[f"{load}_line_{k}_std_{axis}"] = float(share)
+        found |= prior.numbers(load)
     return found

@@ -20,17 +20,15 @@ from forceid.estimation.loads.fused_tuning import (
     stretched_reference,
     tune_together,
 )
-from forceid.estimation.loads.fused_tuning import moved as shifted
 from forceid.estimation.methods.left_over import with_left_over
 from forceid.flight.instruments.protocol import Instrument
 from forceid.flight.model import Flight, Reference
-from forceid.flight.priors.load import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, settled, smooth_flight
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
 GAIN = 0.5  # of a log-likelihood: less is no gain
-SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
 # of a logarithm: what differences show as noise is a ceiling, to which motion adds
 QUIETER = (-0.5, -2.5, -4.5)
 LONGEST = 120  # samples that a start is chosen by
@@ -135,13 +133,6 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     return value > likelihood(own) + GAIN
 
 
-def slow(time: Array, force: LoadPrior, moment: LoadPrior) -> Pair:
-    """Priors of loads that change about once in a record."""
-    rate = np.full(3, SLOW / np.ptp(time))
-    force, moment = (replace(p, tuned=replace(p.tuned, rate=rate)) for p in (force, moment))
-    return force, moment
-
-
 def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> Pair:
     """Priors alike along all axes, of loads that turn with the body or do not."""
     was = zip((force, moment), kind, strict=True)
@@ -187,7 +178,7 @@ def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) 
     flight = with_noise_of(flight, search.flight, LOADS[i])
 
     def by(p: Array) -> tuple[Flight, Pair]:
-        prior = shifted(rough, p[:2])
+        prior = rough.moved(p[:2])
         return louder(flight, free, p[2:]), (prior, pair[1]) if i == 0 else (pair[0], prior)
 
     def value(p: Array) -> float:

@@ -14,7 +14,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.methods.smoother import Solution
 from forceid.flight.channels import Channel
-from forceid.flight.priors.load import LoadPrior, channel_model, load_rows
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import PATIENCE
 from forceid.records import Array
@@ -48,7 +48,7 @@ def load_seen(channel: Channel, engine: Engine) -> Seen:
     prior = tune_channel(channel, (1.0, 1.0), (), engine=engine)
     model = channel_model(channel, prior)
     path = engine.smooth(model, channel.moved)
-    rows = load_rows(len(model.x0), prior.axes, ())
+    rows = prior.rows
     var = np.einsum("ai,tij,aj->ta", rows, path.P, rows)
     likelihood = path.filtered.log_likelihood
     return Seen(channel, prior, path.x @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
@@ -106,7 +106,7 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     """How far the load of another channel is under the prior of the one seen; whether that fits as well."""
     model = channel_model(channel, top.prior)
     states = engine.smooth_states(model, channel.moved)
-    load = states @ load_rows(len(model.x0), top.prior.axes, ()).T
+    load = states @ top.prior.rows.T
     change = distance(at_times(channel, top.channel, load), top.load, top.std)
     return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
 

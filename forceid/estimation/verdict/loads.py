@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -9,6 +11,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import marker_cov
 from forceid.estimation.verdict.sensitivity import follows
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
 from forceid.principal import summation_operator, undetermined
@@ -21,14 +24,14 @@ CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones t
 
 
 def judge_overlap(
-    kin: Kinematics, amplitude: Array, tuned: dict[str, float], force_std: Array
+    kin: Kinematics, amplitude: Array, priors: Mapping[str, LoadPrior], force_std: Array
 ) -> list[Finding]:
     """Shapes that vibrate inside the band of the force, and leak into it by more than is claimed.
 
     amplitude (time, shape) m, smoothed; force_std (time, 3) N. What a shape moves the fitted center by, times
     the mass and the square of its frequency, is a force that does not act.
     """
-    band = follows(kin, tuned, "force")
+    band = follows(kin, priors, "force")
     if not len(kin.shapes) or not kin.attitude or not band > 0:
         return []
     gain = pose_gain(summation_operator(kin.shape), kin.seen, marker_cov(kin))
@@ -58,9 +61,9 @@ def judge_haste(kin: Kinematics, force: Array) -> list[Finding]:
     return [note("many-weights", times=typical / 9.81)]
 
 
-def judge_roughness(tuned: dict[str, float]) -> list[Finding]:
+def judge_roughness(priors: Mapping[str, LoadPrior]) -> list[Finding]:
     """Loads that kink: under blows, or where what the model does not follow passes for load."""
-    return [note("load-kinks", load=load) for load in ("force", "moment") if tuned.get(f"{load}_order") == 1]
+    return [note("load-kinks", load=load) for load, prior in priors.items() if prior.kernel.kinks]
 
 
 def judge_loads(loads: Loads | None) -> list[Finding]:

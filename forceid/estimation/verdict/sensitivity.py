@@ -6,6 +6,7 @@ by the smoother in part only.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +24,8 @@ from forceid.estimation.verdict.body_errors import (
     turning,
     wrong_mass,
 )
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.process import matern_density
 from forceid.records import Array
 
 PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
@@ -101,21 +102,14 @@ def noise(kin: Kinematics, name: str) -> float:
     return float((np.trace(kin.inertia.tensor) / 3) ** 2 * np.nanmean(var[:, 3:]))
 
 
-def spectrum(tuned: dict[str, float], name: str, w: Array) -> Array:
-    """Spectral density of the tuned Matern prior of a load at w rad/s, mean over its axes."""
-    order = int(tuned[f"{name}_order"])
-    std, rate = (np.array([tuned[f"{name}_{key}_{i}"] for i in (1, 2, 3)]) for key in ("std", "rate"))
-    return np.asarray(matern_density(order, std, rate, w[:, None]).mean(1))
-
-
-def follows(kin: Kinematics, tuned: dict[str, float], name: str) -> float:
-    """Frequency Hz up to which a smoother with a tuned prior follows half of a load; zero without one."""
-    if f"{name}_order" not in tuned:
+def follows(kin: Kinematics, priors: Mapping[str, LoadPrior], name: str) -> float:
+    """Frequency Hz up to which a smoother with its prior follows half of a load; zero without one."""
+    if name not in priors:
         return 0.0
     step = float(np.median(np.diff(kin.time)))
     f = np.linspace(0.0, 0.5 / step, 4096)
     w = 2 * np.pi * f
-    return float(f[spectrum(tuned, name, w) >= noise(kin, name) * step * w**4].max(initial=0.0))
+    return float(f[priors[name].spectrum(w).mean(1) >= noise(kin, name) * step * w**4].max(initial=0.0))
 
 
 def sensitivity(

@@ -14,7 +14,7 @@ import numpy as np
 
 from forceid.flight.instruments.moved import MOVERS, Moved, Slopes, in_body
 from forceid.flight.instruments.protocol import Instrument
-from forceid.flight.priors.load import LoadPrior, chain_along
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags, Indices
 
@@ -187,7 +187,7 @@ def carried(rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior,
             continue
         begin = 0
         for load in loads:
-            F, Q, P0 = chain_along(load, np.array([abs(by)]))
+            F, Q, P0 = load.chain(np.array([abs(by)]))
             lead, chance, part = F[0], Q[0], slice(begin + 3, begin + len(P0))
             if by < 0:
                 lead = np.linalg.inv(lead)
