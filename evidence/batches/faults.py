@@ -23,7 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from evidence.batches.batch import bits, numbers
+from evidence.batches.records import bits, results
 from evidence.written import asked, table, written
 from forceid.cli.app import main as forceid
 
@@ -122,7 +122,7 @@ def torn(out: Path, whole: dict[str, dict[str, bytes]], found: Counter[str]) -> 
     """Results there are, with the time of their writing; those that are not what they should be, counted."""
     for path in out.glob("*.result.h5"):
         try:
-            found["half-written"] += numbers(path) != whole[path.name]
+            found["half-written"] += bits(path) != whole[path.name]
         except OSError:
             found["half-written"] += 1
     return {path: path.stat().st_mtime_ns for path in out.glob("*.result.h5")}
@@ -185,7 +185,7 @@ def study(rounds: int, count: int, seed: int) -> dict[str, Counter[str]]:
         for k, path in enumerate(files):
             forceid(["simulate", str(folder / "toss.toml"), "-o", path, "--seed", str(k)])
         ended(batch(folder, [*files, "-o", str(folder / "whole"), "-j", "1"]), Counter(), "left alone")
-        whole = bits(folder / "whole")
+        whole = results(folder / "whole")
         assert len(whole) == count
         found = {}
         for fault in FAULTS:

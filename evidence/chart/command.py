@@ -74,7 +74,7 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     """The page, the numbers and the pictures; returns the page, and the names of the pictures."""
     import json
 
-    from evidence.chart.figures import draw_case, draw_costs
+    from evidence.chart.figures import draw_case
     from evidence.chart.page import page
     from evidence.chart.subjects import CHARTED
     from evidence.written import pictured, written
@@ -82,8 +82,6 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     pictures = {
         f"chart_{case['name']}": draw_case(CHARTED[case["subject"]], case) for case in result["cases"]
     }
-    if result["cost"]:
-        pictures["chart_cost"] = draw_costs(result["cost"])
     for name, figure in pictures.items():
         pictured(folder, name, figure)
     written(folder, "chart.json", json.dumps(finite(result), indent=1, allow_nan=False) + "\n")

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from evidence.chart.charted import Charted
 from evidence.chart.front import front, points_of
 from evidence.chart.labels import place_labels
-from forceid.report.style import BLUE, CYCLE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels, say
+from forceid.report.style import BLUE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels, say
 
 FLOOR = 1e-16
 WORTHLESS = 1.0  # relative error of the answer zero: what is above is left out
@@ -138,33 +138,3 @@ def around(values: list[float], factor: float) -> tuple[float, float]:
     """
     kept = [v for v in values if v > 0]
     return min(kept, default=0.1) / factor, max(kept, default=1.0) * factor
-
-
-@rc_context(STYLE)
-def draw_costs(costs: list[Mapping[str, Any]]) -> Figure:
-    """CPU time over samples, markers and modes; the exponent stands at the end of each line."""
-    figure, axes = panels(1, len(costs), (4.2 * len(costs), 4.6))
-    for ax, cost in zip(axes[0], costs, strict=True):
-        names = sorted(cost["seconds"], key=lambda n: -cost["seconds"][n][-1])
-        for k, name in enumerate(names):
-            line = "-" if k < len(CYCLE) else (0, (1, 1))
-            seconds, color = cost["seconds"][name], CYCLE[k % len(CYCLE)]
-            slope = cost["exponents"].get(name)
-            said = name if slope is None else f"{name}: {slope:.2f}"
-            ax.plot(
-                cost["sizes"][: len(seconds)], seconds, ls=line, color=color, marker="o", ms=3, label=said
-            )
-        ax.set(xscale="log", yscale="log")
-        ax.set_ylim(*around([s for spent in cost["seconds"].values() for s in spent], 3.0))
-        ax.set_xticks(cost["sizes"][:: 2 if len(cost["sizes"]) > 6 else 1])
-        ax.set_xticklabels([f"{s:g}" for s in cost["sizes"][:: 2 if len(cost["sizes"]) > 6 else 1]])
-        ax.minorticks_off()
-        label(ax, f"Cost in {cost['over']}", "CPU time (s)", cost["over"])
-        ax.legend(
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.16),
-            title="name: exponent",
-            title_fontsize=8,
-            fontsize=7,
-        )
-    return figure

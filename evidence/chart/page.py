@@ -34,8 +34,6 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
             reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
             parts += [f"## {subject.title}", reading, overview(subject, cases)]
             parts += [part for case in cases for part in of_case(subject, case)]
-    if result["cost"]:
-        parts += ["## How cost grows", grown(result["cost"]), "![cost](chart_cost.png)"]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -170,18 +168,6 @@ def table(subject: Charted, case: Case) -> str:
     full = [row for row in rows if len(row) == len(heads)]
     kept = [i for i in range(len(heads)) if i < 2 or any(row[i] != "-" for row in full)]
     return tabled([heads[i] for i in kept], [[row[i] for i in kept if i < len(row)] for row in rows])
-
-
-def grown(costs: Sequence[Mapping[str, Any]]) -> str:
-    """Exponents of cost."""
-    rows = []
-    for cost in costs:
-        for name, exponent in cost["exponents"].items():
-            spent = cost["seconds"][name]
-            sizes = f"{cost['sizes'][0]} to {cost['sizes'][len(spent) - 1]}"
-            rows.append([cost["over"], sizes, name, f"{exponent:.2f}", f"{spent[-1]:.3g}"])
-    heads = ("over", "sizes", "", "exponent", "CPU s at the largest")
-    return f"Slope of log time over log size, over the larger half of the sizes.\n\n{tabled(heads, rows)}"
 
 
 def number(value: float | None) -> str:

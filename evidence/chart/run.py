@@ -20,7 +20,6 @@ import numpy as np
 
 import forceid
 from evidence.chart.charted import Charted
-from evidence.chart.cost import costs
 from evidence.chart.timing import mean_seconds, peak_of, warm_seconds
 from evidence.journal import Journal, key, version
 from evidence.subject import Contestant, Job
@@ -54,34 +53,22 @@ def run(
 ) -> dict[str, Any]:
     """All numbers of the chart. advance(what, part) is told what is under way, and the part that is done.
 
-    asked: subjects, each with the source of a case. What holds of estimators in general is measured where
-    there are recordings.
+    asked: subjects, each with the source of a case.
     """
     journal = Journal.opened(folder / "chart.jsonl")
-    general = [subject for subject, _ in asked if subject.name == "flights"][:1]
     cases: list[dict[str, Any]] = []
     missing: dict[str, None] = {}
-    width = 1 / max(len(asked) + len(general), 1)
+    width = 1 / max(len(asked), 1)
     for i, (subject, source) in enumerate(asked):
         said = partial(progress, advance, i * width, width)
         found, without = charted(subject, source, extent, journal, said)
         cases.append(found)
         missing |= dict.fromkeys(without)
-    cost: list[dict[str, Any]] = []
-    for subject in general:
-        said = partial(progress, advance, 1 - width, width)
-        cost = costs(journal, stamp_of(subject, "chart.cost"), extent.full, said)
     return {
         "forceid": forceid.__version__, "engine": engine().name, "extent": asdict(extent), "command": command,
         "date": datetime.now(UTC).strftime("%Y-%m-%d"), "python": platform.python_version(),
         "processor": processor(), "versions": versions(), "missing": list(missing), "cases": cases,
-        "cost": cost,
     }  # fmt: skip
-
-
-def stamp_of(subject: Charted, *more: str) -> str:
-    """The version of all that results on a subject depend on."""
-    return version(*subject.counted, *TIMING, *more, folders=subject.folders)
 
 
 def progress(advance: Say, start: float, width: float, what: str, part: float) -> None:
@@ -96,7 +83,8 @@ def charted(
 
     Answers of everyone to every seed, rounds of timing on the first, and a row for each.
     """
-    runs, stamp = list(subject.records(source, extent.seeds)), stamp_of(subject)
+    runs = list(subject.records(source, extent.seeds))
+    stamp = version(*subject.counted, *TIMING, folders=subject.folders)  # all that results depend on
     everyone, missing = subject.contestants(runs[0])
     everyone = [c for c in everyone if extent.full or not c.slow]
     first, prepared = runs[0], dict[tuple[str, str], Job]()

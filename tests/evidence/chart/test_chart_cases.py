@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from spinning_body import spinning
 
-from evidence.chart.cost import spinning
 from evidence.subjects.flights.cases import case_of, sources
 from forceid.errors import ConfigError, DataError
 

@@ -4,9 +4,8 @@ import json
 from dataclasses import replace
 
 import pytest
+from spinning_body import spinning
 
-from evidence.chart import run as chart
-from evidence.chart.cost import spinning
 from evidence.chart.subjects import CHARTED
 from evidence.subjects.flights.methods import ours
 from evidence.subjects.flights.peers.entrants import peers
@@ -15,11 +14,9 @@ from forceid.files.hdf5 import write_motion
 
 
 @pytest.fixture
-def few(monkeypatch, charting):
-    """Three contestants, no sweeps; the answers that were worked out."""
+def few(charting):
+    """Three contestants; the answers that were worked out."""
     chosen = [c for c in [*ours(), *peers()[0]] if c.name in ("smoother", "savgol", "scipy savgol")]
-    sweep = {"over": "samples", "sizes": [10, 100], "seconds": {"smoother": [0.1, 1.0]}}
-    monkeypatch.setattr(chart, "costs", lambda *a: [sweep | {"exponents": {"smoother": 1.0}}])
     return charting("flights", chosen, ["statsmodels"])
 
 
@@ -40,7 +37,7 @@ def test_a_chart_leaves_page_numbers_and_pictures(few, recording, tmp_path, caps
     assert rows["smoother"]["error"]["force"] < rows["scipy savgol"]["error"]["force"]
     assert rows["scipy savgol"]["coverage"]["force"] is None
     assert found["cases"][0]["bound"]["force"] > 0
-    assert {p.name for p in out.glob("*.png")} == {"chart_spin.png", "chart_cost.png"}
+    assert {p.name for p in out.glob("*.png")} == {"chart_spin.png"}
     assert "| smoother |" in (out / "chart.md").read_text()
     assert "default over best point" in capsys.readouterr().out
 

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from spinning_body import spinning
 
-from evidence.chart.cost import spinning
 from evidence.chart.front import Point, ahead, front, over_best
 from evidence.chart.labels import free_place, overlap
 from evidence.chart.page import overview, page, sentences
@@ -81,7 +81,7 @@ def test_a_contestant_without_answer_is_named_with_its_reason():
     case["rows"].append({"name": "lost", "kind": "peer", "told": False, "failed": "no masses", "chosen": ""})
     result = {
         "extent": {"seeds": 1, "rounds": 0}, "versions": {}, "command": "c", "date": "d", "forceid": "0",
-        "engine": "e", "python": "3", "processor": "p", "missing": ["PyNumDiff"], "cases": [case], "cost": [],
+        "engine": "e", "python": "3", "processor": "p", "missing": ["PyNumDiff"], "cases": [case],
     }  # fmt: skip
     text = page(result, CHARTED.values())
     assert "| lost | no answer: no masses |" in text

@@ -134,7 +134,6 @@ def few(monkeypatch, charting):
 def test_a_body_is_charted_without_recordings(few, tmp_path, capsys):
     assert main(["chart", "plate_16", "-o", str(tmp_path), "--short"]) == 0
     found = json.loads((tmp_path / "chart.json").read_text())
-    assert found["cost"] == []
     (body,) = found["cases"]
     rows = {r["name"]: r for r in body["rows"]}
     assert rows[DEFAULT]["times_default"] == 1.0
@@ -143,7 +142,6 @@ def test_a_body_is_charted_without_recordings(few, tmp_path, capsys):
     assert rows["scipy splu"]["claimed"] is None
     text = (tmp_path / "chart.md").read_text()
     assert "## Bodies in parts" in text
-    assert "How cost grows" not in text
     assert "left out: PyAMG" in text
     assert [p.name for p in tmp_path.glob("*.png")] == ["chart_plate_16.png"]
     assert "fastest peer" in capsys.readouterr().out

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from spinning_body import spinning
 
-from evidence.chart.cost import spinning
 from evidence.subjects.flights.cases import LOADS, case_of
 from evidence.subjects.flights.peers.differentiators import (
     butterworth,
