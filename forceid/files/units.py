@@ -8,26 +8,29 @@ from functools import lru_cache
 
 from forceid.errors import DataError
 
-Dimension = tuple[int, int, int, int]  # powers of meter, kilogram, second, radian
+Dimension = tuple[int, int, int, int, int]  # powers of meter, kilogram, second, radian, ampere
 
-_NONE: Dimension = (0, 0, 0, 0)
+_NONE: Dimension = (0, 0, 0, 0, 0)
 _BASE: dict[str, tuple[float, Dimension]] = {
-    "m": (1.0, (1, 0, 0, 0)),
-    "g": (1e-3, (0, 1, 0, 0)),
-    "s": (1.0, (0, 0, 1, 0)),
-    "N": (1.0, (1, 1, -2, 0)),
-    "Hz": (2 * math.pi, (0, 0, -1, 1)),  # cycles, so that Hz, rpm and rad/s convert into each other
-    "rad": (1.0, (0, 0, 0, 1)),
+    "m": (1.0, (1, 0, 0, 0, 0)),
+    "g": (1e-3, (0, 1, 0, 0, 0)),
+    "s": (1.0, (0, 0, 1, 0, 0)),
+    "N": (1.0, (1, 1, -2, 0, 0)),
+    "Hz": (2 * math.pi, (0, 0, -1, 1, 0)),  # cycles, so that Hz, rpm and rad/s convert into each other
+    "rad": (1.0, (0, 0, 0, 1, 0)),
+    "A": (1.0, (0, 0, 0, 0, 1)),
+    "T": (1.0, (0, 1, -2, 0, -1)),
+    "G": (1e-4, (0, 1, -2, 0, -1)),  # gauss
 }
 _OTHER: dict[str, tuple[float, Dimension]] = {
-    "in": (0.0254, (1, 0, 0, 0)),
-    "ft": (0.3048, (1, 0, 0, 0)),
-    "lb": (0.45359237, (0, 1, 0, 0)),
-    "min": (60.0, (0, 0, 1, 0)),
-    "g0": (9.80665, (1, 0, -2, 0)),
-    "deg": (math.pi / 180, (0, 0, 0, 1)),
-    "rev": (2 * math.pi, (0, 0, 0, 1)),
-    "rpm": (2 * math.pi / 60, (0, 0, -1, 1)),
+    "in": (0.0254, (1, 0, 0, 0, 0)),
+    "ft": (0.3048, (1, 0, 0, 0, 0)),
+    "lb": (0.45359237, (0, 1, 0, 0, 0)),
+    "min": (60.0, (0, 0, 1, 0, 0)),
+    "g0": (9.80665, (1, 0, -2, 0, 0)),
+    "deg": (math.pi / 180, (0, 0, 0, 1, 0)),
+    "rev": (2 * math.pi, (0, 0, 0, 1, 0)),
+    "rpm": (2 * math.pi / 60, (0, 0, -1, 1, 0)),
     "%": (0.01, _NONE),
 }
 _PREFIX = {"k": 1e3, "M": 1e6, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
@@ -36,7 +39,8 @@ _NAME = {
     "centimetre": "cm", "inch": "in", "foot": "ft", "feet": "ft", "gram": "g", "kilogram": "kg",
     "pound": "lb", "second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "newton": "N",
     "hertz": "Hz", "radian": "rad", "degree": "deg", "revolution": "rev", "percent": "%",
-    "gn": "g0", "standard_gravity": "g0", "dimensionless": "1", "none": "1",
+    "ampere": "A", "tesla": "T", "gauss": "G", "gn": "g0", "standard_gravity": "g0", "dimensionless": "1",
+    "none": "1",
 }  # fmt: skip
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-**")
 
@@ -53,6 +57,8 @@ def si_factor(found: str, expected: str, where: str = "") -> float:
     (0.001, 1e-09, 1000.0)
     >>> si_factor("g", "kg"), si_factor("g", "m s-2")
     (0.001, 9.80665)
+    >>> si_factor("uT", "T"), si_factor("mG", "T")
+    (1e-06, 1e-07)
     """
     if found.strip() == expected:
         return 1.0
@@ -76,7 +82,7 @@ def parse(text: str) -> tuple[float, Dimension]:
     """Factor to SI and dimension of a unit; KeyError holds the part that is not known.
 
     >>> parse("deg/s")[1]
-    (0, 0, -1, 1)
+    (0, 0, -1, 1, 0)
     """
     factor, power = 1.0, list(_NONE)
     tokens = re.findall(r"/|[^\s*/]+", text.translate(_SUPERSCRIPT).replace("**", "^"))
@@ -89,7 +95,7 @@ def parse(text: str) -> tuple[float, Dimension]:
         factor *= scale ** (sign * exponent)
         power = [p + sign * exponent * d for p, d in zip(power, dimension, strict=True)]
         sign = 1
-    return factor, (power[0], power[1], power[2], power[3])
+    return factor, (power[0], power[1], power[2], power[3], power[4])
 
 
 def _atom(token: str) -> tuple[float, Dimension, int]:

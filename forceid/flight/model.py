@@ -239,7 +239,7 @@ def linear_flight(
     told += np.einsum("tcs,s->tc", seen.by_steady, steady)
     rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
     if flight.modes is not None and flight.modes.mounting is not None:
-        more, by_modes = bending(flight.sensors, moved, flight.modes)
+        more, by_modes = bending(flight.sensors, moved, flight.modes, steady)
         rows[:, :, N : N + by_modes.shape[2]] = by_modes
         told += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
     rows_below = with_sensors(model, flight.sensors, rows, chance, seen.by_steady, np.diff(flight.time))

@@ -21,6 +21,8 @@ from forceid.files.units import si_factor
         ("rad/s", "Hz", 1 / (2 * math.pi)),
         ("g0", "m s-2", 9.80665),
         ("mm/s^2", "m s-2", 1e-3),
+        ("gauss", "T", 1e-4),
+        ("kg s-2 A-1", "T", 1.0),
         ("m s**-2", "m s-2", 1.0),
         ("kg·m²", "kg m2", 1.0),
         ("g cm2", "kg m2", 1e-7),

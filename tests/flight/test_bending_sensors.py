@@ -75,7 +75,7 @@ def flown():
 def test_sensors_read_the_motion_of_the_point_they_stand_on():
     sensors, moved, modes = flown()
     rigid = sensed(sensors, moved, np.zeros(2)).reading
-    bent = rigid + bending(sensors, moved, modes)[0]
+    bent = rigid + bending(sensors, moved, modes, np.zeros(2))[0]
     off = np.abs(sensors.readings - bent)[INNER].max(0)
     without = np.abs(sensors.readings - rigid)[INNER].max(0)
     assert (off[:6] < 1e-4).all()
@@ -88,7 +88,7 @@ def test_sensors_read_the_motion_of_the_point_they_stand_on():
 def test_slopes_are_those_of_what_is_read(state):
     sensors, moved, modes = flown()
     size = [1e-6, 1e-4, 1.0][state % 3]
-    rows = bending(sensors, moved, modes)[1]
+    rows = bending(sensors, moved, modes, np.zeros(2))[1]
     read = []
     for sign in (1, -1):
         path = modes.path.copy()
@@ -101,7 +101,7 @@ def test_slopes_are_those_of_what_is_read(state):
             "tkij,tk->tij", was, modes.rate
         )  # fmt: skip
         now = replace(moved, inertia=J, h=h, inertia_rate=J_rate)
-        read.append(sensed(sensors, now, np.zeros(2)).reading + bending(sensors, now, there)[0])
+        read.append(sensed(sensors, now, np.zeros(2)).reading + bending(sensors, now, there, np.zeros(2))[0])
     slope = (read[0] - read[1]) / (2 * size)
     scale = np.abs(slope).max(0) + 1e-9 * np.abs(slope).max()
     assert (np.abs(rows[:, :, state] - slope)[INNER] / scale).max() < 0.02

@@ -18,7 +18,7 @@ from forceid.motion.pose import exp
 from forceid.records import Array
 
 
-def bending(sensors: Sensors, moved: Moved, modes: FlyingModes) -> tuple[Array, Array]:
+def bending(sensors: Sensors, moved: Moved, modes: FlyingModes, steady: Array) -> tuple[Array, Array]:
     """What the modes add to the channels used (time, channel), and its slopes (time, channel, state).
 
     Slopes are by the states of the chains of the modes, along whose path both are taken.
@@ -45,8 +45,9 @@ def bending(sensors: Sensors, moved: Moved, modes: FlyingModes) -> tuple[Array, 
         S, r = sensors.rotation[s], sensors.position[s]
         Phi, Psi = modes.mounting[0][s].T, modes.mounting[1][s].T
         back = (exp(q @ Psi.T) @ S).swapaxes(1, 2)
-        mount = BentMount(S, r, Phi, Psi, q, rate, second, back, w2, b, d_omega, d_alpha)
         for i, instrument in enumerate(sensors.instruments):
+            own = steady[: len(sensors.owner)][sensors.owner == i]
+            mount = BentMount(S, r, Phi, Psi, q, rate, second, back, w2, b, d_omega, d_alpha, own)
             y[:, i, s], *slopes = instrument.bend(here, mount)
             for k, slope in enumerate(slopes):
                 rows[:, i, s, :, k::STATES] = slope

@@ -26,7 +26,7 @@ class BentMount:
     S (3, 3) and r (3,) m: axes to body and place without bending; shift, tilt (3, mode) of the place for a
     unit of each amplitude; q, rate, second (time, mode): amplitudes and their derivatives; back (time, 3, 3):
     body to the tilted axes; w2, b (mode,): of q'' = -w2 q - 2 b q' + f; d_omega, d_alpha: slopes (time, 3,
-    mode) by q and by q', of what bending does to the inertia.
+    mode) by q and by q', of what bending does to the inertia; steady (number,): as of `read`.
     """
 
     S: Array
@@ -41,6 +41,7 @@ class BentMount:
     b: Array
     d_omega: tuple[Array, Array]
     d_alpha: tuple[Array, Array]
+    steady: Array
 
 
 Bend = Callable[[InBody, BentMount], tuple[Array, Array, Array, Array | float]]
