@@ -74,9 +74,9 @@ class Motion:
     """What was measured, NaN where it was not. World axes.
 
     time (time,) s; position (time, node, 3) m, or center (time, 3) m with orientation (time, 4)
-    quaternion [x y z w] body to world; specific_force (time, sensor, 3) m/s2; angular_velocity
-    (time, sensor, 3) rad/s; strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of
-    one component of one sample by variable name, where the file states it (rad for the orientation).
+    quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
+    (time, sensor, 3); strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of one
+    component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
     NaN where there is none; None for a motion as it was measured.
     """
@@ -90,6 +90,9 @@ class Motion:
     )
     angular_velocity: Array | None = field(
         default=None, metadata=row(SENSOR, "rad s-1", "angular velocity, sensor axes")
+    )
+    magnetic_field: Array | None = field(
+        default=None, metadata=row(SENSOR, "T", "magnetic field, sensor axes")
     )
     strain: Array | None = field(default=None, metadata=row(("time", "gauge"), "1", "strain"))
     gravity: Array = field(default_factory=lambda: np.zeros(3))

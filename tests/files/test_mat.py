@@ -96,6 +96,15 @@ def test_sensors_of_both_kinds_are_put_in_one_order_and_stand_either_way_up(tmp_
     assert np.allclose(motion.angular_velocity, np.deg2rad(turn), rtol=1e-14)
 
 
+def test_a_magnetic_field_in_microtesla_comes_in_tesla(tmp_path):
+    savemat(tmp_path / "a.mat", {"m": SPECIFIC_FORCE})
+    table = {"rate": RATE, "magnetic_field": {"top": "m"}, "units": {"magnetic_field": "uT"}}
+    motion = brought(
+        tmp_path / "a.mat", table, body={"total_mass": 1.0, "inertia": np.eye(3).tolist()}
+    ).motion
+    assert np.allclose(motion.magnetic_field[:, 0], 1e-6 * SPECIFIC_FORCE, rtol=1e-14)
+
+
 def test_displacements_start_from_the_places_of_the_body(tmp_path):
     savemat(tmp_path / "a.mat", {"t": TIME, **{f"u_{k}": v for k, v in MARKERS.items()}})
     places = {name: place.tolist() for name, place in zip(NAMES, SHAPE, strict=True)}

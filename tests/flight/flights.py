@@ -69,27 +69,33 @@ def free_top(rng, count=150, step=0.005, scale=1.0):
     return seen(time, center, tumble(time, R0, lambda t: H), rng, scale)
 
 
-def drawn_flight(force, moment, rng, count=120, step=0.005, fine=4):
-    """A flight whose loads are drawn from their priors: as measured, and its true wrench (time, 6)."""
+def chains(p, rng, count, step):
+    """Twice integrated, integrated and load itself (time, 3) drawn from a prior."""
+    path = []
+    for axis in range(3):
+        start = Start(0.0, 0.0, p.start.mean)
+        chain = load_chain(matern(p.kernel.order, p.kernel.std[axis], p.kernel.rate[axis]), start)
+        F, Q = discretize(chain, step)
+        model = StateSpace(F, Q, chain.output[None], np.zeros((1, 1)), np.zeros(len(F)), chain.P0)
+        path.append(draw(model, count, rng)[0])
+    x = np.stack(path, -1)
+    return x[:, 0], x[:, 1], x[:, 2] + x[:, 3]
+
+
+def drawn_path(force, moment, rng, count=120, step=0.005, fine=4, spin=SPIN):
+    """A flight whose loads are drawn from their priors: time, center, rotation and wrench (time, 6)."""
     time = step / fine * np.arange(fine * (count - 1) + 1)
-
-    def chains(p):
-        path = []
-        for axis in range(3):
-            start = Start(0.0, 0.0, p.start.mean)
-            chain = load_chain(matern(p.kernel.order, p.kernel.std[axis], p.kernel.rate[axis]), start)
-            F, Q = discretize(chain, step / fine)
-            model = StateSpace(F, Q, chain.output[None], np.zeros((1, 1)), np.zeros(len(F)), chain.P0)
-            path.append(draw(model, len(time), rng)[0])
-        x = np.stack(path, -1)
-        return x[:, 0], x[:, 1], x[:, 2] + x[:, 3]
-
-    moment_of_mass, _, F = chains(force)
-    _, H, T = chains(moment)
+    moment_of_mass, _, F = chains(force, rng, len(time), step / fine)
+    _, H, T = chains(moment, rng, len(time), step / fine)
     R0 = Rotation.random(random_state=int(rng.integers(1 << 31))).as_matrix()
-    H = H + R0 @ INERTIA @ SPIN
+    H = H + R0 @ INERTIA @ spin
     rotation = tumble(time[::fine], R0, CubicHermiteSpline(time, H, T), rtol=1e-9)
     t = time[::fine, None]
     center = moment_of_mass[::fine] / MASS + t * [3.0, 0.5, 2.0] + 0.5 * t**2 * GRAVITY
-    flight = seen(time[::fine], center, rotation, rng)
-    return flight, np.hstack([F, T])[::fine]
+    return time[::fine], center, rotation, np.hstack([F, T])[::fine]
+
+
+def drawn_flight(force, moment, rng, count=120, step=0.005, fine=4):
+    """The same as measured, and its true wrench (time, 6)."""
+    time, center, rotation, truth = drawn_path(force, moment, rng, count, step, fine)
+    return seen(time, center, rotation, rng), truth

@@ -1,4 +1,4 @@
-"""Gyros and accelerometers on a body that bends, against the motion of the point that they stand on."""
+"""Sensors on a body that bends, against the motion of the point that they stand on."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from forceid.flight.instruments import ACCELEROMETER, GYRO
+from forceid.flight.instruments import INSTRUMENTS
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
@@ -28,6 +28,8 @@ PRIOR = Vibration(
 )
 POINTS = np.array([[0.15, 0.02, 0.0], [-0.05, 0.1, 0.02]])
 AXES = Rotation.from_rotvec([[0.3, 0.1, -0.2], [-1.0, 0.4, 0.9]]).as_matrix()
+FIELD = np.array([40.0, -20.0, 30.0])
+STEADY = np.append(FIELD, np.zeros(3))  # and no clock is late
 TIME = np.arange(0, 0.06, 2e-4)
 INNER = slice(30, -30)
 
@@ -49,12 +51,13 @@ def flown():
     v = smooth(world)(TIME, 1)
     H = np.einsum("n,tna->ta", MASS, np.cross(world, v))
     Phi, Psi = mounted(X, SHAPES, POINTS)
-    gyro, accelerometer = np.empty((2, len(TIME), 2, 3))
+    gyro, accelerometer, magnetometer = np.empty((3, len(TIME), 2, 3))
     for s in range(2):
         axes = R @ exp(q @ Psi[s]) @ AXES[s]
         spun = smooth(axes)(TIME, 1) @ axes.swapaxes(1, 2)
         omega = np.stack([spun[:, 2, 1], spun[:, 0, 2], spun[:, 1, 0]], 1)
         gyro[:, s] = np.einsum("tab,ta->tb", axes, omega)
+        magnetometer[:, s] = FIELD @ axes
         place = center + np.einsum("tab,tb->ta", R, POINTS[s] + q @ Phi[s])
         accelerometer[:, s] = np.einsum("tab,ta->tb", axes, smooth(place)(TIME, 2))
     weighs = products(MASS, X, SHAPES)
@@ -67,28 +70,28 @@ def flown():
     path = np.stack([q, rate, load], 2).reshape(len(TIME), -1)
     nothing = Frames(*(np.zeros((len(TIME), 0)) for _ in range(6)))
     modes = FlyingModes(nothing, PRIOR, weighs, path, mounting=(Phi, Psi))
-    read = np.stack([gyro, accelerometer], 1)
-    sensors = Sensors((GYRO, ACCELEROMETER), read, POINTS, AXES, np.ones((2, 2)), np.ones((2, 2)))
+    read = np.stack([gyro, accelerometer, magnetometer], 1)
+    sensors = Sensors(INSTRUMENTS, read, POINTS, AXES, np.ones((3, 2)), np.ones((3, 2)))
     return sensors, moved, modes
 
 
 def test_sensors_read_the_motion_of_the_point_they_stand_on():
     sensors, moved, modes = flown()
-    rigid = sensed(sensors, moved, np.zeros(2)).reading
-    bent = rigid + bending(sensors, moved, modes, np.zeros(2))[0]
+    rigid = sensed(sensors, moved, STEADY).reading
+    bent = rigid + bending(sensors, moved, modes, STEADY)[0]
     off = np.abs(sensors.readings - bent)[INNER].max(0)
     without = np.abs(sensors.readings - rigid)[INNER].max(0)
-    assert (off[:6] < 1e-4).all()
-    assert (off[6:] < 1e-4).all()
+    assert (off < 1e-4).all()
     assert without[:6].min() > 0.5  # rad/s
-    assert without[6:].min() > 5.0  # m/s2
+    assert without[6:12].min() > 5.0  # m/s2
+    assert without[12:].max() > 0.05  # T, of a field of 54
 
 
 @pytest.mark.parametrize("state", range(6))
 def test_slopes_are_those_of_what_is_read(state):
     sensors, moved, modes = flown()
     size = [1e-6, 1e-4, 1.0][state % 3]
-    rows = bending(sensors, moved, modes, np.zeros(2))[1]
+    rows = bending(sensors, moved, modes, STEADY)[1]
     read = []
     for sign in (1, -1):
         path = modes.path.copy()
@@ -101,7 +104,7 @@ def test_slopes_are_those_of_what_is_read(state):
             "tkij,tk->tij", was, modes.rate
         )  # fmt: skip
         now = replace(moved, inertia=J, h=h, inertia_rate=J_rate)
-        read.append(sensed(sensors, now, np.zeros(2)).reading + bending(sensors, now, there, np.zeros(2))[0])
+        read.append(sensed(sensors, now, STEADY).reading + bending(sensors, now, there, STEADY)[0])
     slope = (read[0] - read[1]) / (2 * size)
     scale = np.abs(slope).max(0) + 1e-9 * np.abs(slope).max()
     assert (np.abs(rows[:, :, state] - slope)[INNER] / scale).max() < 0.02

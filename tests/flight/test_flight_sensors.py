@@ -4,22 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flights import GRAVITY, INERTIA, MASS, POSE_STD, SPIN, prior, tumble
-from linear_models import draw
+from flights import GRAVITY, INERTIA, MASS, POSE_STD, SPIN, chains, prior, tumble
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from forceid import kalman
-from forceid.flight.channels import Start, load_chain
 from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import drift, gyro_rate, reckoned
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import smooth_flight
-from forceid.kalman import StateSpace, discretize, matern
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 POSITION = np.array([[0.06, 0.01, 0.02], [-0.05, 0.03, -0.01]])
@@ -30,19 +27,6 @@ BIAS = np.array([[0.1, 0.1], [0.5, 0.5]])
 
 def exp(phi):
     return Rotation.from_rotvec(phi).as_matrix()
-
-
-def chains(p, rng, count, step):
-    """Twice integrated, integrated and load itself (time, 3) drawn from a prior."""
-    path = []
-    for axis in range(3):
-        start = Start(0.0, 0.0, p.start.mean)
-        chain = load_chain(matern(p.kernel.order, p.kernel.std[axis], p.kernel.rate[axis]), start)
-        F, Q = discretize(chain, step)
-        model = StateSpace(F, Q, chain.output[None], np.zeros((1, 1)), np.zeros(len(F)), chain.P0)
-        path.append(draw(model, count, rng)[0])
-    x = np.stack(path, -1)
-    return x[:, 0], x[:, 1], x[:, 2] + x[:, 3]
 
 
 def euler(R, H, T, F):

@@ -5,5 +5,6 @@ INSTRUMENTS is the table of them: whatever reads sensors goes through it.
 
 from forceid.flight.instruments.accelerometer import ACCELEROMETER as ACCELEROMETER
 from forceid.flight.instruments.gyro import GYRO as GYRO
+from forceid.flight.instruments.magnetometer import MAGNETOMETER as MAGNETOMETER
 
-INSTRUMENTS = (GYRO, ACCELEROMETER)
+INSTRUMENTS = (GYRO, ACCELEROMETER, MAGNETOMETER)
