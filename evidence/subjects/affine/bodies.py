@@ -108,6 +108,18 @@ def natural(a: float, b: float, c: float) -> tuple[float, ...]:
     return a, b, c, 2 * a + 4 * b + 2 * c
 
 
+BALL, BLOCK = 1.7 * EYE, np.diag([1.0, 1.5, 2.2])  # second moments, kg m2
+SOFT = natural(0.6, 0.25, 0.4)
+
+
+def unstrained(rng: np.random.Generator, size: float) -> tuple[Array, Array]:
+    """F and F' (3, 3) of a start with det F = 1 and no change of it."""
+    F = EYE + size * rng.standard_normal((3, 3))
+    F /= np.cbrt(np.linalg.det(F))
+    V = F @ (0.5 * rng.standard_normal((3, 3)))
+    return F, V - np.trace(np.linalg.solve(F, V)) / 3 * F
+
+
 def followed(throw: Throw, tolerance: float = TIGHT) -> tuple[Array, Array]:
     """F and F' (time, 3, 3) of an elastic body by DOP853 near rounding."""
     options: dict[str, Any] = {"rtol": tolerance, "atol": 0.1 * tolerance, "t_eval": throw.time}

@@ -13,14 +13,23 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from evidence.subjects.affine.bodies import EYE, Frames, Throw, followed, natural, turns
+from evidence.subjects.affine.bodies import (
+    BALL,
+    BLOCK,
+    EYE,
+    SOFT,
+    Frames,
+    Throw,
+    followed,
+    natural,
+    turns,
+    unstrained,
+)  # fmt: skip
 from evidence.subjects.affine.exact_polar import exact_polar
 from forceid.records import Array
 
 FRAMES, KNOWN = 20_000, 200
 BODIES, FOLLOWED = 1000, 20
-BALL, BLOCK = 1.7 * EYE, np.diag([1.0, 1.5, 2.2])
-SOFT = natural(0.6, 0.25, 0.4)
 
 
 @dataclass(frozen=True)
@@ -98,26 +107,18 @@ def many(name: str) -> AffineCase:
     return AffineCase(name, title, "bodies", ("F", "F'"), throw, 1e-11, find, (F0, V0))
 
 
-def unstrained(scale: float) -> tuple[Array, Array]:
-    """A start with det F = 1, and no change of it."""
-    rng = np.random.default_rng(4)
-    F = EYE + scale * rng.standard_normal((3, 3))
-    F /= np.cbrt(np.linalg.det(F))
-    V = F @ (0.5 * rng.standard_normal((3, 3)))
-    return F, V - np.trace(np.linalg.solve(F, V)) / 3 * F
-
-
 def made(name: str) -> AffineCase:
     """The case of a name."""
     if name.startswith("polar_"):
         return factors(name, float(name.removeprefix("polar_")))
     if name == "ball":
         return thrown(name, "Mooney-Rivlin ball, 20 s", "body", swinging())
+    start = unstrained(np.random.default_rng(4), 0.1)
     if name == "stiff_ball":
-        throw = Throw(BALL, natural(0.6, 0.25, 1.7e4 / 4), *unstrained(0.1), np.linspace(0, 2, 21))
+        throw = Throw(BALL, natural(0.6, 0.25, 1.7e4 / 4), *start, np.linspace(0, 2, 21))
         return thrown(name, "Nearly incompressible ball, lambda 1e4 mu, 2 s", "stiff", throw)
     if name == "held_block":
-        throw = Throw(BLOCK, (0.6, 0.25, 0.0, 0.0), *unstrained(0.1), np.linspace(0, 10, 21), held=True)
+        throw = Throw(BLOCK, (0.6, 0.25, 0.0, 0.0), *start, np.linspace(0, 10, 21), held=True)
         return thrown(name, "Incompressible block, 10 s", "held", throw)
     return many(name)
 

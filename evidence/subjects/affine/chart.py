@@ -53,7 +53,7 @@ AFFINE = Charted(
     reading=READING,
     counted=tuple(
         f"subjects.affine.{name}"
-        for name in ("bodies", "cases", "movers", "problem", "ways", "chart", "exact_polar")
+        for name in ("bodies", "cases", "contestants", "movers", "problem", "ways", "chart", "exact_polar")
     ),
     folders=("pseudorigid", "motion"),
     records=lambda name, seeds: [made(name)],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 from scipy.linalg import polar as scipy_polar
@@ -22,17 +23,13 @@ TOLD = "rates are not defined about axes between close values"
 def polar_factor(problem: Problem) -> Answer:
     """`polar` and `polar_rates`."""
     given: Frames = problem.given
-    found: Any = polar_rates(given.F, given.dF)
-    omega, _ = found
-    told = getattr(found, "rounding", None)
-    every = None if told is None else np.tile(told[:, None] / np.sqrt(3), (1, 3))
-    return with_rounding(problem, polar(given.F)[0], omega, every)
+    found = polar_rates(given.F, given.dF)
+    every = np.tile(found.rounding[:, None] / np.sqrt(3), (1, 3))
+    return with_rounding(problem, polar(given.F)[0], found.omega, every)
 
 
-def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array | None) -> Answer:
-    """An answer whose rates come with what rounding may have cost, where they do."""
-    if rounding is None:
-        return Answer((motion, rate))
+def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array) -> Answer:
+    """An answer whose rates come with what rounding may have cost."""
     at = np.isfinite(rate) & np.isfinite(rounding)
     told = float(np.linalg.norm(rounding[at])) / max(float(np.linalg.norm(rate[at])), 1e-300)
     if told <= problem.promised[1]:
@@ -40,30 +37,31 @@ def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array 
     return Answer((motion, rate), (problem.promised[0], told), "degraded", ("rounding of F swamps rates",))
 
 
-def polar_loop(problem: Problem) -> Answer:
-    """scipy.linalg.polar frame by frame."""
-    given: Frames = problem.given
-    return by_formula(given, np.array([scipy_polar(F)[0] for F in given.F]))
+def by_loop(F: Array) -> Array:
+    """Rotations by scipy.linalg.polar, frame by frame."""
+    return np.array([scipy_polar(f)[0] for f in F])
 
 
-def polar_svd(problem: Problem) -> Answer:
-    """L R of numpy.linalg.svd."""
-    L, _, R = np.linalg.svd(problem.given.F)
-    return by_formula(problem.given, L @ R)
+def by_svd(F: Array) -> Array:
+    """Rotations L R of numpy.linalg.svd of all at once."""
+    L, _, R = np.linalg.svd(F)
+    return np.asarray(L @ R)
 
 
-def polar_newton(problem: Problem) -> Answer:
+def unscaled(F: Array) -> Array:
     """Newton's iteration as one finds it in textbooks, until nothing changes by 1e-12, at most a hundred."""
-    X = problem.given.F
+    X = F
     for _ in range(100):
         last, X = X, 0.5 * (X + np.linalg.inv(X).swapaxes(1, 2))
         if np.abs(X - last).max() < 1e-12:
             break
-    return by_formula(problem.given, X)
+    return np.asarray(X)
 
 
-def by_formula(given: Frames, L: Array) -> Answer:
-    """The rate of a rotation by the formula of section 2."""
+def by_formula(by: Callable[[Array], Array], problem: Problem) -> Answer:
+    """Rotations by a function, and their rates by the formula of section 2."""
+    given: Frames = problem.given
+    L = by(given.F)
     A, U = L.swapaxes(1, 2) @ given.dF, L.swapaxes(1, 2) @ given.F
     skew = A - A.swapaxes(1, 2)
     inertia = np.trace(U, axis1=1, axis2=2)[:, None, None] * EYE - U
@@ -75,14 +73,9 @@ def rates_here(problem: Problem) -> Answer:
     """`bipolar_rates`."""
     given: Frames = problem.given
     r = bipolar_rates(given.F, given.dF)
-    answer = with_rounding(problem, r.D, spins(r.L, r.R, r.omega, r.lam), around(r))
+    both = np.concatenate([r.rounding, r.rounding], -1)
+    answer = with_rounding(problem, r.D, spins(r.L, r.R, r.omega, r.lam), both)
     return answer if r.defined.all() else replace(answer, verdict="degraded", reasons=(TOLD,))
-
-
-def around(rates: Any) -> Array | None:
-    """What rounding may have cost of both spins (frame, 6), where that is told."""
-    told = getattr(rates, "rounding", None)
-    return None if told is None else np.concatenate([told, told], -1)
 
 
 def spins(L: Array, R: Array, omega: Array, lam: Array) -> Array:
@@ -167,9 +160,11 @@ def unflagged(problem: Problem, L: Array, D: Array, R: Array) -> Answer:
 
 
 POLAR = (
-    at_once("polar", polar_factor), at_once("scipy.linalg.polar", polar_loop, kind="peer"),
-    at_once("numpy svd", polar_svd, kind="peer"), at_once("Newton, unscaled", polar_newton, kind="peer"),
-)  # fmt: skip
+    at_once("polar", polar_factor),
+    at_once("scipy.linalg.polar", partial(by_formula, by_loop), kind="peer"),
+    at_once("numpy svd", partial(by_formula, by_svd), kind="peer"),
+    at_once("Newton, unscaled", partial(by_formula, unscaled), kind="peer"),
+)
 RATES = (at_once("bipolar_rates", rates_here), at_once("numpy svd", rates_svd, kind="peer"))
 PATHS = (
     at_once("bipolar_path", path_here), at_once("numpy svd", path_svd, kind="peer"),

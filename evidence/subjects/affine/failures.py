@@ -8,7 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from evidence.stress.failure import failure
 from evidence.subjects.affine.bodies import (
+    BALL,
+    BLOCK,
     EYE,
+    SOFT,
     Frames,
     Throw,
     followed,
@@ -16,7 +19,8 @@ from evidence.subjects.affine.bodies import (
     natural,
     sprung,
     turns,
-)
+    unstrained,
+)  # fmt: skip
 from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import Problem
 from forceid.records import Array
@@ -26,9 +30,6 @@ REDUCED = (1e-10, 1e-10)
 FRAMES = 12  # of a seed, of factors
 PATH = 97  # frames past a meeting
 TIGHTEST = 3e-14  # relative, of DOP853
-BALL = 1.7 * EYE
-BLOCK = np.diag([1.0, 1.5, 2.2])
-SOFT = natural(0.6, 0.25, 0.4)
 CONDITIONS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14)
 GAPS = (0.3, 0.1, 1e-2, 1e-3, 2e-4, 5e-5, 1e-6, 0.0)
 
@@ -135,14 +136,6 @@ def elastic(throw: Throw, tolerance: float = 1e-12) -> Problem:
     return Problem(throw, *followed(throw, tolerance), REDUCED)
 
 
-def start(rng: np.random.Generator, size: float) -> tuple[Array, Array]:
-    """F and F' (3, 3) with det F = 1 and no change of it."""
-    F = EYE + size * rng.standard_normal((3, 3))
-    F /= np.cbrt(np.linalg.det(F))
-    V = F @ (0.5 * rng.standard_normal((3, 3)))
-    return F, V - np.trace(np.linalg.solve(F, V)) / 3 * F
-
-
 @failure(
     "affine", "Nearly incompressible, step 0.01 s", "lambda over mu", (1.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7,
     1e8),
@@ -150,7 +143,7 @@ def start(rng: np.random.Generator, size: float) -> tuple[Array, Array]:
 def nearly_incompressible(level: float, rng: np.random.Generator) -> Problem:
     """Volume vibrates many times a step."""
     c = 1.7 * level / 4 - 0.25
-    throw = Throw(BALL, natural(0.6, 0.25, c), *start(rng, 0.1), np.linspace(0, 0.5, 11), 0.01)
+    throw = Throw(BALL, natural(0.6, 0.25, c), *unstrained(rng, 0.1), np.linspace(0, 0.5, 11), 0.01)
     return elastic(throw, 1e-12 if level < 1e5 else 1e-9)
 
 
@@ -169,7 +162,7 @@ def long_step(level: float, rng: np.random.Generator) -> Problem:
 )  # fmt: skip
 def off_volume(level: float, rng: np.random.Generator) -> Problem:
     """What is to be kept does not hold at the start."""
-    F0, V0 = start(rng, 0.1)
+    F0, V0 = unstrained(rng, 0.1)
     material = (0.6, 0.25, 0.0, 0.0)
     time = np.linspace(0, 2, 11)
     truth = followed(Throw(BLOCK, material, F0, V0, time, held=True))

@@ -10,164 +10,100 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.linalg import polar as scipy_polar
 
-from evidence.subject import Answer, Contestant, Job
-from evidence.subjects.affine.bodies import Frames, Throw
-from evidence.subjects.affine.cases import FOLLOWED, AffineCase
-from evidence.subjects.affine.movers import material_of
+from evidence.subject import Answer, Contestant, at_once
+from evidence.subjects.affine.bodies import Throw
+from evidence.subjects.affine.cases import BODIES, FOLLOWED, AffineCase
+from evidence.subjects.affine.contestants import by_loop, by_svd
+from evidence.subjects.affine.movers import material_of, reduced, run
 from forceid.pseudorigid import Body, left_reduced, polar, two_sided
 from forceid.records import Array
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
+STEPS: dict[str, dict[str, Sequence[float]]] = {  # s, by kind of case and method
+    "body": {
+        "verlet": (0.1, 0.02, 0.004), "suzuki_4": (0.2, 0.1, 0.02), "blanes_moan_6": (0.4, 0.2, 0.1),
+        "kahan_li_8": (0.5, 0.25), "implicit_midpoint": (0.1, 0.02), "energy": (0.1, 0.05),
+    },
+    "bodies": {"verlet": (0.1, 0.02, 0.004), "blanes_moan_6": (0.4, 0.2, 0.1)},
+    "stiff": {
+        "verlet": (0.008, 0.002, 0.0005), "blanes_moan_6": (0.02, 0.01, 0.005),
+        "implicit_midpoint": (0.02, 0.005), "energy": (0.02,),
+    },
+    "held": {"verlet": (0.05, 0.01, 0.002), "suzuki_4": (0.1, 0.05), "kahan_li_8": (0.4, 0.2)},
+}  # fmt: skip
 
 
 def ways(kind: str) -> list[Contestant]:
     """Ours first, then peers, for a kind of case."""
     if kind == "factors":
         return FACTORS
-    if kind == "bodies":
-        ours = stepped({"verlet": (0.1, 0.02, 0.004), "blanes_moan_6": (0.4, 0.2, 0.1)})
-        peers = tolerated(("RK45", "DOP853", "LSODA"), one_by_one, 1000 / FOLLOWED)
-        return [*ours, *peers]
-    steps: dict[str, dict[str, Sequence[float]]] = {
-        "body": {
-            "verlet": (0.1, 0.02, 0.004), "suzuki_4": (0.2, 0.1, 0.02), "blanes_moan_6": (0.4, 0.2, 0.1),
-            "kahan_li_8": (0.5, 0.25), "implicit_midpoint": (0.1, 0.02), "energy": (0.1, 0.05),
-        },
-        "stiff": {
-            "verlet": (0.008, 0.002, 0.0005), "blanes_moan_6": (0.02, 0.01, 0.005),
-            "implicit_midpoint": (0.02, 0.005), "energy": (0.02,),
-        },
-        "held": {"verlet": (0.05, 0.01, 0.002), "suzuki_4": (0.1, 0.05), "kahan_li_8": (0.4, 0.2)},
-    }  # fmt: skip
-    own = stepped(steps[kind])
-    own.append(Contestant("reference", simulated("dop853", None), about="Body.simulate, dop853"))
-    if kind == "body":
-        own += [
-            Contestant("left-reduced", partial(reduced, left_reduced), about="left_reduced"),
-            Contestant("two-sided", partial(reduced, two_sided), about="two_sided"),
-        ]
-    return [*own, *tolerated(("RK45", "DOP853", "LSODA", "Radau"), alone)]
-
-
-def stepped(steps: dict[str, Sequence[float]]) -> list[Contestant]:
-    """Methods of `Body.simulate` at steps in s."""
-    return [
-        Contestant(
-            f"{method} {h:g}", simulated(method, h), about=f"Body.simulate, {method}, {h:g} s", line=method
+    own = [
+        at_once(
+            f"{method} {h:g}", partial(simulated, method, h), about=f"Body.simulate, {method}, {h:g} s",
+            line=method,
         )
-        for method, chosen in steps.items()
+        for method, chosen in STEPS[kind].items()
         for h in chosen
-    ]
+    ]  # fmt: skip
+    if kind == "bodies":
+        return [*own, *tolerated(("RK45", "DOP853", "LSODA"), BODIES / FOLLOWED)]
+    own.append(at_once("reference", partial(simulated, "dop853", None), about="Body.simulate, dop853"))
+    if kind == "body":
+        forms = {"left-reduced": left_reduced, "two-sided": two_sided}
+        own += [at_once(n, partial(reduced, f), about=n.replace("-", "_")) for n, f in forms.items()]
+    return [*own, *tolerated(("RK45", "DOP853", "LSODA", "Radau"))]
 
 
-def tolerated(methods: Sequence[str], how: Any, whole: float = 1.0) -> list[Contestant]:
+def tolerated(methods: Sequence[str], whole: float = 1.0) -> list[Contestant]:
     """Methods of solve_ivp at relative tolerances, absolute ones a thousandth."""
     return [
-        Contestant(
-            f"scipy {m} {t:.0e}",
-            partial(how, m, t),
-            "peer",
-            f"solve_ivp {m}, {t:.0e}",
-            f"scipy {m}",
-            whole=whole,
+        at_once(
+            f"scipy {m} {t:.0e}", partial(integrated, m, t), kind="peer", about=f"solve_ivp {m}, {t:.0e}",
+            line=f"scipy {m}", whole=whole,
         )
         for m in methods
         for t in TOLERANCES
         if not (m == "Radau" and t < 1e-6)
-    ]
+    ]  # fmt: skip
 
 
-def simulated(method: str, step: float | None) -> Callable[[AffineCase], Job]:
-    """`Body.simulate`, body built and all."""
-
-    def job(case: AffineCase) -> Job:
-        throw = case.given
-        assert isinstance(throw, Throw)
-        F0, V0 = case.starts or (throw.F0, throw.dF0)
-
-        def run() -> Answer:
-            found = Body(throw.E, material_of(throw)).simulate(F0, V0, throw.time, method, step)
-            one = F0.ndim == 2
-            return Answer((found.F, found.dF) if one else (found.F[:, :FOLLOWED], found.dF[:, :FOLLOWED]))
-
-        return run
-
-    return job
+def simulated(method: str, step: float | None, case: AffineCase) -> Answer:
+    """`Body.simulate`, body built and all; of many bodies the first."""
+    throw: Any = case.given
+    F0, V0 = case.starts or (throw.F0, throw.dF0)
+    found = Body(throw.E, material_of(throw)).simulate(F0, V0, throw.time, method, step)
+    known = slice(None, None if F0.ndim == 2 else FOLLOWED)
+    return Answer((found.F[:, known], found.dF[:, known]))
 
 
-def reduced(form: Any, case: AffineCase) -> Job:
-    """A reduced form."""
-    throw = case.given
-    assert isinstance(throw, Throw)
-
-    def run() -> Answer:
-        found = form.simulate(throw.E, material_of(throw), throw.F0, throw.dF0, throw.time)
-        return Answer((found.F, found.dF))
-
-    return run
+def integrated(method: str, tolerance: float, case: AffineCase) -> Answer:
+    """solve_ivp on one body, or on the first of many, one after another."""
+    throw: Any = case.given
+    if case.starts is None:
+        return Answer(followed_by(throw, throw.start, method, tolerance))
+    starts = [np.concatenate([F.ravel(), V.ravel()]) for F, V in zip(*case.starts, strict=True)][:FOLLOWED]
+    paths = [followed_by(throw, start, method, tolerance) for start in starts]
+    return Answer((np.stack([F for F, _ in paths], 1), np.stack([V for _, V in paths], 1)))
 
 
-def alone(method: str, tolerance: float, case: AffineCase) -> Job:
-    """solve_ivp on one body."""
-    throw = case.given
-    assert isinstance(throw, Throw)
-    return lambda: Answer(integrated(throw, throw.start, method, tolerance))
-
-
-def one_by_one(method: str, tolerance: float, case: AffineCase) -> Job:
-    """solve_ivp on the first bodies, one after another."""
-    throw, starts = case.given, case.starts
-    assert isinstance(throw, Throw)
-    assert starts is not None
-
-    def run() -> Answer:
-        each = [np.concatenate([F.ravel(), V.ravel()]) for F, V in zip(*starts, strict=True)][:FOLLOWED]
-        paths = [integrated(throw, start, method, tolerance) for start in each]
-        return Answer((np.stack([F for F, _ in paths], 1), np.stack([V for _, V in paths], 1)))
-
-    return run
-
-
-def integrated(throw: Throw, start: Array, method: str, tolerance: float) -> tuple[Array, Array]:
+def followed_by(throw: Throw, start: Array, method: str, tolerance: float) -> tuple[Array, Array]:
     """F and F' (time, 3, 3) by solve_ivp."""
-    ends = float(throw.time[0]), float(throw.time[-1])
-    options: dict[str, Any] = {"method": method, "t_eval": throw.time, "rtol": tolerance}
-    y = np.asarray(solve_ivp(throw.rates, ends, start, atol=1e-3 * tolerance, **options).y.T)
+    y, _ = run(throw.rates, start, throw.time, method, rtol=tolerance, atol=1e-3 * tolerance)
     return y[:, :9].reshape(-1, 3, 3), y[:, 9:].reshape(-1, 3, 3)
 
 
-def factored(by: Callable[[Array], Array], case: AffineCase) -> Job:
+def factored(by: Callable[[Array], Array], case: AffineCase) -> Answer:
     """Rotation and stretch of all frames, of a function that gives rotations."""
-    given = case.given
-    assert isinstance(given, Frames)
-
-    def run() -> Answer:
-        L = by(given.F)
-        U = L.swapaxes(1, 2) @ given.F
-        return Answer((L, 0.5 * (U + U.swapaxes(1, 2))))
-
-    return run
+    F = case.given.F  # type: ignore[union-attr]
+    L = by(F)
+    U = L.swapaxes(1, 2) @ F
+    return Answer((L, 0.5 * (U + U.swapaxes(1, 2))))
 
 
-def here(case: AffineCase) -> Job:
+def here(case: AffineCase) -> Answer:
     """`polar`, which gives both."""
-    given = case.given
-    assert isinstance(given, Frames)
-    return lambda: Answer(polar(given.F))
-
-
-def by_loop(F: Array) -> Array:
-    """scipy.linalg.polar frame by frame."""
-    return np.array([scipy_polar(f)[0] for f in F])
-
-
-def by_svd(F: Array) -> Array:
-    """numpy.linalg.svd of all at once."""
-    L, _, R = np.linalg.svd(F)
-    return np.asarray(L @ R)
+    return Answer(polar(case.given.F))  # type: ignore[union-attr]
 
 
 def by_roots(F: Array) -> Array:
@@ -190,15 +126,11 @@ def by_newton(F: Array) -> Array:
     return np.asarray(X)
 
 
+PEERS = {
+    "scipy.linalg.polar": (by_loop, "a loop over frames"), "numpy svd": (by_svd, "all at once"),
+    "numpy eigh of F^T F": (by_roots, "all at once"), "numpy Newton": (by_newton, "scaled, all at once"),
+}  # fmt: skip
 FACTORS = [
-    Contestant("polar", here, about="polar, all at once"),
-    *(
-        Contestant(name, partial(factored, by), "peer", about)
-        for name, by, about in (
-            ("scipy.linalg.polar", by_loop, "a loop over frames"),
-            ("numpy svd", by_svd, "all at once"),
-            ("numpy eigh of F^T F", by_roots, "all at once"),
-            ("numpy Newton", by_newton, "scaled, all at once"),
-        )
-    ),
+    at_once("polar", here, about="polar, all at once"),
+    *(at_once(name, partial(factored, by), kind="peer", about=about) for name, (by, about) in PEERS.items()),
 ]
