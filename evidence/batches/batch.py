@@ -2,7 +2,7 @@
 
     python -m evidence.batches.batch -o docs [--files 200] [--gigabytes 20] [--only files large cluster]
 
-Writes batch.md, batch.json and batch.png. CPU time is that of all processes. What was measured by an earlier
+Writes batch.md and batch.json. CPU time is that of all processes. What was measured by an earlier
 run is kept in batch.json, so that the parts can be run one by one.
 """
 
@@ -17,13 +17,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from evidence.batches import large
 from evidence.batches.records import Found, cpu, forceid, numbers, results, run, shelf, timed
-from evidence.written import asked, paged, pictured, table
+from evidence.written import asked, paged, table
 from forceid.cli.output import describe
 from forceid.cli.pool import nis_mean
 from forceid.config import load_settings
@@ -31,7 +28,6 @@ from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 from forceid.files.heap import fingerprint
 from forceid.files.result import write_result
-from forceid.report.style import BLUE, GRAY, GREEN, ORANGE, PURPLE, SKY, STYLE, panels
 
 SAMPLE = 20  # files whose stages are timed one by one
 OPTIONS = ("--model", "rigid")
@@ -109,35 +105,6 @@ def on_cluster(count: int) -> Found:
         }  # fmt: skip
 
 
-@rc_context(STYLE)
-def draw(found: Found) -> Figure:
-    """What a file costs: bytes and kernels alone, and the batch, in stages; below, without kernels."""
-    each = found["each_s"]
-    done = ("hash", "read and check", "kernels", "write", "describe")
-    rest = max(found["cpu_s"] / found["files"] - sum(each[name] for name in done), 0.0)
-    bars = {
-        "cannot do without": {name: each[name] for name in ("raw read", "raw write", "kernels")},
-        "forceid batch -j 2": {**{name: each[name] for name in done}, "two at once, start, page": rest},
-    }
-    color = {
-        "kernels": BLUE, "raw read": GREEN, "raw write": ORANGE, "hash": PURPLE, "read and check": GREEN,
-        "write": ORANGE, "describe": SKY, "two at once, start, page": GRAY,
-    }  # fmt: skip
-    figure, axes = panels(2, 1, (8.0, 4.6))
-    left_out = (), ("kernels", "two at once, start, page")
-    for ax, skip, title in zip(axes[:, 0], left_out, ("All of it", "Bytes alone"), strict=True):
-        for y, parts in enumerate(bars.values()):
-            shown = {name: 1e3 * seconds for name, seconds in parts.items() if name not in skip}
-            for at, (name, ms) in zip(np.cumsum([0.0, *shown.values()]), shown.items(), strict=False):
-                ax.barh(y, ms, left=at, color=color[name], edgecolor="white", label=name if y else None)
-            ax.text(sum(shown.values()), y, f" {sum(shown.values()):.0f} ms", va="center", fontsize=9)
-        ax.set_yticks(range(len(bars)), list(bars), fontsize=9)
-        ax.set_title(f"{title}, CPU time a file of 5 MB (ms)", loc="left")
-        ax.invert_yaxis()
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
-    return figure
-
-
 def of_files(files: Found) -> list[str]:
     """The batch on the page."""
     each = [{"stage": name, "ms a file": 1e3 * s} for name, s in files["each_s"].items()]
@@ -148,7 +115,7 @@ def of_files(files: Found) -> list[str]:
         f"most 3). Wall time {files['wall_s']:.0f} s. `--resume` of all: "
         f"{files['resume_cpu_s']:.0f} s. What is over the stages below is start, handing out, the page, "
         "and what processes at once, and whatever else runs, take from each other.",
-        f"Stages of the first {SAMPLE} files, one process:", table(each), "![stages](batch.png)",
+        f"Stages of the first {SAMPLE} files, one process:", table(each),
     ]  # fmt: skip
 
 
@@ -197,8 +164,6 @@ def main() -> None:
     for name in args.only:
         found[name] = parts[name]()
         kept.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    if "files" in found:
-        pictured(args.output, "batch", draw(found["files"]), dpi=140)
     said = f"`python -m evidence.batches.batch`, {os.cpu_count()} cores, {time.strftime('%Y-%m-%d')}."
     text = [part for name, of in PAGE.items() if name in found for part in of(found[name])]
     paged(args.output, "batch", "Batches", said, *text)

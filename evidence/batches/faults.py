@@ -21,10 +21,9 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from evidence.batches.records import bits, results
-from evidence.written import asked, table, written
+from evidence.written import asked, paged, table
 from forceid.cli.app import main as forceid
 
 PATIENCE = 120  # s until a run counts as one that does not end
@@ -46,6 +45,12 @@ if __name__ == "__main__":
         print(cluster.scheduler_address, flush=True)
         sys.stdin.read()
 """
+ABOUT = """\
+`{command}`: batches of {count} files; when a random number of them is done something happens to each, \
+then it is resumed. *Lost*: without result in the end; *half-written*: a result by its name that is torn, \
+or holds other numbers than that of a batch left alone; *done twice*: written again although it was whole; \
+*hangs*: no end within two minutes; *left behind*: hidden files in the folder. Damaged files are on a page \
+of their own, [mutated_files](mutated_files.md)."""
 COUNTED = ("lost", "half-written", "done twice", "tracebacks", "odd exit codes", "hangs")
 ALLOWED = {0, 1, 2, 130, -signal.SIGKILL}
 Run = subprocess.Popen[str]
@@ -83,23 +88,15 @@ def workers(process: int) -> list[int]:
     return [k for k in own if "spawn_main" in Path(f"/proc/{k}/cmdline").read_text()]
 
 
-def kill_batch(run: Run) -> None:
-    os.kill(run.pid, signal.SIGKILL)
-
-
 def kill_process(run: Run) -> None:
     if own := workers(run.pid):
         os.kill(random.choice(own), signal.SIGKILL)
 
 
-def interrupt(run: Run) -> None:
-    os.kill(run.pid, signal.SIGINT)
-
-
 def interrupt_twice(run: Run) -> None:
-    os.kill(run.pid, signal.SIGINT)
+    run.send_signal(signal.SIGINT)
     time.sleep(random.uniform(0, 0.3))
-    os.kill(run.pid, signal.SIGINT)
+    run.send_signal(signal.SIGINT)
 
 
 def nothing(run: Run) -> None:
@@ -108,9 +105,9 @@ def nothing(run: Run) -> None:
 
 FULL = "resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0}))"
 FAULTS: dict[str, tuple[str, Callable[[Run], None]]] = {
-    "kill -9 of the batch": ("", kill_batch),
+    "kill -9 of the batch": ("", Run.kill),
     "kill -9 of one of its processes": ("", kill_process),
-    "interrupt": ("", interrupt),
+    "interrupt": ("", lambda run: run.send_signal(signal.SIGINT)),
     "interrupt, twice": ("", interrupt_twice),
     "disk full": (FULL, nothing),
     "a second batch into the folder": ("", nothing),
@@ -198,25 +195,15 @@ def study(rounds: int, count: int, seed: int) -> dict[str, Counter[str]]:
     return found
 
 
-def page(found: dict[str, Counter[str]], count: int, command: str) -> str:
-    """The counts as markdown."""
-    rows: list[dict[str, Any]] = [
+def counted(found: dict[str, Counter[str]], count: int) -> str:
+    """The counts as a table."""
+    return table([
         {
-            "what was done": fault,
-            "rounds": counts["rounds"],
+            "what was done": fault, "rounds": counts["rounds"],
             "results whole when it stopped": f"{counts['whole before'] / counts['rounds']:.1f} of {count}",
             **{name: counts[name] for name in (*COUNTED, "left behind")},
         }
         for fault, counts in found.items()
-    ]
-    return "\n".join([
-        "# Faults, done to batches", "",
-        f"`{command}`: batches of {count} files; when a random number of them is done something happens "
-        "to each, then it is resumed. *Lost*: without result in the end; *half-written*: a result by its "
-        "name that is torn, or holds other numbers than that of a batch left alone; *done twice*: written "
-        "again although it was whole; *hangs*: no end within two minutes; *left behind*: hidden files in the "
-        "folder. Damaged files are on a page of their own, [mutated_files](mutated_files.md).", "",
-        table(rows), "",
     ])  # fmt: skip
 
 
@@ -224,9 +211,8 @@ def main() -> int:
     """Do it; the exit code says whether anything was lost."""
     args = asked("evidence.batches.faults", __doc__, rounds=12, files=24, seed=0)
     found = study(args.rounds, args.files, args.seed)
-    text = page(found, args.files, args.command)
-    written(args.output, "faults.md", text)
-    print(text)
+    about = ABOUT.format(command=args.command, count=args.files)
+    paged(args.output, "faults", "Faults, done to batches", about, counted(found, args.files))
     return int(any(counts[name] for counts in found.values() for name in COUNTED))
 
 

@@ -26,7 +26,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from evidence.written import asked, table, written
+from evidence.written import asked, paged, table
 from forceid.config import Settings
 from forceid.errors import DataError, ForceIdError
 from forceid.estimation.long.out_of_core import read_recording
@@ -37,6 +37,11 @@ from forceid.records import Body, Motion, Recording
 PATIENCE = 60  # s of wall time that one file may take
 SETTINGS = Settings()
 BATCH = 2000  # files a process reads
+FINE = ("refused", "read")
+ABOUT = """\
+`{command}`: {count} files, motion and result files, each with one kind of damage. `refused`: one line that \
+names the file; `read`: the damage fell where it changes no structure, or a number that is still a possible \
+one."""
 
 
 def markers(rng: np.random.Generator) -> Recording:
@@ -183,36 +188,30 @@ def study(first: int, count: int, workers: int) -> list[tuple[Any, ...]]:
         return list(itertools.chain.from_iterable(pool.map(lambda part: list(watched(*part)), parts)))
 
 
-def page(found: list[tuple[Any, ...]], command: str) -> str:
-    """The counts as markdown."""
+def counted(found: list[tuple[Any, ...]]) -> list[str]:
+    """The counts on the page."""
     kinds = sorted({row[2] for row in found})
     counts = {kind: Counter(row[3] for row in found if row[2] == kind) for kind in kinds}
-    outcomes = sorted({row[3] for row in found}, key=lambda name: (name not in ("refused", "read"), name))
+    outcomes = sorted({row[3] for row in found}, key=lambda name: (name not in FINE, name))
     rows = [{"damage": kind, **{name: counts[kind][name] for name in outcomes}} for kind in kinds]
     rows.append({"damage": "all", **{name: sum(counts[kind][name] for kind in kinds) for name in outcomes}})
     times = np.array([row[4] for row in found])
-    odd = [
-        f"- file {row[0]}, {row[1]}, {row[2]}: {row[3]}" for row in found if row[3] not in ("refused", "read")
-    ]
-    return "\n".join([
-        "# Damaged files, and what the reader makes of them", "",
-        f"`{command}`: {len(found)} files, motion and result files, each with one kind of damage. `refused`: "
-        "one line that names the file; `read`: the damage fell where it changes no structure, or a number "
-        "that is still a possible one.", "",
-        table(rows, ["damage", *outcomes]), "",
+    cost = (
         f"Time a file: median {1e3 * np.median(times):.1f} ms, at most {1e3 * times.max():.0f} ms. "
-        f"Peak memory of a process: {max(row[5] for row in found) / 1e3:.0f} MB.", "", *odd, "",
-    ])  # fmt: skip
+        f"Peak memory of a process: {max(row[5] for row in found) / 1e3:.0f} MB."
+    )
+    odd = [f"- file {n}, {layout}, {kind}: {said}" for n, layout, kind, said, *_ in found if said not in FINE]
+    return [table(rows, ["damage", *outcomes]), cost, *["\n".join(odd)] * bool(odd)]
 
 
 def main() -> int:
     """Read what was asked for; the exit code says whether anything escaped."""
     args = asked("evidence.batches.mutated_files", __doc__, count=100_000, first=0, jobs=2)
     found = study(args.first, args.count, args.jobs)
-    text = page(found, args.command)
-    written(args.output, "mutated_files.md", text)
-    print(text)
-    return int(any(row[3] not in ("refused", "read") for row in found))
+    about = ABOUT.format(command=args.command, count=len(found))
+    title = "Damaged files, and what the reader makes of them"
+    paged(args.output, "mutated_files", title, about, *counted(found))
+    return int(any(row[3] not in FINE for row in found))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,11 @@ from __future__ import annotations
 import resource
 import tempfile
 import time
+import traceback
 import warnings
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.degenerate_bodies import ENOUGH, Drawn, draw
-from evidence.written import asked, tabled, written
+from evidence.written import asked, each, paged, tabled
 from forceid.config import Settings
 from forceid.errors import ForceIdError
 from forceid.estimation.inspection import inspect_recording
@@ -111,8 +113,6 @@ def work(seed: int, folder: str, pipe: Any) -> None:
 
 def where(e: BaseException) -> str:
     """The last lines of forceid on the way to an error."""
-    import traceback
-
     frames = [f for f in traceback.extract_tb(e.__traceback__) if "forceid/" in f.filename]
     return " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[:-4:-1])
 
@@ -146,43 +146,32 @@ def quantiles(values: list[float]) -> str:
     return f"{mid:.2f} ({low:.2f} to {high:.2f})"
 
 
-def page(found: list[Outcome], command: str) -> str:
-    """What the outcomes add up to, as a page."""
+def counted(found: list[Outcome]) -> str:
+    """What the outcomes add up to."""
     verdicts = Counter(o.verdict for o in found)
-    ok = [o for o in found if o.verdict == "ok"]
-    rows = [
-        ("recordings", len(found)),
-        ("unexpected errors", verdicts["unexpected"]),
-        (f"over {PATIENCE:.0f} s", verdicts["too long"]),
-        ("determined, and not given", sum(bool(o.missing) for o in found)),
-        (f"given, and not determined by {ENOUGH} whole frames", sum(bool(o.undue) for o in found)),
-        ("verdict ok, error over 3 claimed sigma", sum(o.worst > 3 for o in ok)),
-        ("error over claim of the force, median (5 to 95 %)", quantiles([o.force for o in found])),
-        ("error over claim of the moment, median (5 to 95 %)", quantiles([o.moment for o in found])),
-        ("time of inspect and estimate, s, median (5 to 95 %)", quantiles([o.seconds for o in found])),
-        *((f"verdict {name}", count) for name, count in sorted(verdicts.items())),
-    ]
-    found_of = tabled(("what", "found"), [[name, str(value)] for name, value in rows])
-    return f"# Bodies on points, lines and planes\n\n`{command}`\n\n{TEXT}\n\n{found_of}\n"
+    rows = {
+        "recordings": len(found),
+        "unexpected errors": verdicts["unexpected"],
+        f"over {PATIENCE:.0f} s": verdicts["too long"],
+        "determined, and not given": sum(bool(o.missing) for o in found),
+        f"given, and not determined by {ENOUGH} whole frames": sum(bool(o.undue) for o in found),
+        "verdict ok, error over 3 claimed sigma": sum(o.verdict == "ok" and o.worst > 3 for o in found),
+        "error over claim of the force, median (5 to 95 %)": quantiles([o.force for o in found]),
+        "error over claim of the moment, median (5 to 95 %)": quantiles([o.moment for o in found]),
+        "time of inspect and estimate, s, median (5 to 95 %)": quantiles([o.seconds for o in found]),
+        **{f"verdict {name}": count for name, count in sorted(verdicts.items())},
+    }
+    return tabled(("what", "found"), [[name, str(value)] for name, value in rows.items()])
 
 
 def main() -> None:
     """Count, and write the page."""
     given = asked("evidence.drawn.degenerate", __doc__, count=300, first=0)
-    found = []
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(given.first, given.first + given.count):
-            o = one(seed, folder)
-            found.append(o)
-            bad = o.missing or o.undue or o.verdict in ("unexpected", "too long") or o.worst > 3
-            said = f" | {o.said[:400]}" if bad else ""
-            print(
-                f"{o.seed:4d} {o.verdict:10s} {o.seconds:5.1f} s F {o.force:6.2f} M {o.moment:6.2f} "
-                f"{'missing ' + ' '.join(o.missing) if o.missing else ''}"
-                f"{'undue ' + ' '.join(o.undue) if o.undue else ''} [{o.kind}]{said}", flush=True,
-            )  # fmt: skip
-    written(given.output, "degenerate.md", page(found, given.command))
-    print(page(found, given.command))
+        seeds = range(given.first, given.first + given.count)
+        found = list(each(partial(one, folder=folder), seeds, 1))
+    title = "Bodies on points, lines and planes"
+    paged(given.output, "degenerate", title, f"`{given.command}`", TEXT, counted(found))
 
 
 if __name__ == "__main__":

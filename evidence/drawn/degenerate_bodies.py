@@ -25,16 +25,12 @@ ENOUGH = 12  # frames that show a component, from which it has to be told
 
 @dataclass(frozen=True)
 class Drawn:
-    """A recording, what it is, and which components its geometry determines.
-
-    moment_axes: directions in which a moment can act at all: 0 on a point, 2 on a line, 3 else.
-    """
+    """A recording, what it is, and which components its geometry determines."""
 
     recording: Recording
     kind: str
     force: bool
     moment: bool
-    moment_axes: int
 
 
 def rate(of: Path, time: Array) -> Array:
@@ -187,10 +183,8 @@ def draw(seed: int) -> Drawn:
     dim = rank(seen_nodes)
     told_by = told + (", bends" if bends else "") + (", no inertia" if bare else "")
     kind = f"{kind}, {told_by}, {len(seen_nodes)} markers on {on}, {frames} frames"
-    return Drawn(
-        recording, kind, enough and (dim >= 2 or spans(seen_nodes, center)),
-        enough and turns(seen_nodes, dim, axes, about), axes,
-    )  # fmt: skip
+    force_shows = dim >= 2 or spans(seen_nodes, center)
+    return Drawn(recording, kind, enough and force_shows, enough and turns(seen_nodes, dim, axes, about))
 
 
 def turns(marked: Array, dim: int, axes: int, about: Array) -> bool:

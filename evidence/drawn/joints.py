@@ -15,7 +15,7 @@ from time import process_time
 import numpy as np
 
 from evidence.subjects.flights.true_prior import fitted
-from evidence.written import asked, table, written
+from evidence.written import asked, paged, table
 from forceid.config import Settings
 from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.constraints import beside
@@ -188,17 +188,13 @@ def main() -> None:
             }
         )  # fmt: skip
         print(rows[-1], flush=True)
-    page = [
-        "# Forces in the joints of chains in flight",
-        f"`{given.command}`: {given.seeds} records of each "
-        f"chain, eight markers a block, {1e3 * NOISE:g} mm, {RATE:g} Hz; "
-        "rms over the central three quarters. "
-        "Bound: what the same smoother claims when it is told the priors of the true wrenches on the parts; "
-        "told: what its own error is. "
-        "NEES: per direction that the joint can pass.",
-        table(rows),
-    ]  # fmt: skip
-    written(given.output, "joints.md", "\n\n".join(page) + "\n")
+    about = (
+        f"`{given.command}`: {given.seeds} records of each chain, eight markers a block, {1e3 * NOISE:g} mm, "
+        f"{RATE:g} Hz; rms over the central three quarters. Bound: what the same smoother claims when it is "
+        "told the priors of the true wrenches on the parts; told: what its own error is. NEES: per direction "
+        "that the joint can pass."
+    )
+    paged(given.output, "joints", "Forces in the joints of chains in flight", about, table(rows))
 
 
 if __name__ == "__main__":

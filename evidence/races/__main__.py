@@ -1,4 +1,4 @@
-"""Every workload beside its peers in one run: tables, numbers and a picture in a folder."""
+"""Every workload beside its peers in one run: tables and numbers in a folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 
 from evidence.races.paired import run
-from evidence.races.table import draw, lines, summary, write
+from evidence.races.table import lines, summary, write
 
 WORKLOADS = {
     "w1": "one_signal",
@@ -75,7 +75,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="evidence.races", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("bench"), help="folder of the results")
     parser.add_argument("--quick", action="store_true", help="smaller jobs, fewer rounds: under 90 s")
-    parser.add_argument("--full", action="store_true", help="files: 200 of 5 MB instead of 40")
     parser.add_argument("--only", nargs="+", choices=list(WORKLOADS), default=list(WORKLOADS))
     args = parser.parse_args()
     warnings.simplefilter("ignore")  # the peers deprecate, and miss optional parts
@@ -85,13 +84,12 @@ def main() -> int:
     outcomes = []
     for name in args.only:
         began = time.perf_counter()
-        for race in import_module(f"evidence.races.{WORKLOADS[name]}").races(args.quick, args.full):
+        for race in import_module(f"evidence.races.{WORKLOADS[name]}").races(args.quick):
             outcomes.append(run(race, rounds, budget))
             print(lines(outcomes[-1]), flush=True)
         write(args.output, preamble(machine, rounds), machine, outcomes)  # a later crash loses nothing
         print(f"({name}: {time.perf_counter() - began:.0f} s)\n", file=sys.stderr, flush=True)
     print(summary(outcomes))
-    draw(outcomes, args.output / "benchmarks.png")
     return 0
 
 

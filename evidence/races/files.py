@@ -16,8 +16,8 @@ from forceid.records import Body, Motion, Recording
 FRAMES, NODES = 2083, 100  # 5 MB of positions
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
-    count = 200 if full else 10 if quick else 40
+def races(quick: bool) -> Iterator[Race]:
+    count = 10 if quick else 40
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / f"{i:03d}.h5" for i in range(count)]
         rng = np.random.default_rng(0)

@@ -48,7 +48,7 @@ class Scene:
     shape: np.ndarray
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     frames = 10_000 if quick else 100_000
     for markers in (15,) if quick else (15, 3, 100):
         scene = flown(frames if markers == 15 else frames // 5, markers)

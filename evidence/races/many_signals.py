@@ -13,7 +13,7 @@ from forceid import kalman
 SAMPLES = 1000
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     signals = 100 if quick else 1000
     model = models.matern_bank([3, 3], 2, seed=6)
     z = models.draw(model, SAMPLES, seed=1, signals=signals)

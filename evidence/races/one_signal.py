@@ -18,7 +18,7 @@ SIZES = {  # (state, channel): orders of the stacked processes, goals of filter 
 OURS = ("auto", "compiled", "numpy")
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     samples, check = (20_000, 300) if quick else (100_000, 2000)
     for (n, m), (orders, *least) in SIZES.items():
         model = models.matern_bank(orders, m, seed=n)

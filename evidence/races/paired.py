@@ -64,9 +64,9 @@ class Limit:
 class Race:
     """A job of `size` units, each of `samples` samples, and who takes part.
 
-    base: whom ratios refer to; reference: whose answer is taken for right, if not the base's; check: the
-    size on which answers are compared; clock: ns, us or ms, in which times are printed;
-    rounds: at most; tolerance: of the largest entry, within which answers agree.
+    base: whom ratios refer to, and whose answer is taken for right; check: the size on which answers are
+    compared; clock: ns, us or ms, in which times are printed; rounds: at most; tolerance: of the largest
+    entry, within which answers agree.
     """
 
     title: str
@@ -79,7 +79,6 @@ class Race:
     unit: str = "sample"
     clock: str = "ns"
     rounds: int = 100
-    reference: str = ""
     tolerance: float = TOLERANCE
 
 
@@ -168,7 +167,7 @@ def run(race: Race, rounds: int, budget: float) -> Outcome:
         except Exception as e:  # a peer that fails is reported, and the race goes on without it
             row.absent = f"{type(e).__name__}: {' '.join(str(e).split())[:160]}"
             jobs.pop(c.name, None)
-    reference = answers.get(race.reference or race.base, {})
+    reference = answers.get(race.base, {})
     for name, answer in answers.items():
         rows[name].disagreement = compare(reference, answer)
     gc.collect()

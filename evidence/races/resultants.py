@@ -13,7 +13,7 @@ from forceid.principal.wrench import resultant
 NUMBERS = 6_000_000  # of the accelerations: 48 MB, beyond the cache of a core
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     numbers = NUMBERS // 4 if quick else NUMBERS
     for nodes in (3, 100, 10_000):
         yield race(nodes, numbers // (3 * nodes), moving=False)

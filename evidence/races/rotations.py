@@ -44,7 +44,7 @@ FITS: dict[str, Fit] = {
 }
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     errors = {name: ill_conditioned_errors(fit) for name, fit in FITS.items()}
     for markers in (3, 8, 100):
         frames = (5_000 if quick else 50_000) if markers < 100 else (1_000 if quick else 5_000)

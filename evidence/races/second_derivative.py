@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from evidence.races import peers
 from evidence.races.paired import Answer, Contestant, Goal, Race
@@ -17,7 +19,7 @@ WINDOW, ORDER = 181, 5
 EDGE = 500  # samples at either end that the rms error leaves out
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     samples, check = (100_000, 2000) if quick else (1_000_000, 5000)
     z, truth = signal(samples)
     h = STEP
@@ -37,31 +39,25 @@ def races(quick: bool, full: bool) -> Iterator[Race]:
             found["claimed (m/s2)"] = float(np.median(answer["std"][inner]))
         return found
 
-    def entry(
-        name: str, prepare: Callable[[int], Any], read: Callable[[Any], Answer], judged: bool = True
-    ) -> Contestant:
-        return Contestant(name, prepare, read, "forceid" in name, judged, rmse)
+    def entry(name: str, job: Any, read: Callable[[Any], Answer], judged: bool = True) -> Contestant:
+        """A job on the first samples of z."""
+        return Contestant(name, lambda n: partial(job, z[:n]), read, "forceid" in name, judged, rmse)
 
-    def peer(build: Callable[..., Any]) -> Callable[[int], Any]:
-        return lambda size: build(model, z[:size], smooth=True)
+    def peer(build: Callable[..., Any]) -> Callable[[Any], Any]:
+        return lambda z: build(model, z, smooth=True)()
 
-    def alone(x: np.ndarray) -> Answer:
-        return {"x": x}
-
-    def pair(found: Any) -> Answer:
-        return {"x": found[0], "std": found[1]}
-
-    smoother = pynumdiff_model(model, z)
+    third = acceleration(peers.read_pair)
+    filterpy, statsmodels = peer(peers.filterpy), peer(peers.statsmodels)
     yield Race(
         title=f"W5 second derivative of {samples:.0e} samples".replace("e+0", "e"),
         contestants=[
-            entry("forceid", ours(model, z, False), acceleration(peers.read_forceid)),
-            entry("forceid, every deviation", ours(model, z, True), pair),
-            entry("filterpy", peer(peers.filterpy), acceleration(peers.read_pair)),
-            entry("statsmodels", peer(peers.statsmodels), acceleration(peers.read_statsmodels)),
-            entry("savgol, no deviation", savgol(z), alone, judged=False),
-            entry("PyNumDiff, its smoother on our model", smoother, acceleration(peers.read_pair)),
-            entry("PyNumDiff rtsdiff twice, no deviation", pynumdiff_twice(z), alone, judged=False),
+            entry("forceid", partial(kalman.smooth, model), acceleration(peers.read_forceid)),
+            entry("forceid, every deviation", partial(deviations, model), pair),
+            entry("filterpy", filterpy, third),
+            entry("statsmodels", statsmodels, acceleration(peers.read_statsmodels)),
+            entry("savgol, no deviation", savgol, alone, judged=False),
+            entry("PyNumDiff, its smoother on our model", partial(pynumdiff, model), third),
+            entry("PyNumDiff rtsdiff twice, no deviation", rtsdiff_twice, alone, judged=False),
         ],
         base="filterpy",
         size=samples,
@@ -96,52 +92,34 @@ def acceleration(read: Callable[[Any], Answer]) -> Callable[[Any], Answer]:
     return of
 
 
-def ours(model: kalman.StateSpace, z: np.ndarray, every: bool) -> Callable[[int], Any]:
-    def prepare(size: int):
-        def job() -> Any:
-            found = kalman.smooth(model, z[:size])
-            return (found.x[:, 2], found.std[:, 2]) if every else found
-
-        return job
-
-    return prepare
+def alone(x: np.ndarray) -> Answer:
+    return {"x": x}
 
 
-def savgol(z: np.ndarray) -> Callable[[int], Any]:
-    def prepare(size: int):
-        from scipy.signal import savgol_filter
-
-        return lambda: savgol_filter(z[:size, 0], WINDOW, ORDER, deriv=2, delta=STEP)
-
-    return prepare
+def pair(found: Any) -> Answer:
+    return {"x": found[0], "std": found[1]}
 
 
-def pynumdiff_model(model: kalman.StateSpace, z: np.ndarray) -> Callable[[int], Any]:
+def deviations(model: kalman.StateSpace, z: np.ndarray) -> Any:
+    found = kalman.smooth(model, z)
+    return found.x[:, 2], found.std[:, 2]
+
+
+def savgol(z: np.ndarray) -> np.ndarray:
+    return savgol_filter(z[:, 0], WINDOW, ORDER, deriv=2, delta=STEP)
+
+
+def pynumdiff(model: kalman.StateSpace, z: np.ndarray) -> Any:
     """Its public Kalman filter and smoother, given the same model."""
+    from pynumdiff.kalman_smooth import kalman_filter, rts_smooth
 
-    def prepare(size: int):
-        from pynumdiff.kalman_smooth import kalman_filter, rts_smooth
-
-        def job() -> Any:
-            found = kalman_filter(z[:size, 0], model.x0, model.P0, model.F, model.Q, model.H, model.R)
-            return rts_smooth(model.F, *found)
-
-        return job
-
-    return prepare
+    start = model.x0, model.P0
+    return rts_smooth(model.F, *kalman_filter(z[:, 0], *start, model.F, model.Q, model.H, model.R))
 
 
-def pynumdiff_twice(z: np.ndarray) -> Callable[[int], Any]:
+def rtsdiff_twice(z: np.ndarray) -> np.ndarray:
     """What its documentation offers: the first derivative, twice, each under a constant second one."""
+    from pynumdiff import rtsdiff
+
     ratio = float(np.log10(DENSITY / NOISE**2))
-
-    def prepare(size: int):
-        from pynumdiff import rtsdiff
-
-        def job() -> np.ndarray:
-            velocity = rtsdiff(z[:size, 0], STEP, 2, ratio)[1]
-            return rtsdiff(velocity, STEP, 2, ratio)[1]
-
-        return job
-
-    return prepare
+    return rtsdiff(rtsdiff(z[:, 0], STEP, 2, ratio)[1], STEP, 2, ratio)[1]

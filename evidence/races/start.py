@@ -12,7 +12,7 @@ from evidence.races.paired import Contestant, Goal, Race
 HELP, NUMPY = "forceid --help", 'python -c "import numpy"'
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     python = sys.executable
     commands = {
         HELP: [str(Path(python).with_name("forceid")), "--help"],

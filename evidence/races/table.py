@@ -1,4 +1,4 @@
-"""What a run leaves: lines on the terminal, a table in markdown, numbers in json, a picture."""
+"""What a run leaves: lines on the terminal, a table in markdown, numbers in json."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
-
-import matplotlib.pyplot as plt
-import numpy as np
-from matplotlib.ticker import NullFormatter
 
 from evidence.races.paired import Outcome, Row, agreement, figure, wrong
 
@@ -33,7 +29,7 @@ def lines(outcome: Outcome) -> str:
             cells.append(" / ".join(figure(r) for r in row.times_as_fast_as(base)))
         else:
             cells.append("-")
-        cells.append("the reference" if row.name == (race.reference or race.base) else agreement(row))
+        cells.append("the reference" if row.name == race.base else agreement(row))
         cells += [f"{row.figures[n]:.3g}" if n in row.figures else "" for n in names]
         out.append(f"| {row.name} | " + " | ".join(cells) + " |")
     if race.goals:
@@ -70,40 +66,6 @@ def summary(outcomes: list[Outcome]) -> str:
         for text, measured, met in outcome.verdicts():
             out.append(f"| {outcome.race.title} | {text} | {measured} | {MARK[met]} |")
     return "\n".join(out) + "\n"
-
-
-def draw(outcomes: list[Outcome], path: Path) -> None:
-    """Time per sample of every contestant, one panel a race, log axis; open marks gave a wrong answer."""
-    plt.switch_backend("agg")
-    columns = 3
-    count = -(-len(outcomes) // columns)
-    fig, axes = plt.subplots(count, columns, figsize=(16, 2.9 * count), squeeze=False)
-    for ax in axes.flat[len(outcomes) :]:
-        ax.set_visible(False)
-    for ax, outcome in zip(axes.flat, outcomes, strict=False):
-        rows = [row for row in outcome.rows.values() if row.seconds]
-        unit = CLOCKS[outcome.race.clock]
-        for y, row in enumerate(rows):
-            color = "tab:red" if row.name.startswith("forceid") else "tab:gray"
-            low, high = unit * min(row.seconds), unit * max(row.seconds)
-            ax.plot([low, high], [y, y], color=color, lw=2)
-            fill = "white" if wrong(row) else color
-            ax.plot(unit * row.median, y, "o", color=color, mfc=fill, ms=6)
-        ax.set_yticks(range(len(rows)), [row.name for row in rows], fontsize=8)
-        ax.invert_yaxis()
-        every = [unit * t for row in rows for t in row.seconds] or [1.0]
-        decades = np.floor(np.log10(min(every))), np.ceil(np.log10(max(every)))
-        ax.set_xscale("log")
-        ax.set_xlim(0.7 * 10 ** decades[0], 10 ** decades[1] / 0.7)
-        ax.xaxis.set_minor_formatter(NullFormatter())
-        ax.grid(axis="x", which="major", color="0.9")
-        ax.set_title(outcome.race.title, fontsize=9, loc="right")
-        ax.set_xlabel(f"{outcome.race.clock} a {outcome.race.unit}", fontsize=8)
-        ax.tick_params(axis="x", labelsize=8)
-    fig.suptitle("CPU time; open marks disagree with the reference at 1e-8", fontsize=10, y=0.999)
-    fig.tight_layout()
-    fig.savefig(path, dpi=110)
-    plt.close(fig)
 
 
 def write(folder: Path, preamble: str, machine: dict[str, Any], outcomes: list[Outcome]) -> None:

@@ -16,7 +16,7 @@ STEP, NOISE, CHANNELS = 1e-3, 1e-4, 6
 OURS, PASS = "forceid, six channels tuned and smoothed", "filterpy, one filter pass over one channel, n = 3"
 
 
-def races(quick: bool, full: bool) -> Iterator[Race]:
+def races(quick: bool) -> Iterator[Race]:
     samples = 20_000 if quick else 100_000
     time, z, load = channels(samples)
     chain = kalman.integrate(kalman.integrate(kalman.matern(1, 1.0, 10.0), 1.0), 1.0)

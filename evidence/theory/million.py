@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from evidence.written import asked, table, written
+from evidence.written import asked, paged, table
 from forceid.partition.grids import Parts, solid_parts
 from forceid.records import Array, Flags
 
@@ -27,6 +27,10 @@ PARTS = 4
 TOLERANCE = 1e-8
 LIMIT = 20.0  # GB of memory
 PATIENCE = 900.0  # s of process time
+HEADS = (
+    "method", "unknowns", "iterations", "set up, s", "solve, s", "memory, GB", "residual", "energy, J",
+    "factors", "stopped by",
+)  # fmt: skip
 
 Found = dict[str, Any]
 
@@ -142,21 +146,16 @@ def main() -> None:
         for method in METHODS:
             rows.append(alone(method, r))
             print(rows[-1], flush=True)
-    heads = [
-        "method", "unknowns", "iterations", "set up, s", "solve, s", "memory, GB", "residual", "energy, J",
-        "factors", "stopped by",
-    ]  # fmt: skip
-    page = [
-        "# A million degrees of freedom in 64 parts of 3-D bricks",
+    about = (
         f"`{given.command}`: a cube of {PARTS} x {PARTS} x {PARTS} parts of "
         f"{', '.join(f'{r}^3' for r in given.r)} bricks, to {TOLERANCE:.0e} of the residual that each method "
         "iterates on. CPU time of one thread from the matrices on; every method is a process of its own; "
         f"memory: its peak, which includes making the matrices; residual: of the assembled equations. A "
         f"method is stopped after {PATIENCE:.0f} s, a direct one at {LIMIT:.0f} GB. Parts that are equal are "
-        "factored once.",
-        table(rows, heads),
-    ]  # fmt: skip
-    written(given.output, "million.md", "\n\n".join(page) + "\n")
+        "factored once."
+    )
+    title = "A million degrees of freedom in 64 parts of 3-D bricks"
+    paged(given.output, "million", title, about, table(rows, HEADS))
 
 
 if __name__ == "__main__":
