@@ -14,7 +14,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -51,12 +51,12 @@ class Outcome:
     seed: int
     kind: str
     verdict: str
-    said: str
-    missing: tuple[str, ...]
-    undue: tuple[str, ...]
-    force: float
-    moment: float
-    seconds: float
+    said: str = ""
+    missing: tuple[str, ...] = ()
+    undue: tuple[str, ...] = ()
+    force: float = np.nan
+    moment: float = np.nan
+    seconds: float = float(PATIENCE)
 
     @property
     def worst(self) -> float:
@@ -72,8 +72,8 @@ def over_claim(error: Array, var: Array) -> float:
     return float(np.sqrt((square + scale**2) / (claimed + scale**2)))
 
 
-def judged(drawn: Drawn, path: Path) -> tuple[str, str, tuple[str, ...], tuple[str, ...], float, float]:
-    """The outcome of one recording: verdict, what was said, components missing and undue, scores."""
+def judged(seed: int, drawn: Drawn, path: Path) -> Outcome:
+    """What one recording comes to: verdict, what was said, components missing and undue, scores."""
     write_motion(path, drawn.recording)
     expected = {"force": drawn.force, "moment": drawn.moment and drawn.force}
     try:
@@ -82,20 +82,20 @@ def judged(drawn: Drawn, path: Path) -> tuple[str, str, tuple[str, ...], tuple[s
         found = estimate_recording(recording, Settings())
         write_result(path.with_suffix(".out.h5"), found, recording)
     except ForceIdError as e:
-        missing = tuple(name for name, due in expected.items() if due)
-        return "error", str(e), missing, (), np.nan, np.nan
+        due = tuple(name for name, shows in expected.items() if shows)
+        return Outcome(seed, drawn.kind, "error", str(e), due)
     given = {name: bool(np.isfinite(getattr(found, name)).any()) for name in expected}
     missing = tuple(name for name, due in expected.items() if due and not given[name])
-    scores = {}
+    undue = tuple(name for name, due in expected.items() if given[name] and not due)
+    scores = []
     for k, name in enumerate(expected):
         part = slice(3 * k, 3 * k + 3)
         off = getattr(found, name) - recording.truth[name]
         seen = np.isfinite(off).all(1)
         var = np.trace(found.wrench_cov[:, part, part], axis1=1, axis2=2)
-        scores[name] = over_claim(off[seen], var[seen]) if seen.any() else np.nan
-    undue = tuple(name for name, due in expected.items() if given[name] and not due)
-    reasons = "; ".join(found.verdict.reasons)
-    return found.verdict.level, reasons, missing, undue, scores["force"], scores["moment"]
+        scores.append(over_claim(off[seen], var[seen]) if seen.any() else np.nan)
+    said = "; ".join(found.verdict.reasons)
+    return Outcome(seed, drawn.kind, found.verdict.level, said, missing, undue, *scores)
 
 
 def work(seed: int, folder: str, pipe: Any) -> None:
@@ -104,17 +104,12 @@ def work(seed: int, folder: str, pipe: Any) -> None:
     drawn, began = draw(seed), time.process_time()
     resource.setrlimit(resource.RLIMIT_CPU, (int(began) + PATIENCE, int(began) + PATIENCE))
     try:
-        found = judged(drawn, Path(folder) / f"{seed}.h5")
+        found = judged(seed, drawn, Path(folder) / f"{seed}.h5")
     except Exception as e:  # what a user would see as unexpected
-        said = f"{type(e).__name__}: {e} {where(e)}"
-        found = ("unexpected", said, (), (), np.nan, np.nan)
-    pipe.send((drawn.kind, found, time.process_time() - began))
-
-
-def where(e: BaseException) -> str:
-    """The last lines of forceid on the way to an error."""
-    frames = [f for f in traceback.extract_tb(e.__traceback__) if "forceid/" in f.filename]
-    return " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[:-4:-1])
+        frames = [f for f in traceback.extract_tb(e.__traceback__) if "forceid/" in f.filename]
+        where = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[:-4:-1])
+        found = Outcome(seed, drawn.kind, "unexpected", f"{type(e).__name__}: {e} {where}")
+    pipe.send(replace(found, seconds=time.process_time() - began))
 
 
 def one(seed: int, folder: str) -> Outcome:
@@ -128,13 +123,9 @@ def one(seed: int, folder: str) -> Outcome:
         found = ours.recv() if ours.poll(WAIT) else None
     except EOFError:  # ended by its limit
         found = None
-    if found is not None:
-        kind, (verdict, said, missing, undue, force, moment), seconds = found
-        child.join()
-        return Outcome(seed, kind, verdict, said, missing, undue, force, moment, seconds)
     child.kill()
     child.join()
-    return Outcome(seed, draw(seed).kind, "too long", "", (), (), np.nan, np.nan, PATIENCE)
+    return found or Outcome(seed, draw(seed).kind, "too long")
 
 
 def quantiles(values: list[float]) -> str:

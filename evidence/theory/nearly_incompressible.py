@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 
-from evidence.written import asked, tabled, written
+from evidence.written import asked, each, paged, pictured, tabled
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.constrained import multiplier
 from forceid.pseudorigid.materials import MooneyRivlin
@@ -31,10 +31,7 @@ F0 = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.15], [0.05, 0.0, 1.05]])
 Y0 = np.array([[0.1, -0.5, 0.2], [0.7, 0.05, -0.3], [0.1, 0.25, -0.15]])
 
 
-FOUND = """# Nearly incompressible bodies
-
-`python -m evidence.theory.nearly_incompressible -o docs`: natural Mooney-Rivlin, mu = 1, E = I, T = 2.
-
+FOUND = """\
 | start | take | step | lost |
 |---|---|---|---|
 | without compression, lambda < 1e5; with compiled steps any | Blanes-Moan of order 6 | 3 rad of the fastest vibration | F by 1e-6 |
@@ -50,9 +47,18 @@ of the note. Implicit midpoint and the energy-conserving rule are stable at any 
 any lambda. But their motion does not lie on det F = const: each step leaves it by h^2, which comes back as
 vibration that is not there. Pressure is off by lambda h^2 and the midpoint energy by lambda h^4; it does not
 decay. F stays right to h^2 with midpoint; the energy-conserving rule, which must put that vibration into the
-rest of the motion, loses F beyond lambda = 1e5, and angular momentum to the rounding of its equations.
-
-"""  # noqa: E501
+rest of the motion, loses F beyond lambda = 1e5, and angular momentum to the rounding of its equations."""  # noqa: E501
+ABOUT = "`{command}`: natural Mooney-Rivlin, mu = 1, E = I, T = 2."
+HEADS = (
+    "start", "integrator", "lambda", "steps", "CPU s", "error of F(2)", "det F - 1", "H", "J", "pressure"
+)  # fmt: skip
+SHOWN = (
+    ("quiet", "error", "error of F(2), quiet start"),
+    ("loud", "error", "error of F(2), start with compression"), ("quiet", "cpu", "CPU time (s)"),
+    ("quiet", "energy", "energy error"), ("quiet", "pressure", "pressure off the multiplier"),
+    ("quiet", "momentum", "angular momentum error"),
+)  # fmt: skip
+Row = tuple[str, int, dict[str, float]]  # start, which way, numbers
 
 
 @dataclass(frozen=True)
@@ -79,10 +85,8 @@ WAYS = (
 
 def body(lam: float, constrained: bool = False) -> Body:
     """Mooney-Rivlin of the first Lame constant lam; or its limit."""
-    return Body(
-        1.0,
-        MooneyRivlin(A, B, incompressible=True) if constrained else MooneyRivlin.natural(A, B, lam / 4 - B),
-    )
+    held, free = MooneyRivlin(A, B, incompressible=True), MooneyRivlin.natural(A, B, lam / 4 - B)
+    return Body(1.0, held if constrained else free)
 
 
 def start(loud: bool) -> tuple[Any, Any]:
@@ -102,80 +106,65 @@ def run(way: Way, lam: float, loud: bool, exact: Any) -> dict[str, float]:
     """Error of F(T), CPU, steps, and what was lost of volume, energy, momentum and pressure."""
     F, V = start(loud and not way.constrained)
     given = body(lam, way.constrained)
-    omega = float(body(lam).system.vibration(F))
-    step = way.step / omega if way.phase else way.step
+    step = way.step / float(body(lam).system.vibration(F)) if way.phase else way.step
     count = max(1, int(np.ceil(END / step)))
-    samples = np.linspace(0.0, END, min(count, 100) + 1)
     began = time.process_time()
-    out = given.simulate(F, V, samples, way.method, step)
+    out = given.simulate(F, V, np.linspace(0.0, END, min(count, 100) + 1), way.method, step)
     cost = time.process_time() - began
     J = np.linalg.det(out.F)
     W: Any = given.material
     # RATTLE gives the multiplier itself: nothing to compare
     pressure = -(2 * W.c * J - W.d / J) if out.pressure is None else np.full_like(J, np.nan)
     limit = multiplier(body(lam, True).system, out.F, out.dF)
-    return {
-        "lambda": lam,
-        "error": float(np.abs(out.F[-1] - exact).max()) if exact is not None else float("nan"),
-        "cpu": cost,
-        "steps": float(count),
-        "volume": float(np.abs(J - 1).max()),
-        "energy": float(np.abs(out.energy - out.energy[0]).max()),
-        "momentum": float(np.abs(out.angular_momentum - out.angular_momentum[0]).max()),
-        "pressure": float(np.abs(pressure - limit).max()),
-    }
+    off = {
+        "error": np.nan if exact is None else out.F[-1] - exact, "volume": J - 1,
+        "energy": out.energy - out.energy[0], "momentum": out.angular_momentum - out.angular_momentum[0],
+        "pressure": pressure - limit,
+    }  # fmt: skip
+    return {"lambda": lam, "cpu": cost, "steps": count} | {k: float(np.abs(v).max()) for k, v in off.items()}
 
 
-def table(rows: list[tuple[str, Way, dict[str, float]]]) -> str:
-    """Every run, one a line."""
-    lines = []
-    for kind, way, r in rows:
-        cells = [kind, way.name, f"{r['lambda']:.0e}", f"{r['steps']:.0f}", f"{r['cpu']:.2g}"]
-        errors = (f"{r[k]:.1e}" for k in ("error", "volume", "energy", "momentum", "pressure"))
-        lines.append([*cells, *errors])
-    heads = "start", "integrator", "lambda", "steps", "CPU s", "error of F(2)", "det F - 1", "H", "J"
-    return tabled((*heads, "pressure"), lines) + "\n"
+def runs(job: tuple[float, str]) -> list[Row]:
+    """Every way at one lambda from one start; none where the truth takes too long."""
+    lam, kind = job
+    exact = truth(lam, kind == "loud")
+    if kind == "loud" and exact is None:
+        return []
+    return [(kind, k, run(way, lam, kind == "loud", exact)) for k, way in enumerate(WAYS)]
 
 
-def draw(rows: list[tuple[str, Way, dict[str, float]]], path: Path) -> None:
+def line(kind: str, way: int, r: dict[str, float]) -> list[str]:
+    """A run in the table."""
+    errors = (f"{r[k]:.1e}" for k in ("error", "volume", "energy", "momentum", "pressure"))
+    return [kind, WAYS[way].name, f"{r['lambda']:.0e}", f"{r['steps']:.0f}", f"{r['cpu']:.2g}", *errors]
+
+
+@rc_context(STYLE)
+def draw(rows: list[Row]) -> Any:
     """Errors, cost and what is lost, against lambda."""
-    shown = (
-        ("quiet", "error", "error of F(2), quiet start"),
-        ("loud", "error", "error of F(2), start with compression"),
-        ("quiet", "cpu", "CPU time (s)"),
-        ("quiet", "energy", "energy error"),
-        ("quiet", "pressure", "pressure off the multiplier"),
-        ("quiet", "momentum", "angular momentum error"),
-    )
-    with rc_context(STYLE):
-        figure, axes = panels(2, 3, (12.0, 6.8))
-        for ax, (kind, key, title) in zip(np.ravel(axes), shown, strict=True):
-            for way in WAYS:
-                found = [r for k, w, r in rows if k == kind and w is way]
-                x, y = ([r[name] for r in found] for name in ("lambda", key))
-                ax.loglog(x, np.maximum(y, 1e-17), "o-", color=way.color, ms=3, lw=1.2, label=way.name)
-            if (kind, key) == ("quiet", "error"):
-                lam = np.array([1e2, 1e8])
-                ax.loglog(lam, 1 / lam, ":", color="black", lw=1, label="1/lambda")
-            label(ax, title, x="lambda / mu")
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-        figure.savefig(path, dpi=150)
+    figure, axes = panels(2, 3, (12.0, 6.8))
+    for ax, (kind, key, title) in zip(np.ravel(axes), SHOWN, strict=True):
+        for k, way in enumerate(WAYS):
+            found = [r for start, own, r in rows if start == kind and own == k]
+            x, y = ([r[name] for r in found] for name in ("lambda", key))
+            ax.loglog(x, np.maximum(y, 1e-17), "o-", color=way.color, ms=3, lw=1.2, label=way.name)
+        if (kind, key) == ("quiet", "error"):
+            lam = np.array([1e2, 1e8])
+            ax.loglog(lam, 1 / lam, ":", color="black", lw=1, label="1/lambda")
+        label(ax, title, x="lambda / mu")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
 
 
 def main() -> None:
     """Run every way at every lambda, both starts."""
     args = asked("evidence.theory.nearly_incompressible", __doc__, quick=False)
-    rows = []
-    for lam in 10.0 ** np.arange(2, 6 if args.quick else 9):
-        for kind in ("quiet", "loud"):
-            exact = truth(lam, kind == "loud")
-            for way in WAYS:
-                if kind == "loud" and exact is None:
-                    continue
-                rows.append((kind, way, run(way, lam, kind == "loud", exact)))
-                print(table(rows).splitlines()[-1], flush=True)
-    written(args.output, "nearly_incompressible.md", FOUND + table(rows))
-    draw(rows, args.output / "nearly_incompressible.png")
+    jobs = list(product(10.0 ** np.arange(2, 6 if args.quick else 9), ("quiet", "loud")))
+    rows = [row for some in each(runs, jobs, 1) for row in some]
+    about, lines = ABOUT.format(command=args.command), [line(*row) for row in rows]
+    name, title = "nearly_incompressible", "Nearly incompressible bodies"
+    paged(args.output, name, title, about, FOUND, tabled(HEADS, lines))
+    pictured(args.output, name, draw(rows), dpi=150)
 
 
 if __name__ == "__main__":

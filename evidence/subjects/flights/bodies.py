@@ -100,13 +100,8 @@ def fly(
     force = with_extras(force, setup, span)
     moment = draw(setup.moment_std, setup.load_rate, span, rng)
     shapes = mass_gauge_shapes(setup.modes) if shapes is None else shapes
-    w = (
-        2
-        * np.pi
-        * setup.mode_frequency
-        * 1.3 ** np.arange(setup.modes)
-        * rng.uniform(0.97, 1.03, setup.modes)
-    )
+    faster = 1.3 ** np.arange(setup.modes)
+    w = 2 * np.pi * setup.mode_frequency * faster * rng.uniform(0.97, 1.03, setup.modes)
     phase = rng.uniform(0, 2 * np.pi, setup.modes)
     start = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
     turning = np.array([setup.wobble, -0.6 * setup.wobble, 2 * np.pi * setup.spin])
@@ -152,10 +147,9 @@ def fly(
         "orientation": Rotation.from_matrix(R).as_quat(canonical=True),
         "angular_momentum": H0 + moment.impulse(time),
     }
-    in_body = np.linalg.solve(J, (np.einsum("tba,tb->ta", R, truth["angular_momentum"]) - h)[..., None])[
-        ..., 0
-    ]
-    truth["angular_velocity"] = np.einsum("tab,tb->ta", R, in_body)
+    in_body = np.einsum("tba,tb->ta", R, truth["angular_momentum"]) - h
+    turning = np.linalg.solve(J, in_body[..., None])[..., 0]
+    truth["angular_velocity"] = np.einsum("tab,tb->ta", R, turning)
     x = truth["center"][:, None] + np.einsum("tab,tnb->tna", R, place)
     body = Body(node=NODES, position=PLACE, mass=MASS)
     return Flown(setup, time, x, R, J, h, body, truth)
