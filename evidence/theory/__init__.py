@@ -1,1 +1,1 @@
-"""What theory says beside what forceid computes: printed values, bounds, orders, conditions."""
+"""Beside theory: first moments on affine bodies, stiff bodies and their limit, a million unknowns."""
