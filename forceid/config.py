@@ -79,6 +79,7 @@ class Settings(Section):
     "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
     smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with.
+    load_prior: how they vary in time there, one of the kernels in forceid/flight/priors.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
     for at these frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in
@@ -93,6 +94,7 @@ class Settings(Section):
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
     load_axes: Literal["world", "body"] = "world"
+    load_prior: Literal["matern"] = "matern"
     internal_momentum: Vector | None = None
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)

@@ -111,6 +111,15 @@ def stretch(z: Array) -> list[slice]:
     return enough or [slice(0, n)]
 
 
+def runs_of(time: Array, z: Array, noise_var: Array) -> list[tuple[Array, Array, Array]]:
+    """Those stretches by themselves: times, z about the first sample, and the variance of its noise."""
+    runs = []
+    for run in stretch(z):
+        t, y, var = on_clock(time[run], z[run] - z[run][np.isfinite(z[run]).all(1)][0], noise_var[run])
+        runs.append((t, y, np.where(np.isfinite(var), var, 1.0)))
+    return runs
+
+
 def second_difference(time: Array, z: Array, lag: int) -> Array:
     """Second divided difference (sample, axis) of z over `lag` samples either way; NaN at gaps."""
     ahead = (z[2 * lag :] - z[lag:-lag]) / (time[2 * lag :] - time[lag:-lag])[:, None]

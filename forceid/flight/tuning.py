@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from forceid.flight.channels import (
     driven,
     load_chain,
-    on_clock,
+    runs_of,
     search_box,
     start_of,
-    stretch,
 )
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
@@ -55,10 +54,7 @@ def tune_loads(
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
     fastest, if none is given. near: a prior about where this one is, which has its order.
     """
-    axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, []
-    for run in stretch(z):
-        t, y, var = on_clock(time[run], z[run] - z[run][np.isfinite(z[run]).all(1)][0], noise_var[run])
-        runs.append((t, y, np.where(np.isfinite(var), var, 1.0)))
+    axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
 
     def box(order: int) -> tuple[Array, Array]:
         lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order))

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
+from forceid.errors import ConfigError
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.kinematics import Kinematics
@@ -70,6 +71,9 @@ def known(motion: Motion, settings: Settings) -> dict[str, float]:
 
 def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
     """Wrench of a recording of gyros and accelerometers, in the axes of the body at the first sample."""
+    if settings.load_prior != "matern":
+        what = f"the load prior '{settings.load_prior}' is tuned on poses, which sensors alone do not show"
+        raise ConfigError(what, "load_prior", 'use load_prior = "matern", or add markers')
     kin = unmarked_kinematics(body, motion, settings)
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)

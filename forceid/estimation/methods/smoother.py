@@ -123,7 +123,8 @@ def estimate_flight(
 
     kin, deformation = at_rest(kin)
     channel, before = force_channel(kin, gravity), near.get("force")
-    force = tune_channel(channel, limits, lines.force, engine=engine, near=before)
+    tune = partial(tune_channel, engine=engine, kind=settings.load_prior)
+    force = tune(channel, limits, lines.force, near=before)
     at_limit = {source: force.tuned.noise_at_limit}
     if np.abs(np.log(force.tuned.noise)).max() > np.log(ENOUGH):
         kin = look(scaled(kin, {source: force.noise}))
@@ -143,7 +144,7 @@ def estimate_flight(
         slow = scaled(kin, {source: beyond * np.eye(3)})
         kin = look(slow)
         kin, deformation = at_rest(kin)
-        force = tune_channel(force_channel(kin, gravity), (1.0, 1.0), lines.force, engine=engine)
+        force = tune(force_channel(kin, gravity), (1.0, 1.0), lines.force)
     if slow:
         code = "slow-errors-allowed" if stated else "noise-hidden"
         notes = (note(code, variable=source, noise=kin.noise[source]),)
@@ -154,7 +155,7 @@ def estimate_flight(
         if "orientation" in kin.noise:
             limits = STATED if kin.stated["orientation"] else UNSTATED
         channel, before = moment_channel(kin, deformation), near.get("moment")
-        moment = tune_channel(channel, limits, lines.moment, engine=engine, near=before)
+        moment = tune(channel, limits, lines.moment, near=before)
         priors["moment"] = moment
         if "orientation" in kin.noise:
             at_limit["orientation"] = moment.tuned.noise_at_limit
@@ -229,9 +230,10 @@ def estimate_flight(
     growth = None
     if settings.load_axes != "body":
         seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
-        inside = "moment" in told_by and body.internal_momentum is None and not len(kin.shapes)
+        open_to = [name for name in told_by if priors[name].kernel.rivals]
+        inside = "moment" in open_to and body.internal_momentum is None and not len(kin.shapes)
         beside = {"moment": signals(told_by["moment"].time, state.rotation[seen])} if inside else {}
-        looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in told_by}
+        looks = {name: whitened(told_by[name], priors[name], engine, beside.get(name)) for name in open_to}
         growth = growth_along_world(state, looks)
         if inside:
             growth, wheel = allow_for_wheels(looks["moment"], state, growth)
