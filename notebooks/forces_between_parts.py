@@ -19,7 +19,7 @@ import forceid
 from forceid.partition import link_resultants, topology
 from forceid.partition.elements import bar
 from forceid.partition.grids import gathered, solid_parts
-from forceid.partition.saddle import deficiency, four_field, reduced
+from forceid.partition.saddle import deficiency, four_field, reduced_matrix
 
 BLUE, VERMILION, GREEN, GRAY = "#0072B2", "#D55E00", "#009E73", "#8A8F98"
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()
@@ -176,8 +176,8 @@ system = bricks.system(fixed)
 found, start = system.solve(load[~fixed].ravel()), system.start_vector(load[~fixed].ravel())
 sizes = [np.linalg.norm(found.lam), np.linalg.norm(start), np.linalg.norm(found.u_f), found.energy]
 assert [float(f"{v:.9g}") for v in sizes] == [1.44324905, 1.34329611, 0.0391347975, 0.0182470011]
-assert [deficiency(form(system)) for form in (four_field, reduced)] == [0, 0]
-assert [deficiency(form(bricks.system())) for form in (four_field, reduced)] == [6, 6]
+assert [deficiency(form(system)) for form in (four_field, reduced_matrix)] == [0, 0]
+assert [deficiency(form(bricks.system())) for form in (four_field, reduced_matrix)] == [6, 6]
 
 first, place = system.topology.rows[0], bricks.place[bricks.place[:, 0] == 1]
 passed, least = (

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from forceid.cli.app import main
-from forceid.cli.output import worst
+from forceid.cli.output import worse_verdict
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "data/synthetic/two_blocks.h5"
@@ -50,4 +50,4 @@ def test_joints_that_are_told_let_their_file_pass(tmp_path, capsys):
     config = str(ROOT / "config/two_blocks.toml")
     assert main(["batch", str(DATA), "-c", config, "-o", str(tmp_path), *QUICK, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
-    assert record["status"] == worst(record) != "refused"
+    assert record["status"] == worse_verdict(record) != "refused"

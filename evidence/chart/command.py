@@ -9,7 +9,7 @@ import typer
 
 from evidence.completion import scenes as complete_scenes
 from forceid.cli.estimate import Json
-from forceid.cli.output import finite, to_json
+from forceid.cli.output import finite_or_none, to_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -84,7 +84,7 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     }
     for name, figure in pictures.items():
         pictured(folder, name, figure)
-    written(folder, "chart.json", json.dumps(finite(result), indent=1, allow_nan=False) + "\n")
+    written(folder, "chart.json", json.dumps(finite_or_none(result), indent=1, allow_nan=False) + "\n")
     return written(folder, "chart.md", page(result, CHARTED.values())), list(pictures)
 
 

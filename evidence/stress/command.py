@@ -11,7 +11,7 @@ import typer
 
 from evidence.completion import failures
 from forceid.cli.estimate import Json
-from forceid.cli.output import finite, to_json
+from forceid.cli.output import finite_or_none, to_json
 from forceid.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def run(
         for job, record in done(left, jobs):
             lines.write(to_json(record) + "\n")
             lines.flush()
-            records[job] = finite(record)
+            records[job] = finite_or_none(record)
             advance()
     maps = maps_of(records.values(), chosen, short)
     write(maps, output, count, short)

@@ -87,7 +87,7 @@ FLIGHTS = Subject(
     "bound",
     TOLD_OF_FLIGHTS,
     ("estimation", "kalman", "motion", "principal"),
-    (sys.modules[drawn_loads.draw.__module__], flown_bodies, record, oracle, trial, subject),
+    (sys.modules[drawn_loads.draw_matern.__module__], flown_bodies, record, oracle, trial, subject),
     trial.errors,
     bound=trial.bound_of,
 )

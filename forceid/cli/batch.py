@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from forceid.cli.estimate import Config, Engine, Json, Method, Model
-from forceid.cli.output import to_json, worst, wrap
+from forceid.cli.estimate import Config, EngineOption, Json, MethodOption, ModelOption
+from forceid.cli.output import to_json, worse_verdict, wrap
 from forceid.errors import ConfigError, DataError, ForceIdError
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ def run(
     files: Annotated[list[Path], typer.Argument(metavar="FILE.h5...", help="Motion files, HDF5.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")],
     config: Config = None,
-    method: Method = None,
-    model: Model = None,
-    engine: Engine = None,
+    method: MethodOption = None,
+    model: ModelOption = None,
+    engine: EngineOption = None,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -63,7 +63,7 @@ def run(
     plan = plan_jobs(files, output)
     keep = resume and not force
     if dry_run:
-        foreseen, left = parted([foretold(job, settings, keep, force) for job in plan])
+        foreseen, left = parted([planned_outcome(job, settings, keep, force) for job in plan])
         show(foreseen, json)
         say_left_out(left, json)
         refuse_existing(plan, resume or force)
@@ -78,12 +78,12 @@ def run(
             what = f"is a result of forceid ({len(left)} of {len(left)} inputs are), expected motion files"
             raise DataError(what, left[0]["file"], "give the files that they were made from")
         said = sys.stderr if json else sys.stdout
-        print(table(records), file=said)
+        print(outcome_table(records), file=said)
         say_left_out(left, json)
-        print(f"summary  {write_page(records, output, len(plan) - len(done))}", file=said)
+        print(f"summary  {write_batch_page(records, output, len(plan) - len(done))}", file=said)
     if stopped:
         raise KeyboardInterrupt
-    if any(record["status"] == "failed" or worst(record) == "refused" for record in records):
+    if any(record["status"] == "failed" or worse_verdict(record) == "refused" for record in records):
         raise typer.Exit(1)
 
 
@@ -120,16 +120,16 @@ def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractCont
     return cluster(scheduler)
 
 
-def foretold(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
+def planned_outcome(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
     """What would become of a file: skipped, planned, left out, failed, or exists, which ends the batch."""
-    from forceid.cli.pool import LEFT_OUT, cause_of, failure
+    from forceid.cli.pool import LEFT_OUT, cause_key, failure
     from forceid.cli.resume import current
     from forceid.files import is_result, stamp
 
     try:
         stamp(job[0])
     except DataError as e:
-        return failure(*job, str(e), cause_of(e, job[0]))
+        return failure(*job, str(e), cause_key(e, job[0]))
     if is_result(job[0]):
         return {"status": LEFT_OUT, "file": str(job[0])}
     known = current(*job, settings) if keep else None
@@ -158,7 +158,7 @@ def work_through(
         try:
             for done in run_jobs(plan, settings, crew, work):
                 judged = done["status"] in ("failed", "skipped", LEFT_OUT)
-                record = done if judged else {**done, "status": worst(done)}
+                record = done if judged else {**done, "status": worse_verdict(done)}
                 records.append(record)
                 advance()
                 if json and record["status"] != LEFT_OUT:
@@ -186,7 +186,7 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
         print(f"left out {first}{more}: results of forceid, no motion files", file=said)
 
 
-def write_page(records: Sequence[Record], folder: Path, undone: int) -> str:
+def write_batch_page(records: Sequence[Record], folder: Path, undone: int) -> str:
     """The page over all files, beside the results; its path, or why it is not there."""
     from forceid.files.atomic import atomic
     from forceid.report import render_batch
@@ -206,7 +206,7 @@ def show(records: Sequence[Record], json: bool) -> None:
         print(to_json(record) if json else line + (f": {record['error']}" if "error" in record else ""))
 
 
-def table(records: Sequence[Record]) -> str:
+def outcome_table(records: Sequence[Record]) -> str:
     """The outcome: a line for every file that is not accurate, and why, those far off, then the counts."""
     from forceid.report import find_outliers
 

@@ -10,7 +10,7 @@ import typer
 
 from forceid.cli.estimate import estimate_file
 from forceid.cli.output import summary
-from forceid.cli.report import write_page
+from forceid.cli.report import write_result_page
 
 
 def run(
@@ -35,7 +35,7 @@ def run(
     print(f"scene    {recording.title}: {samples} samples, {markers} markers")
     record = estimate_file(motion, result, load_settings())
     print(summary(record))
-    write_page(result, page)
+    write_result_page(result, page)
     print(f"report   open {page} in a browser")
     if record["verdict"] == "refused":
         raise typer.Exit(1)

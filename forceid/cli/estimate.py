@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Config = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
 ]
-Method = Annotated[
+MethodOption = Annotated[
     str | None,
     typer.Option(
         metavar="M",
@@ -28,7 +28,7 @@ Method = Annotated[
         autocompletion=methods,
     ),
 ]
-Model = Annotated[
+ModelOption = Annotated[
     str | None,
     typer.Option(
         metavar="L",
@@ -36,7 +36,7 @@ Model = Annotated[
         autocompletion=models,
     ),
 ]
-Engine = Annotated[
+EngineOption = Annotated[
     str | None,
     typer.Option(
         metavar="E",
@@ -59,9 +59,9 @@ def run(
             help="Result file; FILE.result.h5 beside the input if not given.",
         ),
     ] = None,
-    method: Method = None,
-    model: Model = None,
-    engine: Engine = None,
+    method: MethodOption = None,
+    model: ModelOption = None,
+    engine: EngineOption = None,
     json: Json = False,
 ) -> None:
     """Estimate the applied force and moment of FILE, with covariance.

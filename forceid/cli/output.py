@@ -24,17 +24,17 @@ def to_json(record: Mapping[str, Any]) -> str:
     >>> to_json({"force_mean": [1.0, float("nan")], "verdict": "ok"})
     '{"force_mean": [1.0, null], "verdict": "ok"}'
     """
-    return json.dumps(finite(record), allow_nan=False)
+    return json.dumps(finite_or_none(record), allow_nan=False)
 
 
-def finite(value: Any) -> Any:
+def finite_or_none(value: Any) -> Any:
     """The value with every number that is not finite replaced by None."""
     if isinstance(value, Mapping):
-        return {str(k): finite(v) for k, v in value.items()}
+        return {str(k): finite_or_none(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
+        return [finite_or_none(v) for v in value]
     if hasattr(value, "tolist"):
-        return finite(value.tolist())
+        return finite_or_none(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -63,7 +63,7 @@ def describe(
         "forceid_version": __version__,
         **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
         **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
-        **witness_of(estimate.witness),
+        **witness_record(estimate.witness),
         **wrench_numbers(estimate, truth).as_dict(),
     }
 
@@ -79,7 +79,7 @@ def verdict_of(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def witness_of(witness: Witness | None) -> dict[str, Any]:
+def witness_record(witness: Witness | None) -> dict[str, Any]:
     """How far an estimate is from the plain route in joint errors by axis, and what chance allows."""
     if witness is None:
         return {}
@@ -120,10 +120,10 @@ def band_line(band: Array) -> str:
     return f"band     {', '.join(texts)}; hidden_load says what may act beyond"
 
 
-def worst(record: Mapping[str, Any]) -> str:
+def worse_verdict(record: Mapping[str, Any]) -> str:
     """The verdict of an estimate or of its joints, whichever is worse.
 
-    >>> worst({"verdict": "ok", "interface": {"verdict": "refused"}})
+    >>> worse_verdict({"verdict": "ok", "interface": {"verdict": "refused"}})
     'refused'
     """
     found: list[str] = [record["verdict"], record.get("interface", {}).get("verdict", "ok")]

@@ -149,7 +149,7 @@ def run_job(source: Path, output: Path, settings: Settings) -> Record:
         record = estimate_file(source, output, settings)
         return {"status": record["verdict"], **record, "nis_mean": nis_mean(output)}
     except ForceIdError as error:
-        failed = failure(source, output, str(error), cause_of(error, source))
+        failed = failure(source, output, str(error), cause_key(error, source))
         return failed | {"status": LEFT_OUT} if is_result(source) else failed
     except MemoryError:
         return failure(source, output, "not enough memory; give fewer processes, -j, or split the recording")
@@ -176,7 +176,7 @@ def failure(source: Path, output: Path, error: str, cause: str = "") -> Record:
     return record | {"error": " ".join(error.split()), "error_cause": cause or error}
 
 
-def cause_of(error: ForceIdError, source: Path) -> str:
+def cause_key(error: ForceIdError, source: Path) -> str:
     """What errors of one cause have in common, whichever file: kind, place in the file, and next step."""
     told = (type(error).__name__, error.where, error.next_step)
     return " ".join(text.replace(str(source), "") for text in told).strip()

@@ -16,7 +16,7 @@ SILENCE = 60.0  # s without a line at most, while files finish
 def progress(total: int, unit: str = "files") -> Iterator[Callable[[], None]]:
     """What to call after every file, or other unit; stderr then shows count, rate and time left."""
     if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        with bar(total, unit) as advance:
+        with progress_bar(total, unit) as advance:
             yield advance
     else:
         yield plain_lines(total, unit=unit)
@@ -46,15 +46,17 @@ def plain_lines(
         if done == total or (done * STEPS // total == (done - 1) * STEPS // total and now - said < SILENCE):
             return
         said, rate = now, done / max(now - began, 1e-9)
-        write(f"forceid: {done} of {total} {unit}, {rate:.2g} {unit}/s, {span((total - done) / rate)} left")
+        write(
+            f"forceid: {done} of {total} {unit}, {rate:.2g} {unit}/s, {duration((total - done) / rate)} left"
+        )
 
     return advance
 
 
-def span(seconds: float) -> str:
+def duration(seconds: float) -> str:
     """A time in the unit that one would say it in.
 
-    >>> span(42.1), span(600), span(9000)
+    >>> duration(42.1), duration(600), duration(9000)
     ('42 s', '10 min', '2.5 h')
     """
     if seconds < 120:
@@ -63,7 +65,7 @@ def span(seconds: float) -> str:
 
 
 @contextmanager
-def bar(total: int, unit: str) -> Iterator[Callable[[], None]]:
+def progress_bar(total: int, unit: str) -> Iterator[Callable[[], None]]:
     """The same as a bar; without color where NO_COLOR is set."""
     from rich.console import Console
     from rich.progress import (

@@ -25,11 +25,11 @@ def run(
     Example: forceid report toss.result.h5 -o toss.html
     """
     page = output or file.with_suffix(".html")
-    write_page(file, page)
+    write_result_page(file, page)
     print(page)
 
 
-def write_page(result: Path, page: Path) -> None:
+def write_result_page(result: Path, page: Path) -> None:
     """Read the result and write its page."""
     from forceid.files import read_result, read_title, read_truth
     from forceid.files.atomic import atomic

@@ -54,11 +54,11 @@ def sweep(folder: Path, names: Collection[str]) -> None:
     """
     for path in folder.glob(".*.partial"):
         name, process, *_ = [*path.name.removeprefix(".").rsplit(".", 3), ""]
-        if name in names and process.isdecimal() and not runs(int(process)):
+        if name in names and process.isdecimal() and not is_alive(int(process)):
             path.unlink(missing_ok=True)
 
 
-def runs(process: int) -> bool:
+def is_alive(process: int) -> bool:
     """Whether a process of that number is alive on this machine."""
     try:
         os.kill(process, 0)

@@ -69,8 +69,8 @@ def raw(channels: Channels, name: str) -> Array:
     if name in values:
         return np.asarray(values[name])
     if base_of(name) in values:
-        return part_of(np.asarray(values[base_of(name)]), name, channels.where)
-    what, hint = f"has no {channels.noun} {name!r}", nearest(name, values)
+        return indexed_part(np.asarray(values[base_of(name)]), name, channels.where)
+    what, hint = f"has no {channels.noun} {name!r}", nearest_names(name, values)
     raise DataError(what, channels.where, hint)
 
 
@@ -83,10 +83,10 @@ def base_of(name: str) -> str:
     return re.sub(r"\([:\d,\s]+\)$", "", name)
 
 
-def part_of(values: Array, name: str, where: str = "") -> Array:
+def indexed_part(values: Array, name: str, where: str = "") -> Array:
     """A part of an array as MATLAB writes it: colons keep an axis, numbers count from one.
 
-    >>> part_of(np.array([[1.0, 2.0], [3.0, 4.0]]), "q(:,2)")
+    >>> indexed_part(np.array([[1.0, 2.0], [3.0, 4.0]]), "q(:,2)")
     array([2., 4.])
     """
     items = [item.strip() for item in name[len(base_of(name)) + 1 : -1].split(",")]
@@ -106,7 +106,7 @@ def shape_of(values: Array) -> str:
     return " x ".join(map(str, values.shape)) or "one number"
 
 
-def nearest(name: str, known: Collection[str]) -> str:
+def nearest_names(name: str, known: Collection[str]) -> str:
     """What to say beside a name that is not there: the nearest that are."""
     near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.0)
     return f"did you mean {' or '.join(map(repr, near))}?" if near else "export it again, with data"

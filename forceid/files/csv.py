@@ -10,7 +10,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.channels import Channels
-from forceid.files.parse import nearest
+from forceid.files.parse import likeliest_name
 from forceid.import_settings import CsvSetting
 from forceid.records import Array
 
@@ -40,14 +40,14 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
     """The table by groups in order of appearance, those selected; one unnamed group when no column is set."""
     if setting.group is None:
         return [("", table)]
-    labels = column(table, setting.group, where)
+    labels = column_cells(table, setting.group, where)
     selected = setting.select if isinstance(setting.select, tuple) else (setting.select,)
     wanted = [f"{value:g}" if isinstance(value, float) else value for value in selected] or list(
         dict.fromkeys(labels)
     )
     for name in wanted:
         if name not in labels:
-            step = nearest(name, sorted(set(labels)), "name one that it has")
+            step = likeliest_name(name, sorted(set(labels)), "name one that it has")
             raise DataError(f"has no {setting.group} {name!r}", where, step)
     return [
         (
@@ -68,7 +68,7 @@ class CsvTable(Mapping[str, Array]):
         self.table, self.where = table, where
 
     def __getitem__(self, name: str) -> Array:
-        return numbers(self.table, name, self.where)
+        return column_numbers(self.table, name, self.where)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.table)
@@ -85,17 +85,19 @@ def csv_channels(table: Table, where: str) -> Channels:
     return Channels(where, "column", CsvTable(table, where), table="import.csv")
 
 
-def numbers(table: Table, name: str, where: str) -> Array:
+def column_numbers(table: Table, name: str, where: str) -> Array:
     """One column as float64; a blank cell is NaN."""
-    cells = column(table, name, where)
+    cells = column_cells(table, name, where)
     try:
         return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
     except ValueError as e:
         raise DataError(f"holds text ({e}), expected numbers", f"{where}:{name}", "leave gaps blank") from e
 
 
-def column(table: Table, name: str, where: str) -> list[str]:
+def column_cells(table: Table, name: str, where: str) -> list[str]:
     """The cells of one column."""
     if name not in table:
-        raise DataError(f"has no column {name!r}", where, nearest(name, list(table), "name one that it has"))
+        raise DataError(
+            f"has no column {name!r}", where, likeliest_name(name, list(table), "name one that it has")
+        )
     return table[name]

@@ -50,7 +50,7 @@ def check_heaps(path: str | Path, use: Callable[[memoryview], None] | None = Non
         while n := f.readinto(memoryview(block)[kept:]):
             if use is not None:
                 use(memoryview(block)[kept : kept + n])
-            heaps += [at - kept + k for k in places(block, kept + n)]
+            heaps += [at - kept + k for k in heap_starts(block, kept + n)]
             block[:kept] = block[n : kept + n]
             at += n
         if wide(os.pread(f.fileno(), 16, 0)):
@@ -58,7 +58,7 @@ def check_heaps(path: str | Path, use: Callable[[memoryview], None] | None = Non
                 check_heap(f.fileno(), heap, str(path))
 
 
-def places(block: bytearray, end: int) -> Iterator[int]:
+def heap_starts(block: bytearray, end: int) -> Iterator[int]:
     """Where in the block a heap begins."""
     k = block.find(_SIGNATURE, 0, end)
     while k >= 0:

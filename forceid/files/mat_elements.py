@@ -88,7 +88,7 @@ def check_array(content: memoryview, order: str, where: str, depth: int) -> None
             raise damaged("a sparse array without its indices", where)
     else:
         wanted = 2 if flags & _COMPLEX and kind != _CHAR else 1
-        if len(rest) != wanted or not all(holds(part, count, kind) for part in rest):
+        if len(rest) != wanted or not all(has_count(part, count, kind) for part in rest):
             raise damaged(f"an array that is not made of {wanted} times {count} numbers", where)
 
 
@@ -102,7 +102,7 @@ def fields_of(rest: list[Element], order: str, where: str) -> int:
     return len(rest[1][1]) // width
 
 
-def holds(part: Element, count: int, kind: int) -> bool:
+def has_count(part: Element, count: int, kind: int) -> bool:
     """Whether a part holds as many numbers, or letters, as the dimensions say."""
     if kind == _CHAR:
         return (part[0] in _TEXT or part[0] in (2, 4) or not count) and count <= len(part[1])

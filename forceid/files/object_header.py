@@ -31,7 +31,7 @@ def check_texts(item: Any, where: str) -> None:
     path, address = item.file.filename, h5py.h5o.get_info(item.id).addr
     with open(path, "rb", buffering=0) as f:
         for kind, body in messages(f.fileno(), address):
-            stored = references(body) if kind == _ATTRIBUTE else b""
+            stored = attribute_references(body) if kind == _ATTRIBUTE else b""
             if stored:
                 check_references(path, stored, where)
 
@@ -68,10 +68,10 @@ def messages(file: int, address: int) -> Iterator[tuple[int, bytes]]:
             at += form.size + length
 
 
-def references(attribute: bytes) -> bytes:
+def attribute_references(attribute: bytes) -> bytes:
     """The references in the message of an attribute of texts; nothing of one of numbers.
 
-    >>> references(bytes(8))
+    >>> attribute_references(bytes(8))
     b''
     """
     if len(attribute) < 8 or attribute[0] not in (1, 2, 3) or (attribute[0] > 1 and attribute[1] & 1):

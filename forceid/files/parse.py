@@ -55,13 +55,13 @@ def parse_recording(
     body, _ = read_variables(groups["body"], BODY, sizes, f"{where}:/body")
     motion, noise = read_variables(groups["motion"], MOTION, sizes, f"{where}:/motion")
     if "time" not in motion:
-        next_step = nearest("time", groups["motion"].found)
+        next_step = likeliest_name("time", groups["motion"].found)
         raise DataError(
             "is missing, expected the times of the samples (s)", f"{where}:/motion/time", next_step
         )
     if len(motion) == 1:
         what = "holds no measurement, expected position, or center and orientation, or sensors"
-        raise DataError(what, f"{where}:/motion", nearest("position", groups["motion"].found))
+        raise DataError(what, f"{where}:/motion", likeliest_name("position", groups["motion"].found))
     truth: dict[str, Array] = {}
     if "truth" in groups:
         own = {dim: n for dim, n in sizes.items() if dim not in ("time", "mode")}
@@ -232,7 +232,7 @@ def kind_of(dtype: np.dtype[Any]) -> str:
     return words.get(dtype.kind, str(dtype))
 
 
-def nearest(name: str, found: Sequence[str], otherwise: str = "add it") -> str:
+def likeliest_name(name: str, found: Sequence[str], otherwise: str = "add it") -> str:
     """The next step when a variable is missing: the likeliest misspelling, or what is there."""
     near = difflib.get_close_matches(name, found, n=1)
     there = ", ".join(found[:_SHOWN]) + (f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else "")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.channels import Channels, base_of, nearest, raw, shape_of
+from forceid.files.channels import Channels, base_of, nearest_names, raw, shape_of
 from forceid.files.schema import MOTION
 from forceid.files.units import si_factor
 from forceid.import_settings import ON_SENSORS, ChannelSetting
@@ -49,18 +49,20 @@ def motion_signals(
             names[variable], found[variable] = points(channels, setting, variable, spec, used)
     for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
         if spec := getattr(setting, variable):
-            found[variable] = vector(channels, setting, variable, spec, width, used)
+            found[variable] = vector_channel(channels, setting, variable, spec, width, used)
     if not found:
         what = f"names no {channels.noun}, expected position, center and orientation, or sensors"
         raise ConfigError(what, where, f"{channels.where} has {', '.join(list(channels.values)[:6])}")
     found["time"] = clock(channels, setting, used)
     sensor = same_sensors(found, names, where)
-    geometry = places(channels, setting) | {k: np.asarray(place, float) for k, place in reference.items()}
+    geometry = node_places(channels, setting) | {
+        k: np.asarray(place, float) for k, place in reference.items()
+    }
     if "displacement" in found:
         if "position" in found:
             raise ConfigError("has position and displacement, expected one of them", where, "drop the other")
         node = names["position"] = names["displacement"]
-        found["position"] = found.pop("displacement") + start(node, geometry, channels)
+        found["position"] = found.pop("displacement") + start_positions(node, geometry, channels)
     return Signals(found, names.get("position", ()), sensor, geometry)
 
 
@@ -72,24 +74,24 @@ def points(
     if isinstance(spec, str) and "{name}" not in spec:
         return whole(channels, setting, variable, spec, used)
     table = matches(channels, spec) if isinstance(spec, str) else spec
-    vectors = [vector(channels, setting, variable, entry, 3, used) for entry in table.values()]
+    vectors = [vector_channel(channels, setting, variable, entry, 3, used) for entry in table.values()]
     return tuple(table), np.stack(vectors, 1)
 
 
-def vector(
+def vector_channel(
     channels: Channels, setting: ChannelSetting, variable: str, spec: Spec, width: int, used: dict[str, int]
 ) -> Array:
     """One vector (time, width): each column a channel, or all of them in one channel, either way up."""
     if isinstance(spec, str):
         values = si(channels, setting, variable, spec)
-        check(channels, spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
+        require_shape(channels, spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
         values = values if values.shape[1] == width else values.T
         count_samples(channels, spec, len(values), used)
         return values
     columns = []
     for name in spec:
         column = si(channels, setting, variable, name)
-        check(channels, name, column.ndim == 1, column, "one number a sample")
+        require_shape(channels, name, column.ndim == 1, column, "one number a sample")
         count_samples(channels, name, len(column), used)
         columns.append(column)
     return np.stack(columns, -1)
@@ -100,14 +102,14 @@ def whole(
 ) -> tuple[tuple[str, ...], Array]:
     """All nodes in one array, its axes in the order of `dims`; three coordinates, or those and a fourth."""
     values, dims = si(channels, setting, variable, name), setting.dims
-    check(channels, name, values.ndim == 3, values, f"{' x '.join(dims)}, or a pattern with {{name}}")
+    require_shape(channels, name, values.ndim == 3, values, f"{' x '.join(dims)}, or a pattern with {{name}}")
     values = values.transpose([dims.index(d) for d in ("time", "node", "axis")])
     what = f"3 coordinates in {' x '.join(dims)}: set dims"
-    check(channels, name, values.shape[2] in (3, 4), values, what)
+    require_shape(channels, name, values.shape[2] in (3, 4), values, what)
     node = setting.nodes
     if isinstance(node, str):
         if node not in channels.label:
-            hint = nearest(node, channels.label)
+            hint = nearest_names(node, channels.label)
             raise DataError(f"has no list of names {node!r}", channels.where, hint)
         node = channels.label[node]
     node = node or tuple(str(k + 1) for k in range(values.shape[1]))
@@ -137,7 +139,7 @@ def matches(channels: Channels, pattern: str) -> dict[str, Spec]:
             axis = match["axis"].lower() if "{axis}" in pattern else ""
             found.setdefault(match["name"], {})[axis] = channel
     if not found:
-        hint = nearest(pattern, channels.values)
+        hint = nearest_names(pattern, channels.values)
         raise DataError(f"has no {channels.noun} like {pattern!r}", channels.where, hint)
     if "{axis}" not in pattern:
         return {name: axes[""] for name, axes in found.items()}
@@ -171,7 +173,7 @@ def clock(channels: Channels, setting: ChannelSetting, used: Mapping[str, int]) 
     (first, count), *_ = used.items()
     if setting.time is not None:
         time = si(channels, setting, "time", setting.time)
-        check(channels, setting.time, time.ndim == 1, time, "one time a sample")
+        require_shape(channels, setting.time, time.ndim == 1, time, "one time a sample")
         count_samples(channels, setting.time, len(time), dict(used))
         return time
     if setting.rate is not None:
@@ -201,7 +203,7 @@ def sample_rate(channels: Channels, rate: float | str) -> float:
     return float(values.item())
 
 
-def places(channels: Channels, setting: ChannelSetting) -> dict[str, Array]:
+def node_places(channels: Channels, setting: ChannelSetting) -> dict[str, Array]:
     """The places (3,) m of nodes in the file; none where nobody says their unit."""
     unit = setting.units.get("geometry", channels.geometry_unit)
     if not unit:
@@ -210,7 +212,7 @@ def places(channels: Channels, setting: ChannelSetting) -> dict[str, Array]:
     return {name: factor * place for name, place in channels.geometry.items()}
 
 
-def start(node: tuple[str, ...], geometry: Mapping[str, Array], channels: Channels) -> Array:
+def start_positions(node: tuple[str, ...], geometry: Mapping[str, Array], channels: Channels) -> Array:
     """The places (node, 3) m that displacements start from."""
     for name in node:
         if name not in geometry:
@@ -246,7 +248,7 @@ def count_samples(channels: Channels, name: str, count: int, used: dict[str, int
         raise DataError(what, f"{channels.where}:{name}", "export both on one clock")
 
 
-def check(channels: Channels, name: str, fits: bool, values: Array, expected: str) -> None:
+def require_shape(channels: Channels, name: str, fits: bool, values: Array, expected: str) -> None:
     """DataError unless the shape of a channel fits."""
     if not fits:
         what = f"is {shape_of(values)}, expected {expected}"

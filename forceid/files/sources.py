@@ -69,7 +69,7 @@ def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> li
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
     files = " ".join(p.name for p in (path, mot) if p is not None)
     return [
-        (name, assemble(signals, plates, settings, str(path), files, name))
+        (name, assemble_recording(signals, plates, settings, str(path), files, name))
         for name, signals in read_signals(path, settings)
     ]
 
@@ -116,7 +116,7 @@ def with_geometry(settings: ImportSettings, signals: Signals) -> ImportSettings:
     return settings.model_copy(update={"body": body.model_copy(update=filled)})
 
 
-def assemble(
+def assemble_recording(
     signals: Signals,
     plates: Plates | None,
     settings: ImportSettings,

@@ -38,7 +38,7 @@ def read_tdms(path: str | Path) -> Channels:
             if len(channel) > size:
                 what = f"declares {len(channel)} samples, more than the file can hold"
                 raise DataError(what, f"{path}:{name}", "export or copy it again")
-            if (data := numbers(channel)) is None:
+            if (data := channel_samples(channel)) is None:
                 continue
             values[name] = data
             unit[name] = next((str(channel.properties[k]) for k in _UNIT if k in channel.properties), "")
@@ -49,7 +49,7 @@ def read_tdms(path: str | Path) -> Channels:
     return Channels(str(path), "channel", values, unit, time)
 
 
-def numbers(channel: Any) -> Array | None:
+def channel_samples(channel: Any) -> Array | None:
     """The samples of a channel, time stamps as seconds from the first; None for text and for nothing."""
     kind = np.dtype(channel.dtype).kind if channel.dtype is not None else "V"
     if not len(channel) or kind not in "biufM":

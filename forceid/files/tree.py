@@ -26,13 +26,13 @@ def open_motion(path: str | Path, gravity: Sequence[float] | None = None) -> xr.
 
 def recording_from_tree(tree: xr.DataTree, gravity: Sequence[float] | None = None) -> Recording:
     """The validated recording in a tree; its SHA-256 is that of the arrays. DataError: see open_motion."""
-    groups = {name: source_group(node) for name, node in tree.children.items()}
+    groups = {name: tree_group(node) for name, node in tree.children.items()}
     where = tree.name or "tree"
     recording = parse_recording(groups, {str(k): v for k, v in tree.attrs.items()}, where, gravity=gravity)
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
 
 
-def source_group(node: xr.DataTree) -> Stored:
+def tree_group(node: xr.DataTree) -> Stored:
     """A node of the tree as the parser takes it."""
     variables = {str(k): v for k, v in node.variables.items()}
     return Stored(variables, {str(k): v for k, v in node.attrs.items()}, tuple(variables))

@@ -34,7 +34,7 @@ def read_uff(path: str | Path) -> Channels:
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
         sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in (15, 58, 164, 2411)]
-        return channels_of(sets, str(path))
+        return dataset_channels(sets, str(path))
 
 
 def check_end(path: str | Path) -> None:
@@ -47,7 +47,7 @@ def check_end(path: str | Path) -> None:
         raise DataError(what, str(path), "it is cut short, or no UFF file: export or copy it again")
 
 
-def channels_of(sets: list[Mapping[str, Any]], where: str) -> Channels:
+def dataset_channels(sets: list[Mapping[str, Any]], where: str) -> Channels:
     """The channels of the datasets of one file."""
     values: dict[str, Array] = {}
     unit: dict[str, str] = {}
@@ -63,7 +63,7 @@ def channels_of(sets: list[Mapping[str, Any]], where: str) -> Channels:
             what if functions else "holds no function (dataset 58)", where, "export time histories"
         )
     for s in responses:
-        name, sign = name_of(s)
+        name, sign = response_name(s)
         if name in values:
             what = f"holds {name!r} twice, expected one time response of a node and direction"
             raise DataError(what, where, "export each run to a file of its own")
@@ -79,10 +79,10 @@ def channels_of(sets: list[Mapping[str, Any]], where: str) -> Channels:
     return Channels(where, "time response", values, unit, time, geometry, length)
 
 
-def name_of(s: Mapping[str, Any]) -> tuple[str, float]:
+def response_name(s: Mapping[str, Any]) -> tuple[str, float]:
     """Quantity, node and direction of a response, and its sign.
 
-    >>> name_of({"ordinate_spec_data_type": 12, "rsp_node": 7, "rsp_dir": -3})
+    >>> response_name({"ordinate_spec_data_type": 12, "rsp_node": 7, "rsp_dir": -3})
     ('acceleration.7Z', -1.0)
     """
     quantity, direction = _QUANTITY.get(s["ordinate_spec_data_type"], "general"), int(s["rsp_dir"])

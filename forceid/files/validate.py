@@ -74,7 +74,7 @@ def check_body(body: Body, where: str) -> None:
         if (body.mass < 0).any():
             k = int(np.argmin(body.mass))
             raise DataError(
-                f"is {body.mass[k]:g} kg at node {name_of(body, k)}, expected zero or more",
+                f"is {body.mass[k]:g} kg at node {node_name(body, k)}, expected zero or more",
                 f"{where}/mass",
                 "correct it; a marker that carries no mass has 0",
             )
@@ -228,7 +228,7 @@ def check_symmetric(matrix: Array, where: str) -> None:
         )
 
 
-def name_of(body: Body, k: int) -> str:
+def node_name(body: Body, k: int) -> str:
     """The name of node k, or its number when the nodes have no names."""
     return repr(body.node[k]) if body.node else str(k)
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from forceid.kalman import square_root as array_form
-from forceid.kalman.covariance import positive, square_root
+from forceid.kalman.covariance import is_positive_definite, square_root
 from forceid.kalman.passes import of
 from forceid.records import Array, Flags, Indices
 
@@ -26,7 +26,7 @@ TAKEN = 1e4  # ratio of variances before and after samples below which a start i
 APART = 16  # stretches closer than so many samples are one
 
 
-def covariance_pass(
+def mended_covariance_pass(
     plain: Callable[..., Runs], F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool
 ) -> tuple[Runs, Array | None]:
     """Runs of the engine's pass `plain`, mended where it loses digits.
@@ -35,18 +35,18 @@ def covariance_pass(
     """
     runs = plain(F, Q, H, R, P0, seen, steady)
     start, P_pred, P, _, W, failed = runs
-    if (lost := failed >= 0) and not positive(R):
+    if (lost := failed >= 0) and not is_positive_definite(R):
         return runs, None
     if lost:  # through the samples that show a state for the first time, then look again
         past = min(failed + 1 - (-len(P0) // seen.shape[1]), len(seen) - 1)
         start, bad = np.array([0, max(past, 1)]), np.array([True, False])
     else:
-        bad = alike(H, R, start, P_pred, W)
+        bad = nearly_dependent(H, R, start, P_pred, W)
         bad[: barely_known(P_pred, P, W)] = True
         if not bad.any():
             return runs, None
     parts: list[tuple[Indices, Array, Array, Array, Array, Array]] = []
-    for first, stop, array in stretches(start, bad, len(seen)):
+    for first, stop, array in segments(start, bad, len(seen)):
         if first > 0:
             F_k = of(F, first - 1)
             P0 = F_k @ parts[-1][2][-1] @ F_k.T + of(Q, first - 1)
@@ -58,9 +58,9 @@ def covariance_pass(
         if not array:
             start, P_pred, P, K, W, failed = plain(*part)
             C = np.full_like(P, np.nan)
-            array = failed >= 0 or (lost and bool(alike(part[2], part[3], start, P_pred, W).any()))
+            array = failed >= 0 or (lost and bool(nearly_dependent(part[2], part[3], start, P_pred, W).any()))
         if array:
-            (start, P_pred, P, K, W, failed), C = array_form.covariance_pass(*part)
+            (start, P_pred, P, K, W, failed), C = array_form.array_covariance_pass(*part)
         parts.append((first + start, P_pred, P, K, W, C))
         if failed >= 0:
             failed += first
@@ -69,7 +69,7 @@ def covariance_pass(
     return (start, P_pred, P, K, W, failed), C
 
 
-def smoothed(
+def smoothed_covariances(
     plain: Callable[..., tuple[Indices, Array, int]], combine: Callable[[Array, Array], Array],
     F: Array, Q: Array, H: Array, R: Array, seen: Flags, steady: bool, start: Indices, P: Array,
     C: Array | None,
@@ -83,9 +83,9 @@ def smoothed(
     failed = len(seen)
     if not hard:
         last, later, failed = plain(F, Q, H, R, seen, steady)
-    if failed >= 0 and positive(R):
+    if failed >= 0 and is_positive_definite(R):
         hard = True
-        last, later, failed = array_form.information_pass(F, Q, H, R, seen, steady)
+        last, later, failed = array_form.array_information_pass(F, Q, H, R, seen, steady)
     begin = np.append(last[1:] + 1, 0)[::-1]  # of each run of later samples, forward
     both = np.union1d(start, begin)
     known, told = np.searchsorted(start, both, "right") - 1, np.searchsorted(begin, both, "right") - 1
@@ -98,7 +98,7 @@ def smoothed(
     roots, U = square_root(P[known[mend]]), later[told[mend]]
     if C is not None:
         roots = np.where(rooted[mend, None, None], C[known[mend]], roots)
-    out[mend] = array_form.combine(roots, U if hard else square_root(U).swapaxes(-1, -2))
+    out[mend] = array_form.combine_factors(roots, U if hard else square_root(U).swapaxes(-1, -2))
     return both, out, failed
 
 
@@ -123,7 +123,7 @@ def smoothed_states(
 
 def alike_by_steps(Q: Array, H: Array, R: Array) -> bool:
     """Whether the noise of a step alone brings an innovation covariance beyond ALIKE."""
-    if R.shape[-1] == 1 or not positive(R):
+    if R.shape[-1] == 1 or not is_positive_definite(R):
         return False
     H, R = (a[1:, 0] if len(a) > 1 else a[:, 0] for a in (H, R))
     S = H @ Q[:, 0] @ H.swapaxes(1, 2) + R
@@ -132,7 +132,7 @@ def alike_by_steps(Q: Array, H: Array, R: Array) -> bool:
     return bool((smallest * ALIKE < 1).any())
 
 
-def alike(H: Array, R: Array, start: Indices, P_pred: Array, W: Array) -> Flags:
+def nearly_dependent(H: Array, R: Array, start: Indices, P_pred: Array, W: Array) -> Flags:
     """Runs whose innovation covariance is beyond ALIKE: trace of the inverse of its correlations."""
     if W.shape[-1] == 1:
         return np.zeros(len(W), bool)
@@ -164,7 +164,7 @@ def barely_known(P_pred: Array, P: Array, W: Array) -> int:
     return stop if (spread[:, 0] * UNKNOWN < 1).any() else 0
 
 
-def stretches(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool]]:
+def segments(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool]]:
     """First sample, the one after the last, and whether the array form is due, of stretches in turn."""
     stop = np.append(start[1:], time)
     first, last = start[bad], stop[bad]

@@ -48,7 +48,7 @@ def root(R: Array) -> Array:
         raise EstimationError("is not positive definite", where, step) from e
 
 
-def positive(R: Array) -> bool:
+def is_positive_definite(R: Array) -> bool:
     """Whether all R (..., channel, channel) are positive definite, beyond rounding of their correlations."""
     try:
         np.linalg.cholesky(correlations(R))

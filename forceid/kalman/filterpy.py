@@ -11,7 +11,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from forceid.errors import EstimationError
-from forceid.kalman.linear import apart, check, each_model, smooth_apart
+from forceid.kalman.linear import each_model, filter_each, require_positive, smooth_apart
 from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
 from forceid.records import Array
 
@@ -26,7 +26,7 @@ def filter(model: StateSpace, z: Array) -> Filtered:
     z = as_channels(z)
     if z.ndim == 3:
         starts = iter(range(z.shape[1]))
-        return replace(apart(lambda one: filter(each_model(model, next(starts)), one), z), model=model)
+        return replace(filter_each(lambda one: filter(each_model(model, next(starts)), one), z), model=model)
     T, m, n = *z.shape, len(model.x0)
     x, P, P_pred, K, W = (np.zeros((T, *s)) for s in ((n,), (n, n), (n, n), (n, m), (m, m)))
     kf = KalmanFilter(dim_x=n, dim_z=m)
@@ -41,7 +41,7 @@ def filter(model: StateSpace, z: Array) -> Filtered:
                 kf.update(z[k, seen], R=model.at("R", k)[seen][:, seen], H=model.at("H", k)[seen])
                 W[k][np.ix_(seen, seen)] = np.linalg.inv(np.linalg.cholesky(kf.S))
             except np.linalg.LinAlgError:
-                check(k)
+                require_positive(k)
             K[k][:, seen] = kf.K
         x[k], P[k] = kf.x, kf.P
     return Filtered(model, z, x, Gains(T, np.arange(T), P_pred, P, K, W))

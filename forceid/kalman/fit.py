@@ -85,7 +85,7 @@ def tune(
             found = score_of(model, z, passes(model, z))
         except (EstimationError, np.linalg.LinAlgError, FloatingPointError):
             return np.inf, np.zeros(len(p))
-        slope = np.array([found.along(change) for change in derivatives(build, p)])
+        slope = np.array([found.along(change) for change in model_derivatives(build, p)])
         return -found.log_likelihood, -slope
 
     tops: list[tuple[float, Array]] = []
@@ -102,12 +102,12 @@ def tune(
     # a few units of rounding of the range
     width = np.where(np.isfinite(np.ptp(limits, axis=1)), np.ptp(limits, axis=1), 1.0)
     at_bound = (best[:, None] - limits).__abs__().min(1) <= 1e-8 * width
-    covariance, flat = spread(lambda p: minus(p)[1], best, limits, at_bound)
-    rival = next((p for v, p in tops if v > value - PATIENCE and apart(p - best, covariance)), None)
+    covariance, flat = observed_covariance(lambda p: minus(p)[1], best, limits, at_bound)
+    rival = next((p for v, p in tops if v > value - PATIENCE and maxima_differ(p - best, covariance)), None)
     return Fit(best, covariance, value, build(best), at_bound, flat, rival is not None, rival, count)
 
 
-def derivatives(build: Build, theta: Array) -> list[StateSpace]:
+def model_derivatives(build: Build, theta: Array) -> list[StateSpace]:
     """Derivative of every matrix of build(theta) in each parameter, as models of changes."""
     found = []
     for i in range(len(theta)):
@@ -146,7 +146,9 @@ def change_of(matrices: dict[str, Array | None]) -> StateSpace:
     return StateSpace(**matrices)  # type: ignore[arg-type]
 
 
-def spread(slope: Callable[[Array], Array], theta: Array, limits: Array, fixed: Flags) -> tuple[Array, bool]:
+def observed_covariance(
+    slope: Callable[[Array], Array], theta: Array, limits: Array, fixed: Flags
+) -> tuple[Array, bool]:
     """Covariance by the observed information, and whether some direction goes without.
 
     slope: gradient of the negative log-likelihood. Parameters at a bound are held there: their covariance is
@@ -173,7 +175,7 @@ def spread(slope: Callable[[Array], Array], theta: Array, limits: Array, fixed: 
     return covariance, flat
 
 
-def apart(difference: Array, covariance: Array) -> bool:
+def maxima_differ(difference: Array, covariance: Array) -> bool:
     """Whether two maxima are further apart than chance, by the covariance of one."""
     var = np.diag(covariance)
     known = np.isfinite(var) & (var > 0)

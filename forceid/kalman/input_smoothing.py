@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.kalman.covariance import root
-from forceid.kalman.input_system import checked, uncorrelated, with_prior
+from forceid.kalman.input_system import uncorrelated, validated_system, with_prior
 from forceid.kalman.model import as_channels
-from forceid.kalman.open_directions import any_row, learn, least_squares, open_rows, told
+from forceid.kalman.open_directions import any_row, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.square_root import squared, triangle
 from forceid.kalman.unknown_input import forward
 from forceid.records import Array
@@ -54,7 +54,7 @@ def input_smoother(
     array([3., 2.])
     """
     z = as_channels(z)
-    system = checked(A, B, C, D, Q, R, S, z)
+    system = validated_system(A, B, C, D, Q, R, S, z)
     if var is not None:
         system, z = with_prior(system, z, var)
     A, B, C, D, Q, R, S = system
@@ -79,8 +79,8 @@ def input_smoother(
         d, one = E.shape[1], np.eye(len(value))
         reach, direct = np.hstack([E, np.zeros((n, inputs))]), np.hstack([np.zeros((len(value), d)), of_u])
         found = learn(x, W, reach, of_x, direct, value, one)
-        X[k], X_cov[k] = told(found.x, squared(found.W, found.error), open_rows(reach, found.loose))
-        U[k], U_cov[k] = told(found.amount[d:], squared(found.fit[d:]), any_row(found.loose[d:]))
+        X[k], X_cov[k] = mask_lost(found.x, squared(found.W, found.error), open_rows(reach, found.loose))
+        U[k], U_cov[k] = mask_lost(found.amount[d:], squared(found.fit[d:]), any_row(found.loose[d:]))
         # what is left of the rows for the state once the input has taken its share
         size = np.linalg.norm(np.vstack([of_u, np.abs(N) @ np.abs(Bk)]), axis=0)
         rest = least_squares(of_u, size)[1]

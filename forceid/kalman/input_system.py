@@ -14,10 +14,12 @@ from forceid.kalman.model import StateSpace
 from forceid.kalman.square_root import squared
 from forceid.records import Array, Flags
 
-System = tuple[Array, Array, Array, Array, Array, Array, Array]  # A, B, C, D, Q, R, S
+SystemMatrices = tuple[Array, Array, Array, Array, Array, Array, Array]  # A, B, C, D, Q, R, S
 
 
-def checked(A: Array, B: Array, C: Array, D: Array, Q: Array, R: Array, S: Array, z: Array) -> System:
+def validated_system(
+    A: Array, B: Array, C: Array, D: Array, Q: Array, R: Array, S: Array, z: Array
+) -> SystemMatrices:
     """The matrices as arrays of numbers, if their shapes fit each other and the channels of z."""
     states, channels, inputs = len(A), z.shape[1], np.shape(B)[-1]
     shapes = {
@@ -35,7 +37,7 @@ def checked(A: Array, B: Array, C: Array, D: Array, Q: Array, R: Array, S: Array
     return A, B, C, D, Q, R, S
 
 
-def uncorrelated(system: System, seen: Flags) -> tuple[Array, Array, Array, Array]:
+def uncorrelated(system: SystemMatrices, seen: Flags) -> tuple[Array, Array, Array, Array]:
     """A, B, gain of the sample and factor of Q of a step whose noise has nothing in common with its sample.
 
     x_{k+1} = A x + B u + w + G (z - C x - D u - v), G = S R^-1: w - G v is independent of v.
@@ -45,7 +47,7 @@ def uncorrelated(system: System, seen: Flags) -> tuple[Array, Array, Array, Arra
     return A - G @ C[seen], B - G @ D[seen], np.asarray(G, float), square_root(Q - G @ S[:, seen].T)
 
 
-def with_prior(system: System, z: Array, var: ArrayLike) -> tuple[System, Array]:
+def with_prior(system: SystemMatrices, z: Array, var: ArrayLike) -> tuple[SystemMatrices, Array]:
     """The system with one more channel for each input, which measures it as zero, with variance `var`."""
     A, B, C, D, Q, R, S = system
     n, inputs = B.shape
@@ -56,7 +58,7 @@ def with_prior(system: System, z: Array, var: ArrayLike) -> tuple[System, Array]
     return (A, B, C, D, Q, R, S), z
 
 
-def with_white_input(system: System, z: Array, var: ArrayLike, P0: Array) -> StateSpace:
+def with_white_input(system: SystemMatrices, z: Array, var: ArrayLike, P0: Array) -> StateSpace:
     """A plain model of states x, u for `kalman.filter` and `bounds.steady`: u white of variance `var`.
 
     system: A, B, C, D, Q, R, S; noises of step and sample are made independent, for the samples z at hand.

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.kalman.conditioning import covariance_pass, smoothed_states
-from forceid.kalman.conditioning import smoothed as smoothed_runs
+from forceid.kalman.conditioning import mended_covariance_pass, smoothed_states
+from forceid.kalman.conditioning import smoothed_covariances as smoothed_runs
 from forceid.kalman.covariance import correlations
 from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
 from forceid.records import Array, Flags, Indices
@@ -43,16 +43,18 @@ def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
     0.5
     """
     z = as_channels(z)
-    if z.ndim == 3 and not alike(z):
-        return apart(lambda one: filter(passes, model, one), z)
+    if z.ndim == 3 and not same_gaps(z):
+        return filter_each(lambda one: filter(passes, model, one), z)
     return filter_with_factors(passes, model, z)[0]
 
 
 def filter_with_factors(passes: Passes, model: StateSpace, z: Array) -> tuple[Filtered, Array | None]:
     """Filter of z (time, [signal,] channel) with common gaps; factors of P where conditioning asks."""
     F, Q, H, R, u = arrays(model, z)
-    runs, C = covariance_pass(passes.covariance_pass, F, Q, H, R, model.P0, pattern(z), constant(model))
-    check(runs[-1])
+    runs, C = mended_covariance_pass(
+        passes.covariance_pass, F, Q, H, R, model.P0, pattern(z), time_invariant(model)
+    )
+    require_positive(runs[-1])
     g = Gains(len(z), *runs[:-1])
     signals = z if z.ndim == 3 else z[:, None]
     x0 = np.broadcast_to(model.x0, (signals.shape[1], model.P0.shape[-1]))
@@ -69,16 +71,16 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     Frazier (1963), the covariance by the information of later samples.
     """
     z = as_channels(z)
-    if z.ndim == 3 and not alike(z):
+    if z.ndim == 3 and not same_gaps(z):
         return smooth_apart(lambda one: smooth(passes, model, one), z)
     f, C = filter_with_factors(passes, model, z)
     x = backward(passes, model, f, C)
     F, Q, H, R, _ = arrays(model, z)
     start, runs, failed = smoothed_runs(
-        passes.information_pass, passes.combine, F, Q, H, R, pattern(z), constant(model),
+        passes.information_pass, passes.combine, F, Q, H, R, pattern(z), time_invariant(model),
         f.gains.start, f.gains.P, C,
     )  # fmt: skip
-    check(failed)
+    require_positive(failed)
     return Smoothed(x, start, runs, f)
 
 
@@ -128,7 +130,7 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     rounding go as NaN; one model raises EstimationError.
     """
     z = as_channels(z)
-    if z.ndim == 3 and not alike(z):
+    if z.ndim == 3 and not same_gaps(z):
         each = [log_likelihood(passes, each_model(model, j), z[:, j], limit) for j in range(z.shape[1])]
         return np.array(each)
     F, Q, H, R, u = arrays(model, z)
@@ -136,11 +138,11 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     x0 = np.broadcast_to(model.x0, (count, model.x0.shape[-1]))
     P0 = np.broadcast_to(model.P0, (count, *model.P0.shape[-2:]))
     signals = z if z.ndim == 3 else z[:, None]
-    total = passes.log_likelihood(F, Q, H, R, u, x0, P0, signals, pattern(z), limit, constant(model))
+    total = passes.log_likelihood(F, Q, H, R, u, x0, P0, signals, pattern(z), limit, time_invariant(model))
     if model.x0.ndim == 1 and np.isnan(total).any() and limit == np.inf:
         total = np.atleast_1d(filter(passes, model, z).log_likelihood)
     elif model.x0.ndim == 1 and np.isnan(total).any():
-        check(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), constant(model))[-1])
+        require_positive(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), time_invariant(model))[-1])
     return np.asarray(total if model.x0.ndim == 2 or z.ndim == 3 else total[0])
 
 
@@ -168,7 +170,7 @@ def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Arr
     return out[0], out[1], out[2], out[3], out[4]
 
 
-def constant(model: StateSpace) -> bool:
+def time_invariant(model: StateSpace) -> bool:
     """Whether F, Q, H, R are the same at every sample."""
     return all(a.ndim == 2 or len(a) == 1 for a in (model.F, model.Q, model.H, model.R))
 
@@ -178,7 +180,7 @@ def pattern(z: Array) -> Flags:
     return np.isfinite(z if z.ndim == 2 else z[:, 0])
 
 
-def alike(z: Array) -> bool:
+def same_gaps(z: Array) -> bool:
     """Whether all signals z (time, signal, channel) have the same gaps."""
     seen = np.isfinite(z)
     return bool((seen == seen[:, :1]).all())
@@ -191,7 +193,7 @@ def each_model(model: StateSpace, j: int) -> StateSpace:
     return model if model.x0.ndim == 1 else replace(model, x0=model.x0[j])
 
 
-def apart(solve: Callable[[Array], Filtered], z: Array) -> Filtered:
+def filter_each(solve: Callable[[Array], Filtered], z: Array) -> Filtered:
     """Filter of signals with gaps of their own: each by itself, then side by side."""
     each = [solve(z[:, j]) for j in range(z.shape[1])]
     start, pick = shared_runs([f.gains.start for f in each])
@@ -208,7 +210,7 @@ def smooth_apart(solve: Callable[[Array], Smoothed], z: Array) -> Smoothed:
     start, pick = shared_runs([s.start for s in each])
     runs = np.stack([s.runs[i] for s, i in zip(each, pick, strict=True)], 1)
     filtered = iter([s.filtered for s in each])
-    return Smoothed(np.stack([s.x for s in each], 1), start, runs, apart(lambda _: next(filtered), z))
+    return Smoothed(np.stack([s.x for s in each], 1), start, runs, filter_each(lambda _: next(filtered), z))
 
 
 def shared_runs(starts: list[Indices]) -> tuple[Indices, list[Indices]]:
@@ -217,7 +219,7 @@ def shared_runs(starts: list[Indices]) -> tuple[Indices, list[Indices]]:
     return start, [np.searchsorted(own, start, "right") - 1 for own in starts]
 
 
-def check(failed: int) -> None:
+def require_positive(failed: int) -> None:
     """Raise where a pass names a sample."""
     if failed >= 0:
         raise EstimationError(

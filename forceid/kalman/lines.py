@@ -79,7 +79,7 @@ def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
     return any(abs(frequency - f) * np.ptp(time) <= REACH for f in taken)
 
 
-def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:
+def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:
     """Frequencies that stand out of whitened innovations (time, channel), strongest first.
 
     A harmonic (once, twice) of the spin (Hz) needs an ordinate of PATIENCE times the mean of its channel; any
@@ -88,7 +88,7 @@ def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[floa
     span, count = float(np.ptp(time)), len(time)
     step = span / (count - 1)
     frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
-    v = held(innovation)
+    v = winsorized(innovation)
     power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
     stands = (power / np.maximum((v**2).sum(0), 1.0)).max(1)
     for f in taken:
@@ -108,10 +108,10 @@ def candidates(time: Array, innovation: Array, spin: float, taken: Iterable[floa
     return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
 
 
-def held(innovation: Array) -> Array:
+def winsorized(innovation: Array) -> Array:
     """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none.
 
-    >>> held(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).round(2).tolist()
+    >>> winsorized(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).round(2).tolist()
     [[1.0, 9.0], [-1.0, -9.0], [5.93, 9.0]]
     """
     v = np.nan_to_num(innovation)
@@ -164,7 +164,7 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
     return np.stack([seen.real, -seen.imag], -1)
 
 
-def evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
+def line_evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
     """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
 
     information (..., axis, 2, axis, 2) and told (..., axis, 2) of the amplitudes of cosine and sine. By
@@ -201,7 +201,7 @@ def find_line(
     have no line.
     """
     span, center = float(np.ptp(time)), candidate.frequency
-    v = held(filtered.innovation)
+    v = winsorized(filtered.innovation)
     subsets = [s for n in (1, 2, 3) for s in combinations(range(3), n)]
 
     def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
@@ -209,7 +209,7 @@ def find_line(
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
         told = np.einsum("tcafi,tc->fai", white, v)
-        gained, std = np.moveaxis(np.array([evidence(information, told, s) for s in subsets]), 0, -1)
+        gained, std = np.moveaxis(np.array([line_evidence(information, told, s) for s in subsets]), 0, -1)
         price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
         price = price + np.where(decay * span > COHERENT, FREED, 0.0)
         return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std

@@ -53,7 +53,7 @@ def pbh(A: Array, C: Array) -> Observability:
     >>> found.rank, found.lost.real, np.abs(found.direction.T)
     (1, array([0., 0.]), array([[1., 0., 0.]]))
     """
-    A, C, size = scaled(np.asarray(A, float), np.asarray(C, float))
+    A, C, size = balanced_system(np.asarray(A, float), np.asarray(C, float))
     reach = max(float(np.linalg.norm(A, 2)), 1e-300)
     hidden = null_space(C, rcond=TOLERANCE) if np.any(C) else np.eye(len(A))
     while hidden.shape[1]:
@@ -79,7 +79,7 @@ def pbh(A: Array, C: Array) -> Observability:
     return Observability(len(A) - len(lost), len(A), lost, basis, np.array(value, complex), direction)
 
 
-def scaled(A: Array, C: Array) -> tuple[Array, Array, Array]:
+def balanced_system(A: Array, C: Array) -> tuple[Array, Array, Array]:
     """A and C in units of the state in which the rows and columns of A balance; rows of C of length one."""
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     size = np.asarray(scale, float)
@@ -178,7 +178,7 @@ def invariant_zeros(A: Array, B: Array, C: Array, D: Array) -> InvariantZeros:
     """
     A, B, C, D = (np.asarray(a, float) for a in (A, B, C, D))
     states, inputs = B.shape
-    A, _, size = scaled(A, C)
+    A, _, size = balanced_system(A, C)
     B, C = B / size[:, None], C * size
     # one factor a channel and one an input move no zero
     for _ in range(2):

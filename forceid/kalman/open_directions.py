@@ -70,7 +70,7 @@ def independent(E: Array) -> Array:
     return np.asarray(row * U[:, s > RANK])
 
 
-def told(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
+def mask_lost(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
     """Mean and covariance, NaN for the entries that are lost."""
     return np.where(lost, np.nan, mean), np.where(lost | lost[:, None], np.nan, cov)
 

@@ -61,7 +61,7 @@ def covariance_pass(
     P_pred, rest = P0, Rest()
     runs: list[tuple[int, Array, Array, Array, Array]] = []
     failed, which = -1, seen.astype(bool)
-    stirred = changes(which)
+    stirred = channel_changes(which)
     k = 0
     while k < len(seen):
         if k in stirred:
@@ -119,7 +119,7 @@ def mean_pass(F: Array, u: Array, H: Array, start: Indices, K: Array, x0: Array,
             I_KH = np.eye(x.shape[2]) - K[r] @ of(H, 0)
             b = z[first + 1 : stop] @ K[r].T
             if u.any():
-                b += (between(u, first, stop - 1) @ I_KH.T)[:, None]
+                b += (known_inputs(u, first, stop - 1) @ I_KH.T)[:, None]
             x[first + 1 : stop] = scan(I_KH @ of(F, 0), b, x[first])
     return x
 
@@ -144,7 +144,7 @@ def adjoint_pass(
             F_0, H_0, here = of(F, 0), of(H, 0), slice(first + 1, stop)
             pred = x[first : stop - 1] @ F_0.T
             if u.any():
-                pred += between(u, first, stop - 1)[:, None]
+                pred += known_inputs(u, first, stop - 1)[:, None]
             b = (z[here] - pred @ H_0.T) @ (F_0.T @ H_0.T @ S_inv).T
             path = scan(((np.eye(len(F_0)) - K[r] @ H_0) @ F_0).T, b[::-1], a)[::-1]
             smoothed[stop - 1] = x[stop - 1] + a @ P[r]
@@ -169,7 +169,7 @@ def information_pass(
     """
     n, which, rest = F.shape[-1], seen.astype(bool), Rest()
     now, one, last = np.zeros((n, n)), np.eye(n), [len(seen) - 1]
-    later, failed, stirred = [now], -1, changes(which)
+    later, failed, stirred = [now], -1, channel_changes(which)
     k = len(seen) - 1
     while k > 0:
         if k + 1 in stirred:
@@ -250,7 +250,7 @@ def log_likelihood(
     return total
 
 
-def changes(which: Flags) -> set[int]:
+def channel_changes(which: Flags) -> set[int]:
     """Samples whose channels present (time, channel) are not those of the sample before."""
     return set((1 + np.flatnonzero((which[1:] != which[:-1]).any(1))).tolist())
 
@@ -272,6 +272,6 @@ def step_of(a: Array, k: int) -> Array:
     return out
 
 
-def between(u: Array, first: int, stop: int) -> Array:
+def known_inputs(u: Array, first: int, stop: int) -> Array:
     """Known input of the steps from `first` to before `stop`, or the one of all."""
     return u[first:stop, 0] if len(u) > 1 else u[:, 0]

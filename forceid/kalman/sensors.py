@@ -47,7 +47,7 @@ def acceleration(system: System, shape: ArrayLike) -> Array:
     They read shape (-2 Z W q' - W^2 q + Phi^T B p).
     """
     m = system.modes
-    return np.asarray(modes_of(system, shape) @ system.A[..., m : 2 * m, :])
+    return np.asarray(sensor_shapes(system, shape) @ system.A[..., m : 2 * m, :])
 
 
 def specific_force(
@@ -215,13 +215,13 @@ def transitions(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
 
 def modal_rows(system: System, shape: ArrayLike, derivative: int) -> Array:
     """Rows (sensor, state) of shape times the modal amplitudes or rates."""
-    shape, m = modes_of(system, shape), system.modes
+    shape, m = sensor_shapes(system, shape), system.modes
     H = np.zeros((len(shape), system.A.shape[-1]))
     H[:, derivative * m : (derivative + 1) * m] = shape
     return H
 
 
-def modes_of(system: System, shape: ArrayLike) -> Array:
+def sensor_shapes(system: System, shape: ArrayLike) -> Array:
     """The sensors' shapes (sensor, mode), checked."""
     shape = np.asarray(shape, float)
     if shape.ndim != 2 or shape.shape[1] != system.modes:

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import lu
 
 from forceid.kalman import passes
-from forceid.kalman.covariance import positive, square_root
-from forceid.kalman.passes import Rest, changes, of
+from forceid.kalman.covariance import is_positive_definite, square_root
+from forceid.kalman.passes import Rest, channel_changes, of
 from forceid.records import Array, Flags, Indices
 
 Runs = tuple[Indices, Array, Array, Array, Array, int]  # as passes.covariance_pass gives them
@@ -48,7 +48,7 @@ def squared(*parts: Array) -> Array:
     return np.asarray(np.add.reduce([W @ W.T for W in parts]))
 
 
-def covariance_pass(
+def array_covariance_pass(
     F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool
 ) -> tuple[Runs, Array]:
     """Filter covariances as `passes.covariance_pass` gives them, and factors C (run, state, state) of P.
@@ -59,7 +59,7 @@ def covariance_pass(
     Q_root, R_root = square_root(Q), square_root(R)
     before, rest, which = square_root(P0), Rest(), seen.astype(bool)
     runs: list[tuple[int, Array, Array, Array, Array, Array]] = []
-    failed, stirred, k = -1, changes(which), 0
+    failed, stirred, k = -1, channel_changes(which), 0
     while k < len(seen):
         if k in stirred:
             rest = Rest()
@@ -86,19 +86,19 @@ def covariance_pass(
     return (np.array(first, np.intp), P_preds, Ps, Ks, Ws, failed), Cs
 
 
-def information_pass(
+def array_information_pass(
     F: Array, Q: Array, H: Array, R: Array, seen: Flags, steady: bool
 ) -> tuple[Indices, Array, int]:
     """Factors U (run, state, state) of the information U^T U that all later samples hold on the state of one.
 
     Otherwise as `passes.information_pass`, which stands in where R is not positive definite.
     """
-    if not positive(R):
+    if not is_positive_definite(R):
         last, told, failed = passes.information_pass(F, Q, H, R, seen, steady)
         return last, square_root(told).swapaxes(-1, -2), failed
     n, which, rest = F.shape[-1], seen.astype(bool), Rest()
     Q_root, R_root = square_root(Q), square_root(R)
-    now, stirred, k = np.zeros((n, n)), changes(which), len(seen) - 1
+    now, stirred, k = np.zeros((n, n)), channel_changes(which), len(seen) - 1
     runs, later = [k], [now]
     while k > 0:
         if k + 1 in stirred:
@@ -115,7 +115,7 @@ def information_pass(
     return np.array(runs), np.array(later), -1
 
 
-def combine(C: Array, U: Array) -> Array:
+def combine_factors(C: Array, U: Array) -> Array:
     """Covariances (run, state, state) given all samples, of factors C of the filter's and U of later ones.
 
     Later samples are one more measurement U x with white noise of one.

@@ -31,7 +31,7 @@ STATIONARY = 1e-9  # of a covariance's own rate of change: less is rounding
 
 
 @dataclass(frozen=True)
-class Modes:
+class NormalModes:
     """frequency W (mode,) rad/s, rising; damping ratio Z (mode,); mass-normalized shape Phi (dof, mode).
 
     Rigid modes have frequency and damping ratio 0; drag (mode,) 1/s is what damps them.
@@ -78,7 +78,7 @@ def modal(
     C: ArrayLike | None = None,
     damping: ArrayLike = 0.0,
     tolerance: float = 1e-12,
-) -> Modes:
+) -> NormalModes:
     """Modes of M u'' + C u' + K u = f; each (dof, dof), symmetric, in kg, N s/m, N/m.
 
     Without C, damping is the ratio of every elastic mode, or (mode,). Of C only the diagonal of Phi^T C Phi
@@ -100,9 +100,11 @@ def modal(
     frequency = np.sqrt(np.where(rigid, 0.0, square))
     elastic = np.where(rigid, 1.0, frequency)
     if C is None:
-        return Modes(frequency, np.where(rigid, 0.0, damping), shape, np.zeros(len(square)))
+        return NormalModes(frequency, np.where(rigid, 0.0, damping), shape, np.zeros(len(square)))
     rate = np.einsum("ij,ik,kj->j", shape, np.asarray(C, float), shape)
-    return Modes(frequency, np.where(rigid, 0.0, rate / (2 * elastic)), shape, np.where(rigid, rate, 0.0))
+    return NormalModes(
+        frequency, np.where(rigid, 0.0, rate / (2 * elastic)), shape, np.where(rigid, rate, 0.0)
+    )
 
 
 def state_matrices(structure: Structure) -> tuple[Array, Array]:
@@ -160,11 +162,11 @@ def drive(
     P0 = np.empty(A.shape, np.result_type(A, Qc, P_p))
     diffuse = np.concatenate([np.broadcast_to(v, n // 2) for v in (values(var_q), values(var_rate))])
     for k in np.ndindex(lead):
-        P0[k] = start(A[k], Qc[k], P_p[k], diffuse, settled)
+        P0[k] = start_covariance(A[k], Qc[k], P_p[k], diffuse, settled)
     return System(A, Qc, P0, np.pad(rows, [(0, 0), (n, 0)]), n // 2)
 
 
-def start(A: Array, Qc: Array, P_loads: Array, diffuse: Array, settled: bool) -> Array:
+def start_covariance(A: Array, Qc: Array, P_loads: Array, diffuse: Array, settled: bool) -> Array:
     """Covariance at the start of a structure under loads; diffuse (2 mode,): variances where unknown."""
     n, P0 = len(diffuse), P_loads.astype(np.result_type(A, P_loads))
     m, real = n // 2, A.real

@@ -11,9 +11,9 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.kalman.covariance import root, square_root
-from forceid.kalman.input_system import System, checked, uncorrelated
+from forceid.kalman.input_system import SystemMatrices, uncorrelated, validated_system
 from forceid.kalman.model import as_channels
-from forceid.kalman.open_directions import any_row, independent, learn, least_squares, open_rows, told
+from forceid.kalman.open_directions import any_row, independent, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.square_root import squared, triangle
 from forceid.records import Array
 
@@ -76,12 +76,12 @@ def input_filter(
     (0, array([3., 2.]))
     """
     z = as_channels(z)
-    system = checked(A, B, C, D, Q, R, S, z)
+    system = validated_system(A, B, C, D, Q, R, S, z)
     return forward(system, z, x0, P0, determined(*system))[0]
 
 
 def forward(
-    system: System, z: Array, x0: Array | None, P0: Array | None, delay: int
+    system: SystemMatrices, z: Array, x0: Array | None, P0: Array | None, delay: int
 ) -> tuple[InputFiltered, list[Known]]:
     """The filter, and what it knows of each state before its sample."""
     (B, C, D), R = system[1:4], system[5]
@@ -101,10 +101,10 @@ def forward(
         found = learn(x, W, reach, Ck, direct, z[k, seen], noise)  # errors: W e + error e of x, -fit e of u
         fit, free, loose = found.fit[known:], found.free, found.loose
         x, W, error, u = found.x, found.W, found.error, found.amount[known:]
-        X[k], X_cov[k] = told(x, squared(W, error), open_rows(reach, loose))
+        X[k], X_cov[k] = mask_lost(x, squared(W, error), open_rows(reach, loose))
         innovation[k, : len(found.surprise)] = found.surprise
         if now:
-            U[k - delay], U_cov[k - delay] = told(u, squared(fit), any_row(loose[known:]))
+            U[k - delay], U_cov[k - delay] = mask_lost(u, squared(fit), any_row(loose[known:]))
         Ak, Bk, common, step_noise = uncorrelated(system, seen)
         x, error, E = Ak @ x + common @ z[k, seen], Ak @ error, Ak @ reach @ free
         if delay == 0:

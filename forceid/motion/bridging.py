@@ -58,7 +58,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     for length, k, first in every:
         size = int(np.round(np.log(length) / np.log(LENGTHS)))
         if (k, size) not in judged:
-            judged[k, size] = judge(time, x, seen, k, near[k], length)
+            judged[k, size] = rank_bridges(time, x, seen, k, near[k], length)
         gap = np.arange(first, first + length)
         for mean_square, bridge in judged[k, size]:
             filled = dict(fillings(time, x, seen, k, near[k], gap, [bridge]))
@@ -118,7 +118,7 @@ def bridges(neighbors: int) -> Iterator[Bridge]:
                     yield Bridge(count, side, degree)
 
 
-def judge(
+def rank_bridges(
     time: Array, position: Array, seen: Flags, k: int, near: Indices, length: int
 ) -> list[tuple[float, Bridge]]:
     """Ways to bridge gaps of a length of node k, best first, each with its mean square error (m2)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.motion.noise_axes import through_fit
-from forceid.motion.pose import Pose, alike, body_axes, exp, pose_gain
+from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
@@ -55,7 +55,7 @@ def fit_frames(
     flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
     leak, rows, told = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
     out = np.full((T, 6, 6), np.nan)
-    for pattern, more, frames in alike(position, own):
+    for pattern, more, frames in frames_seen_alike(position, own):
         at = frames[np.isfinite(center[frames]).all(1)]
         gain = pose_gain(S, pattern, cov + more) if len(at) else None
         if gain is None:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
-from forceid.motion.pose import alike, body_axes, fit_rotation, log
+from forceid.motion.pose import body_axes, fit_rotation, frames_seen_alike, log
 from forceid.motion.telling import log_evidence, shown_by
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
@@ -34,7 +34,7 @@ def given_modes(shape: Array, frequency: Array | None, mass: Array, position: Ar
     mass (node,) or (dof, dof). The shapes are put into the mass gauge at `position`, and scaled to unit
     modal mass where they have any.
     """
-    flat = split(shape, position, mass)[1].reshape(len(shape), -1)
+    flat = split_rigid(shape, position, mass)[1].reshape(len(shape), -1)
     Mf = flat * np.repeat(mass, 3) if mass.ndim == 1 else flat @ mass
     modal = np.einsum("ki,ki->k", flat, Mf)
     known = frequency is not None and (frequency > 0).all() and (modal > 0).all()
@@ -87,13 +87,13 @@ def gauge_weight(gauge: str, mass: Array, seen: Flags) -> Array:
     raise ConfigError(f"is '{gauge}'", "gauge", f"choose one of {', '.join(GAUGES)}")
 
 
-def split(u: Array, position: Array, weight: Array) -> tuple[Array, Array]:
+def split_rigid(u: Array, position: Array, weight: Array) -> tuple[Array, Array]:
     """Amplitudes alpha (..., 6) and deformation (..., node, 3) of a displacement u (..., node, 3).
 
     alpha = (R^T W R)^-1 R^T W u with R the rigid-body modes at `position` (node, 3), W = diag(weight) of
     weight (node,), or the weight itself if it is (dof, dof).
 
-    >>> u_d = split(np.ones((4, 3)), np.eye(4, 3), np.ones(4))[1]
+    >>> u_d = split_rigid(np.ones((4, 3)), np.eye(4, 3), np.ones(4))[1]
     >>> bool(abs(u_d).max() < 1e-12)
     True
     """
@@ -144,8 +144,8 @@ def deflected_shape(
         expected = spinning_amplitudes(modes, mass, shape, mean_spin(time, R))
         q = steady_amplitudes(shown.of(seen), noise, shown.of(modes.shape), modes.compliance, expected)
         u = np.tensordot(q, modes.shape, 1)
-        u[ever] += split(seen - u, shape, ever.astype(float))[1][ever]
-        bent = shape + split(u, shape, mass)[1]
+        u[ever] += split_rigid(seen - u, shape, ever.astype(float))[1][ever]
+        bent = shape + split_rigid(u, shape, mass)[1]
     return np.asarray(bent)
 
 
@@ -177,7 +177,7 @@ def principal_deformations(residual: Array, noise_var: float, most: int | None =
     return shapes[:, top].T.reshape(count, *residual.shape[1:]), np.maximum(variance[top] - noise_var, 0.0)
 
 
-def stretches(shape: Array) -> Array:
+def strain_shapes(shape: Array) -> Array:
     """The affine shapes of a body: nodal patterns (mode, node, 3) of the symmetric strains it can show.
 
     Six for a solid body, three for a plane one (strains in its plane), one for a line. Strain k is the
@@ -205,7 +205,7 @@ def fit_amplitudes(
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
     cov = np.eye(len(rigid)) * noise if np.ndim(noise) == 0 else np.asarray(noise)
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
-    for pattern, more, at in alike(residual, own):
+    for pattern, more, at in frames_seen_alike(residual, own):
         rows = np.repeat(pattern, 3)
         if rows.sum() < 6 + count:
             continue

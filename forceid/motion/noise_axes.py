@@ -43,10 +43,10 @@ def as_stated(std: dict[str, float], motion: Motion) -> dict[str, Array]:
     return root
 
 
-def size(root: Array) -> float:
+def rms_noise(root: Array) -> float:
     """Standard deviation of a noise whose covariance has the root (3, 3), in the mean square over the axes.
 
-    >>> round(size(np.diag([1.0, 1.0, 2.0])) ** 2, 9)
+    >>> round(rms_noise(np.diag([1.0, 1.0, 2.0])) ** 2, 9)
     2.0
     """
     return float(np.sqrt((root**2).sum() / 3))
@@ -54,18 +54,18 @@ def size(root: Array) -> float:
 
 def share(root: Array) -> Array:
     """Covariance (3, 3) of a noise along world axes over its mean variance, from the root of it."""
-    return np.asarray(root @ root.T / size(root) ** 2)
+    return np.asarray(root @ root.T / rms_noise(root) ** 2)
 
 
 def floored(root: Array, least: float) -> Array:
     """The root, or that of equal noise of `least` standard deviation where it is smaller in the mean."""
-    return root if size(root) >= least else least * np.eye(3)
+    return root if rms_noise(root) >= least else least * np.eye(3)
 
 
 def uneven(root: Array) -> Array | None:
     """What the covariance (3, 3) of a noise has beyond its mean variance on every axis; None for nothing."""
-    more = (share(root) - np.eye(3)) * size(root) ** 2
-    return more if np.abs(more).max() > ALIKE * size(root) ** 2 else None
+    more = (share(root) - np.eye(3)) * rms_noise(root) ** 2
+    return more if np.abs(more).max() > ALIKE * rms_noise(root) ** 2 else None
 
 
 def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:

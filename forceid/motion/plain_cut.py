@@ -27,7 +27,7 @@ STRETCH = 0.35  # cycles a sample up to which a cut is worth making
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class MotionSpectrum:
     """Spectrum (bin, channel) at `frequency` (bin,) Hz > 0 of a record, over the shape of its noise.
 
     power: variance a sample of noise that has as much, white above a corner, a walk below;
@@ -53,20 +53,22 @@ class Cut:
     dof: float
 
 
-def spectrum_of(time: Array, z: Array, corner: Array | float = 0.0) -> Spectrum:
+def spectrum_of(time: Array, z: Array, corner: Array | float = 0.0) -> MotionSpectrum:
     """Spectrum of a record z (time, channel), no gaps, of which the second differences count.
 
     corner (channel,) Hz: below it, noise adds up, and rises as 1 + (corner / f)^2; zero for white noise.
     What accelerates alike all the time, as a weight does, has no frequency and is left out.
     """
-    frequency, bent, dof, step = bending(time, z, varying=True)
+    frequency, bent, dof, step = second_difference_spectrum(time, z, varying=True)
     f = frequency[1:, None]
     moved = (2 * np.sin(np.pi * f * step) / step) ** 4 * (1 + (np.asarray(corner) / f) ** 2)
     moved = np.broadcast_to(moved, bent[1:].shape)
-    return Spectrum(frequency[1:], bent[1:] / moved, moved, dof, step)
+    return MotionSpectrum(frequency[1:], bent[1:] / moved, moved, dof, step)
 
 
-def bending(time: Array, z: Array, varying: bool = False) -> tuple[Array, Array, float, float]:
+def second_difference_spectrum(
+    time: Array, z: Array, varying: bool = False
+) -> tuple[Array, Array, float, float]:
     """Frequency (bin,) Hz and power (bin, channel) of the second differences of z over step^2; dof; step s.
 
     varying: without their mean, which the taper would spread over the first bins.
@@ -95,7 +97,7 @@ def tapered(n: int) -> Array:
     return np.asarray(np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 4)
 
 
-def plain_cuts(found: Spectrum) -> list[Cut]:
+def plain_cuts(found: MotionSpectrum) -> list[Cut]:
     """The cut of every channel of a spectrum.
 
     >>> t, rng = np.arange(2000) / 200, np.random.default_rng(0)
@@ -114,12 +116,12 @@ def plain_cuts(found: Spectrum) -> list[Cut]:
     return cuts
 
 
-def moves(found: Spectrum) -> bool:
+def shows_motion(found: MotionSpectrum) -> bool:
     """Whether the channels of a spectrum, taken together, show motion beside noise.
 
     >>> t, rng = np.arange(200) / 100, np.random.default_rng(0)
     >>> z = 1e-3 * rng.standard_normal((200, 6))
-    >>> moves(spectrum_of(t, z)), moves(spectrum_of(t, z + 0.01 * np.sin(9 * t[:, None])))
+    >>> shows_motion(spectrum_of(t, z)), shows_motion(spectrum_of(t, z + 0.01 * np.sin(9 * t[:, None])))
     (False, True)
     """
     _, level, dof = rungs(found, found.power.mean(1))
@@ -128,7 +130,7 @@ def moves(found: Spectrum) -> bool:
     return bool(steep(level, dof * found.power.shape[1]).any())
 
 
-def rungs(found: Spectrum, power: Array) -> tuple[Array, Array, Array]:
+def rungs(found: MotionSpectrum, power: Array) -> tuple[Array, Array, Array]:
     """Frequency (rung,) of the ladder, mean of power (bin,) in the band about each, degrees of freedom."""
     f, half = found.frequency, 2 ** (1 / RUNGS)
     top = max(min(f[-1], STRETCH / found.step) / half, f[0])
@@ -169,7 +171,7 @@ def first_valley(level: Array, dof: Array, start: int) -> int:
     return best
 
 
-def least_risk(found: Spectrum, power: Array, moved: Array, about: float) -> Cut:
+def least_risk(found: MotionSpectrum, power: Array, moved: Array, about: float) -> Cut:
     """The cut of a quintic spline, within an octave of `about`, whose second derivative errs least.
 
     By Mallows' risk, sum of w^4 [(1 - G)^2 (P - N) + G^2 N], with the noise N of the octave above. The noise

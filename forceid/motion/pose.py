@@ -79,7 +79,7 @@ def fit_pose(
     T, S = len(position), summation_operator(shape)
     center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
     out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
-    for pattern, more, at in alike(position, own):
+    for pattern, more, at in frames_seen_alike(position, own):
         gain = pose_gain(S, pattern, cov + more)
         if gain is None:
             continue
@@ -96,7 +96,9 @@ def fit_pose(
     return out
 
 
-def alike(position: Array, own: Array | None = None) -> Iterator[tuple[Flags, Array | float, Indices]]:
+def frames_seen_alike(
+    position: Array, own: Array | None = None
+) -> Iterator[tuple[Flags, Array | float, Indices]]:
     """Frames of position (time, node, 3) that see the same markers equally well.
 
     The markers seen (node,), the covariance (3 node, 3 node) that own (time, node), the variance of single

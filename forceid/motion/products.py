@@ -40,10 +40,11 @@ def with_one(q: Array) -> Array:
     return np.concatenate([np.ones((len(q), 1)), q], 1)
 
 
-def products(mass: Array, shape: Array, shapes: Array) -> Products:
+def inertia_products(mass: Array, shape: Array, shapes: Array) -> Products:
     """Products of a mean shape (node, 3) and shapes (mode, node, 3); mass (node,) or (dof, dof).
 
-    >>> bar = products(np.ones(2), np.array([[-1.0, 0, 0], [1, 0, 0]]), np.array([[[-1.0, 0, 0], [1, 0, 0]]]))
+    >>> ends = np.array([[-1.0, 0, 0], [1, 0, 0]])
+    >>> bar = inertia_products(np.ones(2), ends, ends[None])
     >>> bar.of(np.array([[0.5]]), np.zeros((1, 1)))[0][0].diagonal().tolist()
     [0.0, 4.5, 4.5]
     """

@@ -89,7 +89,11 @@ def telling_modes(
     soft = np.zeros(len(directions)) if compliance is None else compliance**2
     alike = directions.T @ (soft[:, None] * directions)
     noise = noise_var * np.eye(len(scatter))
-    kept = apart(directions)[:MOST] if most is None else apart(directions)[:most]
+    kept = (
+        independent_directions(directions)[:MOST]
+        if most is None
+        else independent_directions(directions)[:most]
+    )
     var = likely_variances(scatter, directions[kept], alike, noise_var)
     while len(kept) and most is None:
         D, rest = directions[kept], noise + var[-1] * alike
@@ -105,7 +109,7 @@ def telling_modes(
     return kept, var[:-1], float(var[-1])
 
 
-def apart(directions: Array) -> Indices:
+def independent_directions(directions: Array) -> Indices:
     """The directions (mode, shown), in order, that lead out of the span of those before them."""
     size = np.linalg.norm(directions, axis=1).max(initial=0.0)
     basis, kept = np.zeros((0, directions.shape[1])), []

@@ -39,7 +39,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Choice:
+class WindowChoice:
     """The window chosen, its target (time, k), and the target's variance (time, k): noise and bias.
 
     bias_ratio: squared bias over noise variance, by which the variance exceeds that of the noise.
@@ -114,7 +114,9 @@ def noise_growth(time: Array, z: Array) -> float:
     return float(np.sqrt(second / every)) if every else float("nan")
 
 
-def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tuple[Array, Array]]) -> Choice:
+def choose_window(
+    candidates: Sequence[Window], estimate: Callable[[Window], tuple[Array, Array]]
+) -> WindowChoice:
     """The window of least mean squared error of a target, as far as the data tell.
 
     candidates: of one method, least smoothing first, as from `windows`. estimate(window) returns the target
@@ -189,7 +191,7 @@ def choose_window(candidates: Sequence[Window], estimate: Callable[[Window], tup
         ratio /= (1 - (candidates[pilot].count / chosen.count) ** power) ** 2  # the pilot has bias as well
     ratio = max(ratio, 5 / (2 * power))  # noise falls as length^-5: what a minimum of their sum has
     target, variance = at(best)
-    return Choice(chosen, target, variance * (1 + ratio), ratio)
+    return WindowChoice(chosen, target, variance * (1 + ratio), ratio)
 
 
 def shared_noise(window: Window, pilot: Window) -> float:

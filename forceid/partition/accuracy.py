@@ -29,7 +29,7 @@ HELPS = 0.1  # of the last correction, which one is to be at most for another to
 EVEN = 100.0  # ratio of stiffnesses up to which it does not matter which of two parts follows the other
 LEAST_FORCE = 1e-6  # of the loads at the interface, below which multipliers are measured by these
 
-Solve = Callable[[Array, Array, float], tuple[Array, Array]]
+SaddleSolve = Callable[[Array, Array, float], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,11 @@ class Refined:
         return max(self.lam_error, self.error)
 
 
-def refined(
+def refine_solution(
     system: Assembly,
     f: Array,
     found: tuple[Array, Array],
-    solve: Solve,
+    solve: SaddleSolve,
     imbalance: float = 0.0,
     enough: float = 0.0,
     draws: int = 1,
@@ -114,7 +114,7 @@ def relative_errors(
     """
     top, new_u = system.topology, u + more_u
     gap = system.projection.averaged(top.B.T @ new_u)
-    closing = system.precondition("lumped")(yielding(system).gaps(gap))
+    closing = system.precondition("lumped")(stiffness_projection(system).gaps(gap))
     force = max(norm(lam + more_lam), LEAST_FORCE * norm(top.B.T @ f))
     return (
         STORAGE_ERROR + ratio(norm(more_lam) + norm(closing), force),
@@ -122,7 +122,7 @@ def relative_errors(
     )
 
 
-def yielding(system: Assembly) -> Projection:
+def stiffness_projection(system: Assembly) -> Projection:
     """The projection by which the softer of two parts follows the other, where that makes a difference."""
     stiff = np.concatenate([K.diagonal() for K in system.stiffness])
     uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()

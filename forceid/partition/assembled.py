@@ -15,10 +15,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.partition.inverse import symmetric
+from forceid.partition.inverse import validated_symmetric
 from forceid.partition.separation import NodeCut, separated_mass, separated_stiffness
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, held
+from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, without_fixed
 from forceid.partition.validation import real_array, real_matrix, real_positions
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices
@@ -51,9 +51,11 @@ def from_names(
         if given is not None and len(given) != len(stiffness):
             what = f"has {len(given)} entries, expected {len(stiffness)}, one a part"
             raise DataError(what, name, "give one for each part")
-    K = [symmetric(real_matrix(k, f"stiffness of partition {s}"), s) for s, k in enumerate(stiffness)]
+    K = [
+        validated_symmetric(real_matrix(k, f"stiffness of partition {s}"), s) for s, k in enumerate(stiffness)
+    ]
     dof = degrees([k.shape[0] for k in K], [len(part) for part in names])
-    at = None if position is None else places(position, names)
+    at = None if position is None else node_positions(position, names)
     axes = None if at is None else at[0].shape[1]
     M = None
     if mass is not None:
@@ -126,7 +128,7 @@ def from_assembled(
     axes = None if x is None else x.shape[-1]
     M = None if mass is None else matrix_of(mass, K.shape, dof, axes, "assembled mass")
     try:
-        K, M = symmetric(K, 0), None if M is None else symmetric(M, 0, "mass")
+        K, M = validated_symmetric(K, 0), None if M is None else validated_symmetric(M, 0, "mass")
     except DataError as e:
         next_step = e.next_step or "correct it where it is made"
         raise DataError(e.what, f"assembled {e.where.split()[0]}", next_step) from e
@@ -137,7 +139,7 @@ def from_assembled(
     if (cut.count == 0).any():
         lone = cut.node[int(np.argmin(cut.count))]
         raise DataError(f"leave out node {lone}", "parts", "give every node to a part")
-    motions = np.tile(np.eye(dof), (count, 1)) if x is None else rigid(x - x.mean(axis=0), dof)
+    motions = np.tile(np.eye(dof), (count, 1)) if x is None else rigid_motions(x - x.mean(axis=0), dof)
     stiff = separated_stiffness(K, cut, motions)
     each = None if M is None else separated_mass(M, cut)
     boolean = []
@@ -153,12 +155,12 @@ def system(
     fixed: Indices, dof: int,
 ) -> PartitionedSystem:  # fmt: skip
     """The system with nodes (by number) held and, where positions are given, rigid modes of these."""
-    L, kept = held(boolean, (fixed[:, None] * dof + np.arange(dof)).ravel())
+    L, kept = without_fixed(boolean, (fixed[:, None] * dof + np.arange(dof)).ravel())
     modes: list[Any] = [None] * len(L)
     if at is not None:
         about = np.concatenate(at).mean(axis=0)
         for s, (x, rows) in enumerate(zip(at, kept, strict=True)):
-            R = rigid(x - about, dof)
+            R = rigid_motions(x - about, dof)
             if np.linalg.matrix_rank(R) == R.shape[1]:  # else nodes on a line: its zero modes are found
                 modes[s] = compatible(R, rows)
     stiff = [k[rows][:, rows] for k, rows in zip(K, kept, strict=True)]
@@ -166,7 +168,7 @@ def system(
     return PartitionedSystem(stiff, heavy, L, modes)
 
 
-def rigid(x: Array, dof: int) -> Array:
+def rigid_motions(x: Array, dof: int) -> Array:
     """Rigid motions (dof, n) of nodes (node, axis) m, with nodal rotations where a node has that many dof."""
     axes = x.shape[-1]
     if dof not in (axes, axes + (1 if axes == 2 else 3)):
@@ -184,7 +186,7 @@ def degrees(rows: Sequence[int], nodes: Sequence[int]) -> int:
     return int(found[0])
 
 
-def places(position: Sequence[ArrayLike], names: Sequence[Sequence[Hashable]]) -> list[Array]:
+def node_positions(position: Sequence[ArrayLike], names: Sequence[Sequence[Hashable]]) -> list[Array]:
     """Positions of every part; nodes of one name are at one place."""
     x = real_positions(position)
     first: dict[Hashable, Array] = {}

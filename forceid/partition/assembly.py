@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from forceid.errors import DataError
 from forceid.partition.blocks import Apply, diagonal
 from forceid.partition.flexibility import flexibility
-from forceid.partition.inverse import Factor, factors, products, solved
+from forceid.partition.inverse import Factor, block_products, factor_parts, solved
 from forceid.partition.preconditioners import preconditioner
 from forceid.partition.projection import Projection
 from forceid.partition.saddle_factor import Saddle, factored_saddle
@@ -60,7 +60,7 @@ class Assembly:
     @cached_property
     def factored(self) -> tuple[tuple[Factor, ...], Indices]:
         """K^- of every partition, equal ones once."""
-        return factors(self.stiffness, self.rigid_modes)
+        return factor_parts(self.stiffness, self.rigid_modes)
 
     @cached_property
     def projection(self) -> Projection:
@@ -95,12 +95,12 @@ class Assembly:
     @cached_property
     def strained(self) -> Apply:
         """K u of displacements (dof,)."""
-        return products(self.stiffness, self.topology.dofs)
+        return block_products(self.stiffness, self.topology.dofs)
 
     @cached_property
     def strained_terms(self) -> Apply:
         """|K| u: what the terms of K u add up to without their signs."""
-        return products(self.stiffness, self.topology.dofs, abs)
+        return block_products(self.stiffness, self.topology.dofs, abs)
 
     def resultant(self, f: Array) -> Array:
         """R^T f (alpha,) of loads (dof,)."""

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.conjugate_gradient import projected_cg
-from forceid.partition.inverse import Factor, factors, solved
+from forceid.partition.inverse import Factor, factor_parts, solved
 from forceid.partition.preconditioners import preconditioner
 from forceid.partition.projection import FLOATING
 from forceid.partition.system import PartitionedSystem
@@ -63,7 +63,7 @@ class TiedParts:
     @cached_property
     def factored(self) -> tuple[tuple[Factor, ...], Indices]:
         """D^-1 of every part, equal ones once."""
-        return factors(self.matrix, [np.zeros((D.shape[0], 0)) for D in self.matrix])
+        return factor_parts(self.matrix, [np.zeros((D.shape[0], 0)) for D in self.matrix])
 
     @cached_property
     def B(self) -> Any:

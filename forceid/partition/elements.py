@@ -80,7 +80,7 @@ def strain_of(dN: Array) -> Array:
     return strain.reshape(len(strain), -1)
 
 
-def assemble(elements: Indices, matrices: Array, axes: int, nodes: int) -> Any:
+def assemble_elements(elements: Indices, matrices: Array, axes: int, nodes: int) -> Any:
     """Sparse sum of element matrices (element, dof, dof), or of one for all, over nodes (element, node)."""
     dof = (elements[..., None] * axes + np.arange(axes)).reshape(len(elements), -1)
     row, column = np.repeat(dof, dof.shape[1], axis=1), np.tile(dof, (1, dof.shape[1]))

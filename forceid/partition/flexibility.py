@@ -33,20 +33,20 @@ def flexibility(topology: Topology, each: Sequence[Factor], which: Indices) -> B
         k, b = int(which[s]), boundary[s]
         if k not in kept:
             return partial(each[k].moved, b)
-        return dense(between(kept[k], b))
+        return dense(inverse_block(kept[k], b))
 
     keys = [(int(k), b.tobytes()) for k, b in zip(which, boundary, strict=True)]
     return blocks(keys, topology.rows, product)
 
 
-def matrices(topology: Topology, each: Sequence[Factor], which: Indices) -> list[Array]:
+def flexibility_matrices(topology: Topology, each: Sequence[Factor], which: Indices) -> list[Array]:
     """F_s = B_s^T K_s^- B_s (multiplier of s, multiplier of s) of every partition."""
     boundary, found = topology.boundary, [np.zeros((0, 0))] * len(which)
     for k, factor in enumerate(each):
         members = np.flatnonzero(which == k).tolist()
         inverse = at_shared(factor, [boundary[s] for s in members])
         for s in members:
-            F = between(inverse, boundary[s])
+            F = inverse_block(inverse, boundary[s])
             found[s] = 0.5 * (F + F.T)
     return found
 
@@ -57,7 +57,7 @@ def at_shared(factor: Factor, boundary: Sequence[Indices]) -> tuple[Indices, Arr
     return shared, factor.moved(shared, np.eye(len(shared)))
 
 
-def between(inverse: tuple[Indices, Array], rows: Indices) -> Array:
+def inverse_block(inverse: tuple[Indices, Array], rows: Indices) -> Array:
     """The rows and columns of K^- of one part."""
     at = np.searchsorted(inverse[0], rows)
     return np.asarray(inverse[1][np.ix_(at, at)])

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from forceid.partition.elements import assemble, box_element
+from forceid.partition.elements import assemble_elements, box_element
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import boolean_from_positions, compatible, held
+from forceid.partition.topology import boolean_from_positions, compatible, without_fixed
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
@@ -38,7 +38,7 @@ class Parts:
         """The partitioned system, its assembled nodes `fixed` (node,) held."""
         axes = self.place.shape[1]
         at_rest = np.flatnonzero(np.repeat(np.zeros(len(self.place), bool) if fixed is None else fixed, axes))
-        boolean, kept = held(self.boolean, at_rest)
+        boolean, kept = without_fixed(self.boolean, at_rest)
         K = [k[rows][:, rows] for k, rows in zip(self.stiffness, kept, strict=True)]
         M = [m[rows][:, rows] for m, rows in zip(self.mass, kept, strict=True)]
         about = self.place.mean(axis=0)
@@ -72,7 +72,7 @@ def solid_parts(
     nodes, elements = box_grid(parts, r)
     axes = len(parts)
     K, M = (
-        assemble(elements, m, axes, len(nodes[0]))
+        assemble_elements(elements, m, axes, len(nodes[0]))
         for m in box_element(np.full(axes, 1 / r), 1.0, poisson, density, thickness)
     )
     size = np.broadcast_to(young, len(nodes)).tolist()

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.partition.assembly import Assembly
 from forceid.partition.balance import Balance, NoiseSource, applied, balance
-from forceid.partition.interfaces import Meeting, common_motions, meetings, summed, unseen_resultants
+from forceid.partition.interfaces import Meeting, common_motions, interface_sums, meetings, unseen_resultants
 from forceid.partition.resultants import GROUND, LinkResultants, loop_count
 from forceid.records import Array, Indices
 
@@ -76,8 +76,8 @@ def interface_forces(
     b, noise = applied(R.T, f), []
     size = applied(abs(R).T, np.abs(f))
     if acceleration is not None:
-        a = joined(system, acceleration)
-        carries = inertia(system) @ spread(system, a.shape[-1], "acceleration", mean_motion)
+        a = stacked_parts(system, acceleration)
+        carries = block_mass(system) @ prolongation(system, a.shape[-1], "acceleration", mean_motion)
         b, size = b - applied(R.T @ carries, a), size + applied(abs(R.T @ carries), np.abs(a))
         if acceleration_cov is not None:
             D = (R.T @ carries).toarray()
@@ -85,7 +85,7 @@ def interface_forces(
     if resultant_cov is not None:
         alpha = N.shape[1]
         noise.append(NoiseSource(covariance(resultant_cov, alpha, "resultant_cov"), N, np.eye(alpha)))
-    return completed(system, b @ N.T, b, size, noise, motions, N)
+    return complete_forces(system, b @ N.T, b, size, noise, motions, N)
 
 
 def stiffness_forces(
@@ -103,9 +103,11 @@ def stiffness_forces(
     What is left of the balances tests the displacements: a stiff body makes large forces of small errors.
     Source: principal equations 4h.
     """
-    f, u = loads(system, load), joined(system, displacement)
+    f, u = loads(system, load), stacked_parts(system, displacement)
     R, B = sp.csr_array(system.R), system.topology.B
-    strains = sp.block_diag(system.stiffness, format="csr") @ spread(system, u.shape[-1], "displacement")
+    strains = sp.block_diag(system.stiffness, format="csr") @ prolongation(
+        system, u.shape[-1], "displacement"
+    )
     b, lam, noise = applied(R.T, f), applied(B.T, f) - applied(B.T @ strains, u), []
     size = applied(abs(R).T, np.abs(f) + applied(abs(strains), np.abs(u)))
     if displacement_cov is not None:
@@ -113,18 +115,18 @@ def stiffness_forces(
         C = covariance(displacement_cov, G.shape[1], "displacement_cov")
         noise.append(NoiseSource(C, G, np.zeros((R.shape[1], G.shape[1]))))
     if acceleration is not None:
-        a = joined(system, acceleration)
-        carries = inertia(system) @ spread(system, a.shape[-1], "acceleration")
+        a = stacked_parts(system, acceleration)
+        carries = block_mass(system) @ prolongation(system, a.shape[-1], "acceleration")
         b, lam = b - applied(R.T @ carries, a), lam - applied(B.T @ carries, a)
         size = size + applied(abs(R.T @ carries), np.abs(a))
         if acceleration_cov is not None:
             D = (R.T @ carries).toarray()
             C = covariance(acceleration_cov, D.shape[1], "acceleration_cov")
             noise.append(NoiseSource(C, (B.T @ carries).toarray(), D))
-    return completed(system, lam, b, size, noise, motions, None)
+    return complete_forces(system, lam, b, size, noise, motions, None)
 
 
-def completed(
+def complete_forces(
     system: Assembly,
     lam: Array,
     b: Array,
@@ -143,7 +145,7 @@ def completed(
         raise DataError(f"has shape {S.shape}, expected ({system.topology.size}, n)", "motions")
     resultant = None
     if S is not None and links:
-        H = summed(system, interfaces, S)
+        H = interface_sums(system, interfaces, S)
         Z = np.zeros((len(H), 0)) if N is None else unseen_resultants(system, N, H, S.shape[1])
         told = H - Z @ (Z.T @ H)
         pairs = tuple((a, interfaces[k].partitions[-1]) for a, k in links)
@@ -173,14 +175,14 @@ def nominal(system: Assembly) -> Array:
     return np.asarray(P.coarse @ np.stack(inverse, axis=1)) if inverse else np.zeros(P.R_b.shape)
 
 
-def inertia(system: Assembly) -> Any:
+def block_mass(system: Assembly) -> Any:
     """Mass of all partitions, sparse (dof, dof)."""
     if system.mass is None:
         raise DataError("is not given, and accelerations need it", "mass")
     return sp.block_diag(system.mass, format="csr")
 
 
-def joined(system: Assembly, value: Any) -> Array:
+def stacked_parts(system: Assembly, value: Any) -> Array:
     """An array as it is, or the arrays (..., dof) of each partition one after the other."""
     sizes = [len(g) for g in system.topology.glob]
     if isinstance(value, list | tuple) and [np.shape(x)[-1:] for x in value] == [(n,) for n in sizes]:
@@ -188,7 +190,7 @@ def joined(system: Assembly, value: Any) -> Array:
     return np.atleast_1d(np.asarray(value, dtype=float))
 
 
-def spread(system: Assembly, width: int, name: str, mean_motion: bool = False) -> Any:
+def prolongation(system: Assembly, width: int, name: str, mean_motion: bool = False) -> Any:
     """What takes numbers to all partitions, (dof, width): the identity, L, or R of mean motions."""
     top = system.topology
     total = top.dofs[-1].stop
@@ -206,10 +208,10 @@ def spread(system: Assembly, width: int, name: str, mean_motion: bool = False) -
 
 def loads(system: Assembly, load: Any) -> Array:
     """Loads (..., dof) on the partitions, assembled ones in equal shares."""
-    f = joined(system, load)
+    f = stacked_parts(system, load)
     if not np.isfinite(f).all():
         raise DataError("holds numbers that are not finite", "load")
-    T = spread(system, f.shape[-1], "load")
+    T = prolongation(system, f.shape[-1], "load")
     return applied(T, f / system.topology.count if T.shape[0] != T.shape[1] else f)
 
 

@@ -50,7 +50,7 @@ def common_motions(system: Assembly) -> Array | None:
     return S if n and np.isfinite(S[top.interface]).all() else None
 
 
-def summed(system: Assembly, interfaces: Sequence[Meeting], S: Array) -> Array:
+def interface_sums(system: Assembly, interfaces: Sequence[Meeting], S: Array) -> Array:
     """H (link * n, multiplier): resultants of every partition but the last on each interface."""
     top = system.topology
     found = []

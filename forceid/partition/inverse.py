@@ -59,7 +59,7 @@ class Factor:
         return self.solve(f)[rows]
 
 
-def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
+def validated_symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
     """The matrix as sparse rows; a DataError where it is not square, finite, symmetric, or a mass below 0."""
     where = f"{name} of partition {part}"
     K = real_matrix(K, where)
@@ -82,14 +82,14 @@ def symmetric(K: Any, part: int, name: str = "stiffness") -> Any:
 
 
 def all_symmetric(matrices: Sequence[Any], name: str = "stiffness") -> tuple[Any, ...]:
-    """The matrices of all partitions as `symmetric` gives them, equal ones looked at once."""
+    """The matrices of all partitions as `validated_symmetric` gives them, equal ones looked at once."""
     found: list[Any] = []
     known: dict[str, Any] = {}
     for s, given in enumerate(matrices):
         K = real_matrix(given, f"{name} of partition {s}")
         digest = f"{K.shape} {digest_of(K)}"
         if digest not in known:
-            known[digest] = symmetric(K, s, name)
+            known[digest] = validated_symmetric(K, s, name)
         found.append(known[digest])
     return tuple(found)
 
@@ -180,7 +180,7 @@ def factor(K: Any, R: Array, part: int) -> Factor:
     return Factor(free, lu, n)
 
 
-def factors(stiffness: Sequence[Any], modes: Sequence[Array]) -> tuple[tuple[Factor, ...], Indices]:
+def factor_parts(stiffness: Sequence[Any], modes: Sequence[Array]) -> tuple[tuple[Factor, ...], Indices]:
     """Factors of all parts, equal ones once, and which of them each part (part,) has."""
     found: dict[str, int] = {}
     each: list[Factor] = []
@@ -207,7 +207,7 @@ def solved(each: Sequence[Factor], which: Indices, dofs: Sequence[slice], f: Arr
     return x
 
 
-def products(
+def block_products(
     matrices: Sequence[Any], dofs: Sequence[slice], made: Callable[[Any], Any] = lambda K: K
 ) -> Blocks:
     """The product with what is made of the matrix of each part, equal ones at once."""

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from forceid.errors import DataError
 from forceid.files.hdf5 import guarded, open_hdf5
-from forceid.files.parse import kind_of, memory_limit, nearest, read_real, text, unpack
+from forceid.files.parse import kind_of, likeliest_name, memory_limit, read_real, text, unpack
 from forceid.files.schema import BODY
 from forceid.files.units import si_factor
 from forceid.records import Variable
@@ -60,7 +60,7 @@ def read_matrix(source: str | Path, square: bool = True) -> Any:
         raise DataError(f"cannot be read ({how})", path, f"give the path of a matrix: {FORMS}")
     try:
         found = from_hdf5(path, inside) if mark and inside else from_file(path)
-        return checked(found, f"{path}:/{inside}" if inside else path, square)
+        return validated_matrix(found, f"{path}:/{inside}" if inside else path, square)
     except DataError:
         raise
     except Exception as e:  # on damaged files numpy, scipy, gzip and zipfile raise whatever they meet
@@ -142,7 +142,9 @@ def from_hdf5(path: str, inside: str) -> Any:
         for name in [part for part in inside.split("/") if part not in ("", ".")]:
             if not isinstance(item, h5py.Group) or name not in item:
                 known = [repr(str(key))[1:-1] for key in item][:20] if isinstance(item, h5py.Group) else []
-                raise DataError("is missing, expected a matrix", f"{where}/{name}", nearest(name, known))
+                raise DataError(
+                    "is missing, expected a matrix", f"{where}/{name}", likeliest_name(name, known)
+                )
             item, where = guarded(item, name, where), f"{where}/{name}"
         attrs = {key: item.attrs[key] for key in ("units", "_FillValue") if key in item.attrs}
         if isinstance(item, h5py.Group):
@@ -182,7 +184,7 @@ def affordable(shape: tuple[int, ...], entries: int, where: str) -> None:
         raise DataError(what, where, "write it again with the size of what is stored")
 
 
-def checked(found: Any, where: str, square: bool) -> Any:
+def validated_matrix(found: Any, where: str, square: bool) -> Any:
     """Sparse rows of finite real numbers; square, and both triangles, where these are asked for."""
     if found.dtype.kind not in "fiu":
         raise DataError(f"holds {kind_of(found.dtype)}, expected real numbers", where, "write it as float64")

@@ -92,7 +92,7 @@ def link_resultants(
     if w.ndim < 2:
         raise DataError(f"has shape {w.shape}, expected (..., part, n)", "wrench")
     parts, n = w.shape[-2:]
-    pairs = checked(links, parts)
+    pairs = validated_links(links, parts)
     known = np.isfinite(w).all((-2, -1))
     root = None
     if cov is not None:
@@ -138,14 +138,14 @@ def link_resultants(
         links=pairs,
         wrench=np.where(known[..., None], g, np.nan).reshape(*g.shape[:-1], len(pairs), n),
         joint_cov=joint,
-        null_space=unseen(E @ (np.eye(E.shape[-1]) - V @ V.mT) @ E.mT, seen),
+        null_space=unobserved_directions(E @ (np.eye(E.shape[-1]) - V @ V.mT) @ E.mT, seen),
         loops=loop_count(pairs, parts),
         chi_square=np.where(told, (left**2).sum(-1), np.nan),
         dof=parts * n - int(rank[seen].max(initial=0)),
     )
 
 
-def checked(links: Sequence[tuple[int, int]], parts: int) -> tuple[tuple[int, int], ...]:
+def validated_links(links: Sequence[tuple[int, int]], parts: int) -> tuple[tuple[int, int], ...]:
     """Links as pairs of two different parts, of which one may be the ground."""
     pairs = tuple((int(a), int(b)) for a, b in links)
     if not pairs:
@@ -198,7 +198,7 @@ def transmitted(passes: Sequence[ArrayLike | None] | None, links: int, n: int) -
     return E
 
 
-def unseen(projector: Array, known: Flags) -> Array:
+def unobserved_directions(projector: Array, known: Flags) -> Array:
     """Orthonormal directions (link * n, k) that the projectors (..., size, size) of known samples hold."""
     size = projector.shape[-1]
     each = projector.reshape(-1, size, size)[np.ravel(known)]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag, null_space
 
 from forceid.partition.assembly import Assembly
-from forceid.partition.flexibility import matrices
+from forceid.partition.flexibility import flexibility_matrices
 from forceid.records import Array
 
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
@@ -28,11 +28,11 @@ def solve_saddle(system: Assembly, f: Array, gap: Array) -> tuple[Array, Array]:
     return x[:n], saddle.unit * x[n : n + a]
 
 
-def reduced(system: Assembly) -> Array:
+def reduced_matrix(system: Assembly) -> Array:
     """[F -R_b L_f; -R_b^T 0 0; L_f^T 0 0], dense; unknowns lambda, alpha, u_f."""
     R_b, L_f = system.R_b, system.topology.L_f.toarray()
     a, m = R_b.shape[1], L_f.shape[1]
-    F = block_diag(*matrices(system.topology, *system.factored))
+    F = block_diag(*flexibility_matrices(system.topology, *system.factored))
     return np.block([[F, -R_b, L_f], [-R_b.T, np.zeros((a, a + m))], [L_f.T, np.zeros((m, a + m))]])
 
 

@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.linalg import splu
 
 from forceid.errors import EstimationError
-from forceid.partition.flexibility import matrices
+from forceid.partition.flexibility import flexibility_matrices
 from forceid.partition.inverse import Factor
 from forceid.partition.projection import Projection
 from forceid.records import Array, Indices
@@ -33,7 +33,7 @@ def factored_saddle(projection: Projection, each: Sequence[Factor], which: Indic
     Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
     """
     top, R_b = projection.topology, sp.csr_array(projection.R_b)
-    F = matrices(top, each, which)
+    F = flexibility_matrices(top, each, which)
     unit = float(np.mean(np.concatenate([np.diag(block) for block in F])))
     L_f, free = top.L_f, projection.whole
     frame = sp.csr_array(L_f.T @ (R_b @ free) / top.count[top.interface][:, None])

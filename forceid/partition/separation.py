@@ -69,11 +69,11 @@ def separated_stiffness(K: Any, cut: NodeCut, motions: Array) -> list[Any]:
         lead = motions[d][:, : cut.dof].reshape(len(nodes), cut.dof, cut.dof)
         moved = np.asarray(bare @ motions[d][:, : cut.dof]).reshape(lead.shape)
         block = -moved[shared] @ np.linalg.inv(lead[shared])
-        own = bare + blocks(0.5 * (block + block.mT), shared, len(nodes))
+        own = bare + node_blocks(0.5 * (block + block.mT), shared, len(nodes))
         np.add.at(held, nodes[shared], block)
         check_rigid(own, motions[d], nodes, shared, cut, s)
         found.append(sp.csr_array(own))
-    check_held(K, held, cut)
+    check_supports(K, held, cut)
     return found
 
 
@@ -137,7 +137,7 @@ def without_blocks(A: Any, several: Flags, dof: int) -> Any:
     return sp.csr_array((entry.data[kept], (entry.row[kept], entry.col[kept])), A.shape)
 
 
-def blocks(block: Array, at: Indices, nodes: int) -> Any:
+def node_blocks(block: Array, at: Indices, nodes: int) -> Any:
     """Blocks (node, dof, dof) on the diagonal, at these of the nodes."""
     dof = block.shape[-1]
     row = at[:, None] * dof + np.arange(dof)
@@ -159,7 +159,7 @@ def check_rigid(own: Any, motions: Array, nodes: Indices, shared: Indices, cut: 
         )
 
 
-def check_held(K: Any, held: Array, cut: NodeCut) -> None:
+def check_supports(K: Any, held: Array, cut: NodeCut) -> None:
     """What the parts have of a shared node is all that is there."""
     nodes = np.flatnonzero(cut.count > 1)
     whole = held * 0

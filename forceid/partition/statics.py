@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.accuracy import Refined, in_balance, norm, ratio, refined
+from forceid.partition.accuracy import Refined, in_balance, norm, ratio, refine_solution
 from forceid.partition.assembly import Assembly
 from forceid.partition.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.error_verdict import REACHED, SOUND, condition_verdict
@@ -61,10 +61,10 @@ def solve_direct(system: Assembly, load: Any, relief: bool = False) -> Statics:
     given = system.loads(load)
     f, acceleration = relieved(system, given, relief)
     start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
-    best = refined(
+    best = refine_solution(
         system, f, start, solve, out_of_balance(system, given, acceleration), EXACT_ERROR, DRAWS_DIRECT
     )
-    return completed(system, f, best, acceleration, None, 0.0)
+    return complete_solution(system, f, best, acceleration, None, 0.0)
 
 
 def solve_iteratively(
@@ -116,10 +116,10 @@ def solve_iteratively(
     f, acceleration = relieved(system, given, relief)
     start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
     enough = max(SOUND, REACHED * tolerance)
-    best = refined(
+    best = refine_solution(
         system, f, start, solve, out_of_balance(system, given, acceleration), enough, DRAWS_ITERATIVE
     )
-    return completed(system, f, best, acceleration, runs[0], tolerance)
+    return complete_solution(system, f, best, acceleration, runs[0], tolerance)
 
 
 def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
@@ -167,7 +167,7 @@ def displaced(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Arr
     return lam, in_balance(system, u)
 
 
-def completed(
+def complete_solution(
     system: Assembly,
     f: Array,
     best: Refined,

@@ -196,7 +196,7 @@ def boolean_from_positions(positions: Sequence[ArrayLike], tolerance: float) -> 
     return boolean_from_names([name[d].tolist() for d in slices([len(x) for x in places])], every.shape[1])
 
 
-def held(boolean: Sequence[Any], fixed: Indices) -> tuple[list[Any], list[Indices]]:
+def without_fixed(boolean: Sequence[Any], fixed: Indices) -> tuple[list[Any], list[Indices]]:
     """Boolean matrices without the assembled degrees of freedom `fixed`, and which rows of each are left.
 
     Those rows and columns of stiffness and mass are to be kept, and of rigid modes what `compatible` leaves.

@@ -64,14 +64,14 @@ def mass_properties(
     x = np.asarray(position, dtype=float)
     M, dof = nodal_mass(mass, x)
     if M.ndim == 1:
-        M, x = carriers(M, x)
+        M, x = nodes_with_mass(M, x)
     m, c = _mass_and_center(M, x, dof)
     p = c if about is None else np.asarray(about, dtype=float)
     if M.ndim == 1:
         rho = x - p[..., None, :]
         return _assemble(m, c, p, _tensor(np.swapaxes(rho, -1, -2) @ (M[:, None] * rho)))
     S = summation_operator(x, p, rotations=dof > x.shape[-1])
-    matrix = S.mT @ times(M, S.mT).mT
+    matrix = S.mT @ mass_times(M, S.mT).mT
     J = matrix[..., x.shape[-1] :, x.shape[-1] :]
     return MassProperties(m, c, J[..., 0, 0] if x.shape[-1] == 2 else J, matrix, p)
 
@@ -85,7 +85,7 @@ def mass_center(mass: ArrayLike | SparseMatrix, position: ArrayLike) -> Array:
     x = np.asarray(position, dtype=float)
     M, dof = nodal_mass(mass, x)
     if M.ndim == 1:
-        M, x = carriers(M, x)
+        M, x = nodes_with_mass(M, x)
     return _mass_and_center(M, x, dof)[1]
 
 
@@ -108,13 +108,13 @@ def nodal_mass(mass: ArrayLike | SparseMatrix, position: Array) -> tuple[Any, in
     )
 
 
-def carriers(mass: Array, *nodal: Array) -> tuple[Array, ...]:
+def nodes_with_mass(mass: Array, *nodal: Array) -> tuple[Array, ...]:
     """Lumped mass and nodal fields of the nodes that carry any: a gap in a massless marker costs nothing."""
     keep = mass != 0
     return (mass, *nodal) if keep.all() else (mass[keep], *(f[..., keep, :] for f in nodal))
 
 
-def times(M: Any, field: Array) -> Array:
+def mass_times(M: Any, field: Array) -> Array:
     """M f for fields (..., dof) and M (dof, dof), dense or sparse, as one product."""
     product: Array = (M @ field.reshape(-1, M.shape[1]).T).T
     return product.reshape(field.shape)
@@ -127,7 +127,9 @@ def _mass_and_center(M: Any, x: Array, dof: int) -> tuple[float, Array]:
         fold = np.kron(M[:, None], np.eye(axis)) / m
         return m, x.reshape(*x.shape[:-2], -1) @ fold
     unit = np.tile(np.eye(axis, dof), x.shape[-2])  # one unit acceleration of all nodes along each axis
-    rows = sum_nodal(times(M, unit).reshape(axis, -1, dof), x[..., None, :, :])  # S_t^T M S, (..., axis, 6)
+    rows = sum_nodal(
+        mass_times(M, unit).reshape(axis, -1, dof), x[..., None, :, :]
+    )  # S_t^T M S, (..., axis, 6)
     block = rows[..., :axis].reshape(-1, axis, axis)[0]
     m = _positive(float(np.trace(block)) / axis, "mass")
     if np.abs(block - m * np.eye(axis)).max() > 1e-6 * m:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.principal.mass import SparseMatrix, carriers, mass_center, nodal_mass, times
+from forceid.principal.mass import SparseMatrix, mass_center, mass_times, nodal_mass, nodes_with_mass
 from forceid.principal.operator import axis_count, cross, cross_matrix, sum_nodal, summation_operator
 from forceid.principal.symmetric import pseudo_inverse
 from forceid.records import Array
@@ -127,11 +127,11 @@ def _project(
         )
     p = mass_center(M, x) if about is None else np.asarray(about, dtype=float)
     if M.ndim == 1:
-        M, x, r = carriers(M, x, r)
+        M, x, r = nodes_with_mass(M, x, r)
     if x.ndim == 2 and p.ndim == 1:
         S = summation_operator(x, p, rotations=dof > x.shape[-1])
-        folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else times(M, S.T).T
+        folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else mass_times(M, S.T).T
         return np.asarray(r.reshape(*r.shape[:-2], -1) @ folded)
     if M.ndim == 1:
         return sum_nodal(r, x, p, weight=M)
-    return sum_nodal(times(M, r.reshape(*r.shape[:-2], -1)).reshape(r.shape), x, p)
+    return sum_nodal(mass_times(M, r.reshape(*r.shape[:-2], -1)).reshape(r.shape), x, p)

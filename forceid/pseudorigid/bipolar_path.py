@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.motion.pose import log
 from forceid.pseudorigid.decomposition import bipolar, bipolar_rates
-from forceid.pseudorigid.matching import SIGNED, multiplied_up, nearest, nearest_signed
-from forceid.pseudorigid.validation import numbers
+from forceid.pseudorigid.matching import SIGNED, multiplied_up, nearest_rotation, nearest_signed
+from forceid.pseudorigid.validation import real_values
 from forceid.records import Array, Flags, Indices
 
 CLUSTER_GAP = 0.5  # of the change between frames: a gap so small is a cluster
@@ -75,7 +75,7 @@ def bipolar_path(F: ArrayLike, dF: ArrayLike | None = None) -> BipolarPath:
     >>> D[:, 0].round(12).tolist(), bool(np.allclose(L, L[0]))
     ([1.05, 1.025, 1.0, 0.975, 0.95], True)
     """
-    F = numbers(F, "F", "give frames (..., time, 3, 3)")
+    F = real_values(F, "F", "give frames (..., time, 3, 3)")
     if F.ndim < 3:
         raise DataError(f"has shape {F.shape}, expected (..., time, 3, 3)", "F", "use bipolar for one frame")
     L, D, R = bipolar(F)
@@ -125,7 +125,7 @@ def _followed(L: Array, R: Array, near: Flags, noise: Flags, first: Flags) -> tu
     run = np.repeat(np.arange(len(start)), end - start)
     part = (every - start[run] + 1) / (end - start + 1)[run]
     part = np.where(through[run], part, tail[run] & ~head[run])[:, None, None]
-    block = nearest((1 - part) * ahead[every] + part * behind[every], near[every])
+    block = nearest_rotation((1 - part) * ahead[every] + part * behind[every], near[every])
     exact = SIGNED[nearest_signed(block)]
     sure = np.einsum("nij,nij->n", exact, block) > 1 + 2 * np.cos(SURE_TURN)
     sure &= ~noise[every].any(1)
@@ -143,7 +143,7 @@ def _carried(start: Indices, length: Indices, way: int, G: Array, link: Array, n
         at = start[on] + way * m
         if m:
             G = Q[at - way] @ (link[at] if way > 0 else link[at + 1].swapaxes(1, 2))
-        Q[at] = nearest(G if m else G[on], near[at])
+        Q[at] = nearest_rotation(G if m else G[on], near[at])
     return Q
 
 

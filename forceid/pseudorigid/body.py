@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.cofactors import EYE, determinant
 from forceid.pseudorigid.constrained import RATTLE, check_volume, multiplier
-from forceid.pseudorigid.events import EVENT_DTYPE, Event, Kinds, stop_of, tension_times
+from forceid.pseudorigid.events import EVENT_DTYPE, Event, EventKinds, stop_of, tension_times
 from forceid.pseudorigid.integrators import STEPPERS, Stepper
 from forceid.pseudorigid.invariants import angular_momentum, circulation
-from forceid.pseudorigid.material_law import Material, check_material_of, constant
+from forceid.pseudorigid.material_law import Material, check_material_of, validated_constant
 from forceid.pseudorigid.reference import reference
 from forceid.pseudorigid.system import AffineSystem, State
 from forceid.pseudorigid.trajectory import Trajectory
-from forceid.pseudorigid.validation import instants, matrices, numbers
+from forceid.pseudorigid.validation import instants, matrices, real_values
 from forceid.records import Array
 
 BODIES_TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
@@ -58,7 +58,7 @@ class Body:
     system: AffineSystem = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        E = numbers(self.second_moment, "second_moment", "give E = int rho X X^T dX, or mu")
+        E = real_values(self.second_moment, "second_moment", "give E = int rho X X^T dX, or mu")
         E = E * EYE if E.ndim == 0 else E
         check_second_moment(E)
         check_material_of("Body", self.material)
@@ -87,7 +87,7 @@ class Body:
         det F0 <= 0, for incompressible bodies with det F0 != 1 or tr(F0^-1 dF0) != 0, for a step beyond the
         stability of Verlet; ConfigError for an unknown method. Source: pseudo-rigid bodies, section 9.
         """
-        F, V = start_of(F0, dF0)
+        F, V = validated_start(F0, dF0)
         t = instants(time)
         if self.constrained:
             check_volume(F, V)
@@ -138,7 +138,7 @@ class Body:
 
     def _marched(
         self, stepper: Stepper, F: Array, V: Array, time: Array, counts: Array
-    ) -> tuple[Array, Array, Kinds, Array]:
+    ) -> tuple[Array, Array, EventKinds, Array]:
         """F, V (time, body, 3, 3), kinds and times of stops of one block of bodies."""
         state = State(F, V)
         # component first, as the state is: whole rows are written
@@ -160,7 +160,7 @@ class Body:
                         break
         return path, speed, kind, when
 
-    def _referred(self, F: Array, V: Array, time: Array) -> tuple[Array, Array, Kinds, Array]:
+    def _referred(self, F: Array, V: Array, time: Array) -> tuple[Array, Array, EventKinds, Array]:
         """The same by the reference integrator, body by body."""
         found = [reference(self.system, f, v, time, self.constrained) for f, v in zip(F, V, strict=True)]
         kinds = np.array([p.kind for p in found], EVENT_DTYPE)
@@ -172,7 +172,7 @@ class Body:
         time: Array,
         F: Array,
         V: Array,
-        kind: Kinds,
+        kind: EventKinds,
         when: Array,
         lead: tuple[int, ...],
         method: str,
@@ -222,7 +222,7 @@ def check_second_moment(E: Array) -> None:
         raise DataError(what, where, advice)
 
 
-def start_of(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
+def validated_start(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
     """F and V (..., 3, 3) of one shape, copied. DataError where they are not the start of a motion."""
     F, V = matrices(F0, "F0"), matrices(dF0, "dF0")
     try:
@@ -241,7 +241,7 @@ def start_of(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
 
 def check_step(step: float, span: float) -> None:
     """DataError where a step (s) is not above zero, or takes no end of steps over a span (s)."""
-    constant("simulate", "step", step)
+    validated_constant("simulate", "step", step)
     if not (np.isfinite(step) and step > 0):
         raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
     if span / step > STEPS_AT_MOST:

@@ -76,11 +76,11 @@ def cofactor(F: Array) -> Array:
     return out
 
 
-def cross(A: Array, B: Array) -> Array:
+def tensor_cross(A: Array, B: Array) -> Array:
     """A x B (..., 3, 3), bilinear, symmetric, with F x F = 2 cof F: the derivative of cof F by H is F x H.
 
     >>> F = np.diag([2.0, 3.0, 5.0])
-    >>> cross(F, F).diagonal() / 2
+    >>> tensor_cross(F, F).diagonal() / 2
     array([15., 10.,  6.])
     """
     P, Q = wrapped(A), wrapped(B)

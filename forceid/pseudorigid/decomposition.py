@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from forceid.compiled import engine as compiled
 from forceid.errors import DataError
 from forceid.pseudorigid import twofold
-from forceid.pseudorigid.validation import matrices, numbers
+from forceid.pseudorigid.validation import matrices, real_values
 from forceid.records import Array, Flags
 
 PRODUCT_ROUNDING = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
@@ -199,7 +199,7 @@ def _vee(W: Array) -> Array:
 
 def _matrices(F: ArrayLike) -> tuple[Array, Array]:
     """F as it is shaped, and as (n, 3, 3)."""
-    F = numbers(F, "F", "give deformations of a solid body")
+    F = real_values(F, "F", "give deformations of a solid body")
     if F.shape[-2:] != (3, 3):
         raise DataError(
             f"has shape {F.shape}, expected (..., 3, 3)", "F", "give deformations of a solid body"
@@ -210,7 +210,7 @@ def _matrices(F: ArrayLike) -> tuple[Array, Array]:
 def _in_numpy(F: Array, flat: Array) -> tuple[Array, Array, Array]:
     """The polar rotation, D and R of every matrix."""
     blocks = [
-        twofold.factors(flat[k : k + MATRICES_TOGETHER])
+        twofold.exact_factors(flat[k : k + MATRICES_TOGETHER])
         for k in range(0, max(len(flat), 1), MATRICES_TOGETHER)
     ]
     Q, D, R, det = (np.concatenate(part) for part in zip(*blocks, strict=True))

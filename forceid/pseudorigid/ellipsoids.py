@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 
 from forceid.errors import DataError
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols
-from forceid.pseudorigid.material_law import constant
-from forceid.pseudorigid.validation import numbers
+from forceid.pseudorigid.material_law import validated_constant
+from forceid.pseudorigid.validation import real_values
 from forceid.records import Array
 
 SPIN_ROUNDING = 1e-13  # of w^2 + l^2: what rounding takes from w^2 + l^2 >= 2 |w l| where w = l or w = -l
@@ -73,21 +73,21 @@ class Ellipsoid:
         ahead = (..., *(None,) * t.ndim)
         w, l = np.asarray(self.w[ahead]), np.asarray(self.l[ahead])  # noqa: E741
         D = (self.unit_axes[..., None] * np.eye(3))[(..., *(None,) * t.ndim, slice(None), slice(None))]
-        F = turn(w * t) @ D @ turn(l * t)
+        F = rotation_about_z(w * t) @ D @ rotation_about_z(l * t)
         return F, np.asarray(w[..., None, None] * (Z @ F) + l[..., None, None] * (F @ Z))
 
 
 Z = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
-def turn(angle: Array) -> Array:
+def rotation_about_z(angle: Array) -> Array:
     """R_z (..., 3, 3) of angles (...,)."""
     c, s = np.cos(angle)[..., None, None], np.sin(angle)[..., None, None]
     flat = np.diag([1.0, 1.0, 0.0])
     return np.asarray(c * flat + s * Z + np.diag([0.0, 0.0, 1.0]))
 
 
-def steady(axes: Array, w: Array, l: Array) -> Ellipsoid:  # noqa: E741
+def steady_ellipsoid(axes: Array, w: Array, l: Array) -> Ellipsoid:  # noqa: E741
     """The record of an ellipsoid of axes (..., 3), a1 = 1, in steady motion with rates w and l (...,)."""
     w, l = np.broadcast_arrays(np.asarray(w, float), np.asarray(l, float))  # noqa: E741
     a, b = axes[..., 0], axes[..., 1]
@@ -117,7 +117,7 @@ def maclaurin(e: ArrayLike) -> Ellipsoid:
     one = np.ones_like(e)
     axes = np.stack([one, one, np.sqrt((1 - e) * (1 + e))], -1)
     B = pair_symbols(one, one, axes[..., 2])[1]
-    return steady(axes, e * np.sqrt(2 * B[..., 0, 2]), np.zeros_like(e))
+    return steady_ellipsoid(axes, e * np.sqrt(2 * B[..., 0, 2]), np.zeros_like(e))
 
 
 def riemann_s(a2: ArrayLike, a3: ArrayLike, adjoint: bool = False) -> Ellipsoid:
@@ -144,7 +144,7 @@ def riemann_s(a2: ArrayLike, a3: ArrayLike, adjoint: bool = False) -> Ellipsoid:
     w = (np.sqrt(np.maximum(s + twice, 0)) + np.sqrt(np.maximum(s - twice, 0))) / 2
     l = twice / (2 * w)  # noqa: E741
     axes = np.stack([np.ones_like(b), b, c], -1)
-    return steady(axes, l, w) if adjoint else steady(axes, w, l)
+    return steady_ellipsoid(axes, l, w) if adjoint else steady_ellipsoid(axes, w, l)
 
 
 def conditions(a2: Array, a3: Array) -> tuple[Array, Array]:
@@ -163,7 +163,7 @@ def riemann_sequence(a2: ArrayLike, f: float) -> Ellipsoid:
     >>> print(f"{riemann_sequence(0.7, -2.0).axes[2]:.9f}")
     0.813567048
     """
-    if not np.isfinite(constant("ellipsoid", "f", f)):
+    if not np.isfinite(validated_constant("ellipsoid", "f", f)):
         raise DataError(f"is {f}, expected finite", "f", "call dedekind(a2) for the infinite one")
     b = inside(a2, "a2", 1.0)
     r = f * b / (1 + b**2)  # l / w
@@ -179,7 +179,7 @@ def riemann_sequence(a2: ArrayLike, f: float) -> Ellipsoid:
     c = np.reshape(solved, b.shape)
     s = conditions(b, c)[0]
     w = np.sqrt(s / (1 + r**2))
-    return steady(np.stack([np.ones_like(b), b, c], -1), w, r * w)
+    return steady_ellipsoid(np.stack([np.ones_like(b), b, c], -1), w, r * w)
 
 
 def solve_a3(condition: Callable[[float], float], a2: float, f: float) -> float:
@@ -216,7 +216,7 @@ def dedekind(a2: ArrayLike) -> Ellipsoid:
     0.0 0.366837037 inf
     """
     found = jacobi(a2)
-    return steady(found.axes, found.l, found.w)
+    return steady_ellipsoid(found.axes, found.l, found.w)
 
 
 def irrotational(a2: ArrayLike) -> Ellipsoid:
@@ -231,7 +231,7 @@ def irrotational(a2: ArrayLike) -> Ellipsoid:
 
 def inside(given: ArrayLike, name: str, highest: float, whole: bool = True) -> Array:
     """The numbers as an array, above 0 and up to `highest`, that included if whole. DataError otherwise."""
-    x = numbers(given, name)
+    x = real_values(given, name)
     bad = ~(np.isfinite(x) & (x > 0) & ((x <= highest) if whole else (x < highest)))
     if bad.any():
         expected = (

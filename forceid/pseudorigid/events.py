@@ -23,7 +23,7 @@ from forceid.pseudorigid.reference import TooLongError, reference
 from forceid.pseudorigid.system import AffineSystem
 from forceid.records import Array, Flags
 
-Kinds = NDArray[np.str_]
+EventKinds = NDArray[np.str_]
 EVENT_DTYPE = "<U9"
 SEARCH = 20_000  # evaluations of the force spent on what stopped a body
 
@@ -37,7 +37,7 @@ class Event:
     after which the step failed.
     """
 
-    kind: Kinds
+    kind: EventKinds
     time: Array
     stopped: Flags
 

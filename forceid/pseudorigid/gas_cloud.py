@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 
 from forceid.errors import DataError
 from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.material_law import constant, positive
-from forceid.pseudorigid.validation import matrices, numbers, tensors
+from forceid.pseudorigid.material_law import validated_constant, validated_determinant
+from forceid.pseudorigid.validation import matrices, real_values, tensors
 from forceid.records import Array
 
 MONATOMIC = 5 / 3
@@ -43,7 +43,7 @@ class GasCloud:
 
     def __post_init__(self) -> None:
         for name in ("K", "gamma", "trap", "pi_G_rho", "mu"):
-            constant("GasCloud", name, getattr(self, name))
+            validated_constant("GasCloud", name, getattr(self, name))
         limits = (("K", self.K, 0.0), ("gamma", self.gamma, 1.0), ("mu", self.mu, 0.0))
         for name, value, least in limits:
             if not (isfinite(value) and value > least):
@@ -106,7 +106,7 @@ class GasCloud:
         hold = self.mu * self.trap**2
         if not pull:
             return float((self.K / hold) ** (1 / (3 * self.gamma - 1)))
-        return balanced(self, hold, pull)
+        return size_at_rest(self, hold, pull)
 
     def small_motions(self) -> tuple[float, float]:
         """Squared frequencies (breathing, the five shears) about the cloud at rest, 1/s^2.
@@ -122,7 +122,7 @@ class GasCloud:
         return breathing, 2 * self.trap**2 + 16 / 15 * g
 
 
-def balanced(cloud: GasCloud, hold: float, pull: float) -> float:
+def size_at_rest(cloud: GasCloud, hold: float, pull: float) -> float:
     """Largest root a of hold a^(3 gamma - 1) + pull a^(3 gamma - 4) = K: at rest in trap and own gravity."""
     up, down = 3 * cloud.gamma - 1, 3 * cloud.gamma - 4
 
@@ -156,7 +156,7 @@ def spread(cloud: GasCloud, F0: Array, dF0: Array, time: ArrayLike) -> Array:
         )
     if cloud.pi_G_rho:
         raise DataError("is not zero, and the law holds without gravity", "pi_G_rho", "integrate the motion")
-    t, F0, dF0 = numbers(time, "time"), matrices(F0, "F0"), matrices(dF0, "dF0")
+    t, F0, dF0 = real_values(time, "time"), matrices(F0, "F0"), matrices(dF0, "dF0")
     H = cloud.energy(F0) + 0.5 * cloud.mu * (dF0 * dF0).sum((-2, -1))
     r0, r1, k = (F0 * F0).sum((-2, -1)), 2 * (F0 * dF0).sum((-2, -1)), 2 * cloud.trap
     across = tuple(range(-t.ndim, 0))
@@ -172,7 +172,7 @@ def free_fall_time(pi_G_rho: float) -> float:
     >>> print(f"{free_fall_time(1.0):.9f}")
     0.961912373
     """
-    constant("free fall", "pi_G_rho", pi_G_rho)
+    validated_constant("free fall", "pi_G_rho", pi_G_rho)
     if not (isfinite(pi_G_rho) and pi_G_rho > 0):
         raise DataError(f"is {pi_G_rho:g}, expected above 0", "pi_G_rho", "give pi G rho in 1/s^2")
     return np.pi / 2 * sqrt(3 / (8 * pi_G_rho))
@@ -180,7 +180,7 @@ def free_fall_time(pi_G_rho: float) -> float:
 
 def volume(F: Array) -> Array:
     """Determinant of F (...,); DataError where it is not above zero."""
-    return positive("GasCloud", np.asarray(np.linalg.det(F)))
+    return validated_determinant("GasCloud", np.asarray(np.linalg.det(F)))
 
 
 def inverse_transpose(F: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from forceid.pseudorigid.decomposition import bipolar
-from forceid.pseudorigid.invariants import Elastic, axial, cross, hat
+from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
@@ -24,7 +24,7 @@ from forceid.pseudorigid.reduced_form import (
     split_state,
 )
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
-from forceid.pseudorigid.two_sided import axis_forces, chart_ends, neighbors, quotient
+from forceid.pseudorigid.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
 from forceid.records import Array
 
 GENERAL_SIMULATE = "general_reduced.simulate"
@@ -67,26 +67,31 @@ def general_state(F: Array, dF: Array, second_moment: Array) -> GeneralState:
     P = np.swapaxes(L, -1, -2) @ dF @ second_moment @ R_T
     p = np.einsum("...ii->...i", P).copy()
     return GeneralState(
-        a, p, axial(P * a[..., None, :]), axial(a[..., :, None] * P), quaternion(L), quaternion(R_T)
+        a,
+        p,
+        axial_vector(P * a[..., None, :]),
+        axial_vector(a[..., :, None] * P),
+        quaternion(L),
+        quaternion(R_T),
     )
 
 
-def momentum(a: Array, p: Array, left: Array, right: Array) -> Array:
+def momentum_matrix(a: Array, p: Array, left: Array, right: Array) -> Array:
     """P (..., 3, 3) of axes and momenta (..., 3): sum and difference of the axial ones come apart.
 
     (a_i + a_j)(P_ji - P_ij) = 2 (left + right)_k, (a_i - a_j)(P_ji + P_ij) = 2 (left - right)_k.
     """
-    ai, aj = neighbors(a)
+    ai, aj = cyclic_pairs(a)
     skew = quotient(left + right, ai + aj)
     even = off_diagonal(quotient(left - right, ai - aj))
     return p[..., None] * np.eye(3) + hat(skew) + even
 
 
-def rates_of_rotation(a: Array, A: Array) -> tuple[Array, Array]:
+def body_rates(a: Array, A: Array) -> tuple[Array, Array]:
     """Body rates omega and lambda (..., 3) rad/s of A = L^T F' R^T (..., 3, 3). Source: section 2."""
-    ai, aj = neighbors(a)
+    ai, aj = cyclic_pairs(a)
     even = A[..., [2, 0, 1], [1, 2, 0]] + A[..., [1, 2, 0], [2, 0, 1]]
-    s, d = quotient(2 * axial(A), ai + aj), quotient(even, ai - aj)
+    s, d = quotient(2 * axial_vector(A), ai + aj), quotient(even, ai - aj)
     return (s + d) / 2, (s - d) / 2
 
 
@@ -99,17 +104,17 @@ def general_rates(state: GeneralState, second_moment: Array, material: Elastic) 
     a, p, left, right, q_L, q_R = state
     R_T = rotation(q_R)
     E = np.swapaxes(R_T, -1, -2) @ second_moment @ R_T
-    P = momentum(a, p, left, right)
+    P = momentum_matrix(a, p, left, right)
     P_T = np.swapaxes(P, -1, -2)
     A = np.swapaxes(np.linalg.solve(E, P_T), -1, -2)
-    omega, lam = rates_of_rotation(a, A)
+    omega, lam = body_rates(a, A)
     driven = np.einsum("...ii->...i", P_T @ hat(omega) + hat(lam) @ P_T)
-    torque = axial(np.swapaxes(A, -1, -2) @ P)  # sk(A^T A E_R) = [A^T A, E_R] / 2
+    torque = axial_vector(np.swapaxes(A, -1, -2) @ P)  # sk(A^T A E_R) = [A^T A, E_R] / 2
     return GeneralState(
         np.einsum("...ii->...i", A).copy(),
         driven - axis_forces(a, material),
-        cross(left, omega),
-        cross(lam, right) + torque,
+        vector_cross(left, omega),
+        vector_cross(lam, right) + torque,
         quaternion_rates(q_L, omega),
         quaternion_rates(q_R, -lam),
     )
@@ -149,7 +154,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
         integrate_form(rates, flat(start), time, ends, GENERAL_SIMULATE), shapes
     )
     L, R_T = rotation(q_L), rotation(q_R)
-    P = momentum(a, p, left, right)
+    P = momentum_matrix(a, p, left, right)
     R = np.swapaxes(R_T, -1, -2)
     dF = np.swapaxes(np.linalg.solve(E, np.swapaxes(L @ P @ R, -1, -2)), -1, -2)
     return GeneralMotion(time, (L * a[..., None, :]) @ R, dF, L, R, a, p, left, right)

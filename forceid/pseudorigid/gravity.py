@@ -13,7 +13,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols, potential_integral
-from forceid.pseudorigid.material_law import constant
+from forceid.pseudorigid.material_law import validated_constant
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
@@ -34,7 +34,7 @@ class SelfGravity:
 
     def __post_init__(self) -> None:
         for name, value in (("pi_G_rho", self.pi_G_rho), ("mu", self.mu)):
-            constant("SelfGravity", name, value)
+            validated_constant("SelfGravity", name, value)
             if not (isfinite(value) and value > 0):
                 raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")
 
@@ -81,7 +81,7 @@ def ball_gravity(G: float, mass: float, radius: float) -> SelfGravity:
     >>> print(f"{ball.energy(np.eye(3)):.1f}")  # -(3/5) G m^2 / r
     -15.0
     """
-    checked(G, mass, radius)
+    validate_constants(G, mass, radius)
     return SelfGravity(pi_G_rho=0.75 * G * mass / radius**3, mu=mass * radius**2 / 5)
 
 
@@ -94,14 +94,14 @@ def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
     >>> print(f"{cloud.energy(np.eye(3)) * 2 * np.sqrt(np.pi):.1f}")
     -1.0
     """
-    checked(G, mass, sigma)
+    validate_constants(G, mass, sigma)
     mu = mass * sigma**2
     return SelfGravity(pi_G_rho=G * mass**2 / (8 * sqrt(pi) * sigma * mu), mu=mu)
 
 
-def checked(G: float, mass: float, length: float) -> None:
+def validate_constants(G: float, mass: float, length: float) -> None:
     """DataError where a constant of a gravitating body is not positive and finite."""
     for name, value in (("G", G), ("mass", mass), ("length", length)):
-        constant("gravity", name, value)
+        validated_constant("gravity", name, value)
         if not (isfinite(value) and value > 0):
             raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.validation import numbers
+from forceid.pseudorigid.validation import real_values
 from forceid.records import Array
 
 QUADRATURE_STEP = (
@@ -27,7 +27,7 @@ def checked_axes(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Ar
     """Semi-axes broadcast against each other. DataError where one is not a positive finite number."""
     axes = []
     for name, given in zip(("a1", "a2", "a3"), (a1, a2, a3), strict=True):
-        a = numbers(given, f"axis {name}")
+        a = real_values(given, f"axis {name}")
         bad = ~((a > SHORTEST_AXIS) & (a < LONGEST_AXIS))
         if bad.any():
             raise DataError(

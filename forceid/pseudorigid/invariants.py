@@ -57,7 +57,7 @@ def angular_momentum(F: Array, dF: Array, second_moment: Array) -> Array:
     array([0., 0., 3.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial(dF @ E @ np.swapaxes(F, -1, -2))
+    return 2 * axial_vector(dF @ E @ np.swapaxes(F, -1, -2))
 
 
 def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
@@ -71,7 +71,7 @@ def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     array([0., 0., 4.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial(np.swapaxes(F, -1, -2) @ dF @ E)
+    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF @ E)
 
 
 def cauchy_invariants(F: Array, dF: Array) -> Array:
@@ -84,7 +84,7 @@ def cauchy_invariants(F: Array, dF: Array) -> Array:
     array([0., 0., 2.])
     """
     F, dF = tensors(F), tensors(dF, "dF")
-    return 2 * axial(np.swapaxes(F, -1, -2) @ dF)
+    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF)
 
 
 def conserved(
@@ -128,11 +128,11 @@ def hat(w: Array) -> Array:
     return out
 
 
-def cross(a: Array, b: Array) -> Array:
+def vector_cross(a: Array, b: Array) -> Array:
     """Vector product a x b (..., 3): numpy's, at a quarter of its cost on a few vectors."""
     return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
-def axial(A: Array) -> Array:
+def axial_vector(A: Array) -> Array:
     """Axial vector (..., 3) of the skew part of A (..., 3, 3): hat(w) gives w, a symmetric matrix 0."""
     return np.asarray(0.5 * (A[..., [2, 0, 1], [1, 2, 0]] - A[..., [1, 2, 0], [2, 0, 1]]))

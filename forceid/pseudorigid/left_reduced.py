@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from forceid.pseudorigid.decomposition import polar
-from forceid.pseudorigid.invariants import Elastic, axial, cross, hat
+from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
@@ -61,7 +61,7 @@ def left_state(F: Array, dF: Array, second_moment: Array) -> LeftState:
     """State of F, dF (..., 3, 3), J > 0. second_moment (3, 3) kg m^2."""
     L, U = polar(F)
     P = np.swapaxes(L, -1, -2) @ dF @ second_moment
-    return LeftState(quaternion(L), U, axial(P @ U), symmetric(P))
+    return LeftState(quaternion(L), U, axial_vector(P @ U), symmetric_part(P))
 
 
 def left_velocity(U: Array, m: Array, p_U: Array, second_moment: Array) -> tuple[Array, Array]:
@@ -89,7 +89,7 @@ def left_rates(state: LeftState, second_moment: Array, material: Elastic) -> Lef
     omega, dU = left_velocity(U, m, p_U, E)
     xi = hat(omega)
     force = E @ dU @ xi - xi @ xi @ U @ E - material.gradient(U)
-    return LeftState(quaternion_rates(q, omega), dU, cross(m, omega), symmetric(force))
+    return LeftState(quaternion_rates(q, omega), dU, vector_cross(m, omega), symmetric_part(force))
 
 
 def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, time: Array) -> LeftMotion:
@@ -126,6 +126,6 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     return LeftMotion(time, L @ U, L @ (hat(omega) @ U + dU), L, U, m, p_U)
 
 
-def symmetric(A: Array) -> Array:
+def symmetric_part(A: Array) -> Array:
     """Symmetric part of A (..., 3, 3)."""
     return 0.5 * (A + np.swapaxes(A, -1, -2))

@@ -91,7 +91,7 @@ def jacobi_bifurcation() -> Ellipsoid:
     >>> print(f"{jacobi_bifurcation().energy_ratio:.12f}")
     0.137528147874
     """
-    return spheroid_where(lambda e: excess(e, 2.0))
+    return spheroid_where(lambda e: rate_excess(e, 2.0))
 
 
 def dynamical_instability() -> Ellipsoid:
@@ -100,10 +100,10 @@ def dynamical_instability() -> Ellipsoid:
     >>> print(f"{dynamical_instability().energy_ratio:.4f}")
     0.2738
     """
-    return spheroid_where(lambda e: excess(e, 4.0))
+    return spheroid_where(lambda e: rate_excess(e, 4.0))
 
 
-def excess(e: float, times: float) -> float:
+def rate_excess(e: float, times: float) -> float:
     """Omega^2 - times B_11 of the spheroid of eccentricity e."""
     B = pair_symbols(1.0, 1.0, np.sqrt((1 - e) * (1 + e)))[1]
     return float(2 * e**2 * B[0, 2] - times * B[0, 0])

@@ -38,7 +38,7 @@ def nearest_signed(G: Array) -> Indices:
     return np.asarray(np.argmax(G.reshape(-1, 9) @ SIGNED.reshape(-1, 9).T, axis=1))
 
 
-def nearest(G: Array, near: Flags) -> Array:
+def nearest_rotation(G: Array, near: Flags) -> Array:
     """The Q (n, 3, 3) with the largest tr(Q^T G): signed permutations, but any rotation within a cluster.
 
     G (n, 3, 3); near (n, 2): whether columns 0 and 1, and 1 and 2, are of one cluster. det Q = 1.
@@ -56,7 +56,7 @@ def nearest(G: Array, near: Flags) -> Array:
 
 
 def _nearest_pair(G: Array, single: int) -> Array:
-    """`nearest` for a cluster of the two columns other than `single`."""
+    """`nearest_rotation` for a cluster of the two columns other than `single`."""
     i, j = (k for k in range(3) if k != single)
     best, Q = np.full(len(G), -np.inf), np.zeros(G.shape)
     for row, sign in product(range(3), (1.0, -1.0)):

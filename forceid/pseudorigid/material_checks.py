@@ -73,8 +73,8 @@ def check_material(material: Material, rng: np.random.Generator, samples: int = 
     L, R, Q = (Rotation.random(samples, rng=rng).as_matrix() for _ in range(3))
     F = product(L * rng.uniform(0.6, 1.6, (samples, 1, 3)), R)
     H, K = rng.standard_normal((2, samples, 3, 3))
-    W, P = asked(material, "energy", F), asked(material, "gradient", F)
-    S, SK = asked(material, "hessian", F, H), asked(material, "hessian", F, K)
+    W, P = validated_value(material, "energy", F), validated_value(material, "gradient", F)
+    S, SK = validated_value(material, "hessian", F, H), validated_value(material, "hessian", F, K)
     # an energy has an arbitrary zero, and its force may vanish: both are measured by what W varies
     force = np.abs(P).max() + np.abs(S).max() * 1e-3
     dW = differenced(material, "energy", F, H)
@@ -92,13 +92,13 @@ def check_material(material: Material, rng: np.random.Generator, samples: int = 
         hessian=float(np.abs(S - dP).max() / np.abs(S).max()),
         symmetry=float(np.abs(inner(S, K) - inner(SK, H)).max() / np.abs(S).max()),
         frame=float(left),
-        torque=float(skew(product(P, transpose(F))) / force),
-        isotropy=float(max(right, skew(product(transpose(F), P)) / force)),
+        torque=float(asymmetry(product(P, transpose(F))) / force),
+        isotropy=float(max(right, asymmetry(product(transpose(F), P)) / force)),
         stress=float(np.abs(stress).max() / max(stiffness, 1e-300)),
     )
 
 
-def asked(material: Material, name: str, F: Array, *direction: Array) -> Array:
+def validated_value(material: Material, name: str, F: Array, *direction: Array) -> Array:
     """One function of the material at F, its shape and values looked at."""
     shape = F.shape[:-2] if name == "energy" else F.shape
     value = np.asarray(getattr(material, name)(F, *direction))
@@ -116,12 +116,15 @@ def differenced(material: Material, name: str, F: Array, H: Array) -> Array:
     """Derivative along H by central differences, refined once."""
 
     def slope(step: float) -> Array:
-        ahead, behind = asked(material, name, F + step * H), asked(material, name, F - step * H)
+        ahead, behind = (
+            validated_value(material, name, F + step * H),
+            validated_value(material, name, F - step * H),
+        )
         return np.asarray((ahead - behind) / (2 * step))
 
     return np.asarray((4 * slope(DIFFERENCE_STEP) - slope(2 * DIFFERENCE_STEP)) / 3)
 
 
-def skew(A: Array) -> float:
+def asymmetry(A: Array) -> float:
     """Largest entry of A - A^T."""
     return float(np.abs(A - transpose(A)).max())

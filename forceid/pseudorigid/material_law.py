@@ -39,7 +39,7 @@ class Lame:
     mu: float
 
 
-def constant(material: str, name: str, value: Any) -> float:
+def validated_constant(material: str, name: str, value: Any) -> float:
     """A constant as a number. DataError where it is none."""
     if not isinstance(value, Real):
         what = f"{name} is {type(value).__name__}, expected one number"
@@ -61,7 +61,7 @@ def check_material_of(body: str, material: Any) -> None:
         raise DataError(what, f"material of {body}", "give a material, or a class with these functions")
 
 
-def positive(material: str, J: Array) -> Array:
+def validated_determinant(material: str, J: Array) -> Array:
     """Determinants J (...,) of a material that resists collapse. DataError where one is not above 0."""
     if not (J > 0).all():
         value = float(np.asarray(J)[~(np.asarray(J) > 0)].flat[0])

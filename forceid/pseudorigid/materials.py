@@ -14,15 +14,21 @@ import numpy as np
 from forceid.pseudorigid.cofactors import (
     EYE,
     cofactor,
-    cross,
     determinant,
     inner,
     product,
     scaled,
+    tensor_cross,
     trace,
     transpose,
 )
-from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
+from forceid.pseudorigid.material_law import (
+    Lame,
+    check_range,
+    check_volumetric,
+    validated_constant,
+    validated_determinant,
+)
 from forceid.pseudorigid.material_law import Material as Material
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
@@ -51,7 +57,7 @@ class MooneyRivlin:
 
     def __post_init__(self) -> None:
         for name in ("a", "b", "c", "d"):
-            constant(type(self).__name__, name, getattr(self, name))
+            validated_constant(type(self).__name__, name, getattr(self, name))
         check_range(type(self).__name__, "a", self.a, self.a >= 0, ">= 0")
         check_range(type(self).__name__, "b", self.b, self.b >= 0, ">= 0")
         check_range(type(self).__name__, "a + b", self.a + self.b, self.a + self.b > 0, "> 0")
@@ -86,7 +92,7 @@ class MooneyRivlin:
             out = np.asarray((2 * self.a) * F)
         if not self.incompressible:
             C = cofactor(F)
-            J = positive(type(self).__name__, inner_rows(F, C))
+            J = validated_determinant(type(self).__name__, inner_rows(F, C))
             C *= (2 * self.c * J - self.d / J)[..., None, None]
             out += C
         return out
@@ -94,12 +100,12 @@ class MooneyRivlin:
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
         F, H = tensors(F), tensors(H, "H")
-        C, dC = cofactor(F), cross(F, H)
+        C, dC = cofactor(F), tensor_cross(F, H)
         out = (2 * self.a) * H
         if self.b:
-            out = out + (2 * self.b) * (cross(H, C) + cross(F, dC))
+            out = out + (2 * self.b) * (tensor_cross(H, C) + tensor_cross(F, dC))
         if not self.incompressible:
-            J = positive(type(self).__name__, inner_rows(F, C))
+            J = validated_determinant(type(self).__name__, inner_rows(F, C))
             out = out + scaled(2 * self.c * J - self.d / J, dC)
             out = out + scaled((2 * self.c + self.d / J**2) * inner(C, H), C)
         return np.asarray(np.broadcast_to(out, np.broadcast_shapes(F.shape, H.shape)))
@@ -108,7 +114,7 @@ class MooneyRivlin:
         """Gamma(J) (...,)."""
         if self.incompressible:
             return np.zeros(F.shape[:-2])
-        J = positive(type(self).__name__, determinant(F))
+        J = validated_determinant(type(self).__name__, determinant(F))
         return np.asarray(self.c * J**2 - self.d * np.log(J))
 
 
@@ -146,8 +152,8 @@ class HadamardGreen(MooneyRivlin):
     def __init__(
         self, alpha: float, beta: float, c: float = 0.0, d: float = 0.0, incompressible: bool = False
     ) -> None:
-        constant("HadamardGreen", "alpha", alpha)
-        constant("HadamardGreen", "beta", beta)
+        validated_constant("HadamardGreen", "alpha", alpha)
+        validated_constant("HadamardGreen", "beta", beta)
         check_range("HadamardGreen", "alpha", alpha, alpha >= 0, ">= 0")
         check_range("HadamardGreen", "beta", beta, beta >= 0, ">= 0")
         super().__init__(alpha / 2, beta, c, d, incompressible)
@@ -188,7 +194,7 @@ class StVenantKirchhoff:
 
     def __post_init__(self) -> None:
         for name in ("lam", "mu"):
-            constant("StVenantKirchhoff", name, getattr(self, name))
+            validated_constant("StVenantKirchhoff", name, getattr(self, name))
         check_range("StVenantKirchhoff", "mu", self.mu, self.mu > 0, "> 0")
         bulk = 3 * self.lam + 2 * self.mu
         check_range("StVenantKirchhoff", "3 lam + 2 mu", bulk, bulk > 0, "> 0")
@@ -236,29 +242,29 @@ class PerfectGas:
 
     def __post_init__(self) -> None:
         for name in ("K", "gamma"):
-            constant("PerfectGas", name, getattr(self, name))
+            validated_constant("PerfectGas", name, getattr(self, name))
         check_range("PerfectGas", "K", self.K, self.K > 0, "> 0")
         check_range("PerfectGas", "gamma", self.gamma, self.gamma > 1, "> 1")
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""
         F = tensors(F)
-        J = positive("PerfectGas", determinant(F))
+        J = validated_determinant("PerfectGas", determinant(F))
         return np.asarray(self.K / (self.gamma - 1) * J ** (1 - self.gamma))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): -K J^-gamma cof F."""
         F = tensors(F)
         C = cofactor(F)
-        return scaled(-self.K * positive("PerfectGas", inner_rows(F, C)) ** -self.gamma, C)
+        return scaled(-self.K * validated_determinant("PerfectGas", inner_rows(F, C)) ** -self.gamma, C)
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
         F, H = tensors(F), tensors(H, "H")
         C = cofactor(F)
-        J = positive("PerfectGas", inner_rows(F, C))
+        J = validated_determinant("PerfectGas", inner_rows(F, C))
         bent = scaled(self.K * self.gamma * J ** (-self.gamma - 1) * inner(C, H), C)
-        return np.asarray(bent - scaled(self.K * J**-self.gamma, cross(F, H)))
+        return np.asarray(bent - scaled(self.K * J**-self.gamma, tensor_cross(F, H)))
 
 
 def inner_rows(F: Array, C: Array) -> Array:

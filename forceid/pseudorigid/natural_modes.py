@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
-from forceid.pseudorigid.material_law import constant
+from forceid.pseudorigid.material_law import validated_constant
 from forceid.pseudorigid.spectra import Spectrum, checked_second_moment, cofactor_change, rotating_spectrum
 from forceid.pseudorigid.validation import deformation
 from forceid.records import Array
@@ -81,8 +81,8 @@ def lame_frequencies(lam: float, mu: float, second_moment: Array) -> Array:
     [0.         0.         0.         2.         2.         2.
      2.         2.         6.58823529]
     """
-    constant("natural modes", "lam", lam)
-    constant("natural modes", "mu", mu)
+    validated_constant("natural modes", "lam", lam)
+    validated_constant("natural modes", "mu", mu)
     for name, value, good in (("mu", mu, mu > 0), ("lam", lam, 3 * lam + 2 * mu > 0)):
         if not (good and isfinite(value)):
             raise DataError(
@@ -123,7 +123,7 @@ def spinning_body(
     e = np.diag(E)
     if np.abs(E - np.diag(e)).max() > 1e-12 * e.max():
         raise DataError("is not diagonal", "second_moment", "turn the body to its principal axes")
-    if not isfinite(constant("spinning body", "rate", rate)):
+    if not isfinite(validated_constant("spinning body", "rate", rate)):
         raise DataError(f"is {rate}, expected finite", "rate", "give it in rad/s")
     for steps in CONTINUED:
         a: Array | None = np.array(start, float)

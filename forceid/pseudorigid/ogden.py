@@ -13,7 +13,13 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import EYE, determinant, transpose
-from forceid.pseudorigid.material_law import Lame, check_range, check_volumetric, constant, positive
+from forceid.pseudorigid.material_law import (
+    Lame,
+    check_range,
+    check_volumetric,
+    validated_constant,
+    validated_determinant,
+)
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
@@ -51,9 +57,9 @@ class Ogden:
             if not isinstance(given, tuple | list):
                 what = f"{name} is {type(given).__name__}, expected numbers in a tuple"
                 raise DataError(what, "Ogden:", f"write {name}=(1.2,) for one number")
-            object.__setattr__(self, name, tuple(constant("Ogden", name, x) for x in given))
+            object.__setattr__(self, name, tuple(validated_constant("Ogden", name, x) for x in given))
         for name in ("c", "d"):
-            constant("Ogden", name, getattr(self, name))
+            validated_constant("Ogden", name, getattr(self, name))
         if len(self.alpha) != len(self.gamma) or len(self.beta) != len(self.delta):
             what = f"{len(self.alpha)} alpha, {len(self.gamma)} gamma, {len(self.beta)} beta, "
             what += f"{len(self.delta)} delta"
@@ -96,7 +102,7 @@ class Ogden:
     def energy(self, F: Array) -> Array:
         """W (...,)."""
         F = tensors(F)
-        J = positive("Ogden", determinant(F))
+        J = validated_determinant("Ogden", determinant(F))
         a = np.linalg.svd(F, compute_uv=False)
         area = a[..., PAIRS[:, 0]] * a[..., PAIRS[:, 1]]
         W = np.zeros(a.shape[:-1])
@@ -111,7 +117,7 @@ class Ogden:
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): L diag(g) R."""
         F = tensors(F)
-        positive("Ogden", determinant(F))
+        validated_determinant("Ogden", determinant(F))
         L, a, R = np.linalg.svd(F)
         g, _, _ = self._derivatives(a)
         return np.asarray((L * g[..., None, :]) @ R)
@@ -119,7 +125,7 @@ class Ogden:
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3), in the frame h = L^T H R^T."""
         F, H = tensors(F), tensors(H, "H")
-        positive("Ogden", determinant(F))
+        validated_determinant("Ogden", determinant(F))
         L, a, R = np.linalg.svd(F)
         g, diagonal, mixed = self._derivatives(a)
         h = transpose(L) @ H @ transpose(R)

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.index_symbols import potential_integral
-from forceid.pseudorigid.material_law import constant
+from forceid.pseudorigid.material_law import validated_constant
 from forceid.records import Array
 
 CONVERGED, SETTLED = 1e-14, 1e-7  # of the period, between a rule and the one with twice the nodes
@@ -45,7 +45,7 @@ def oscillation(
     >>> print(f"{found.other:.12f} {found.period / np.pi:.12f}")
     1.000000000000 2.000000000000
     """
-    constant("oscillation", "start", start)
+    validated_constant("oscillation", "start", start)
     if not (np.isfinite(start) and start > 0):
         raise DataError(f"is {start:g}, expected above 0", "start", "give the coordinate at the release")
 
@@ -96,7 +96,7 @@ def breathing(material: Any, mu: float, stretch: float) -> Oscillation:
     >>> print(f"{breathing(GasCloud(1.0, 1.4, trap=1.0), 1.0, 1.3).period:.12f}")
     3.493959224005
     """
-    constant("breathing", "mu", mu)
+    validated_constant("breathing", "mu", mu)
     if not (np.isfinite(mu) and mu > 0):
         raise DataError(f"is {mu:g}, expected above 0", "mu", "give the second moment E = mu I")
     return oscillation(
@@ -116,8 +116,8 @@ def spheroid_oscillation(start: float, spin: float = 0.0, pi_G_rho: float = 1.0)
     >>> print(f"{found.other:.12f} {found.period:.11f}")
     0.766670327998 6.26727172211
     """
-    constant("spheroid", "pi_G_rho", pi_G_rho)
-    if not (np.isfinite(constant("spheroid", "spin", spin))):
+    validated_constant("spheroid", "pi_G_rho", pi_G_rho)
+    if not (np.isfinite(validated_constant("spheroid", "spin", spin))):
         raise DataError(f"is {spin}, expected finite", "spin", "give Omega a^2 in 1/s")
     if not (np.isfinite(pi_G_rho) and pi_G_rho > 0):
         raise DataError(f"is {pi_G_rho:g}, expected above 0", "pi_G_rho", "give pi G rho in 1/s^2")

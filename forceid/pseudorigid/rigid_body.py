@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkm1, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.invariants import cross, hat
-from forceid.pseudorigid.validation import instants, matrix, rotation_matrix, vector
+from forceid.pseudorigid.invariants import hat, vector_cross
+from forceid.pseudorigid.validation import instants, matrix, real_vector, rotation_matrix
 from forceid.records import Array
 
 HARMONICS = 7.0  # in units of K/K', the decay of the series: exp(-2 pi 7), below rounding
@@ -68,7 +68,7 @@ def rigid_rates(omega: Array, inertia: Array) -> Array:
     array([0.        , 0.66666667, 0.        ])
     """
     momentum = omega @ inertia.T
-    return np.asarray(np.linalg.solve(inertia, cross(momentum, omega)[..., None])[..., 0])
+    return np.asarray(np.linalg.solve(inertia, vector_cross(momentum, omega)[..., None])[..., 0])
 
 
 def rotation(q: Array) -> Array:
@@ -95,7 +95,9 @@ def quaternion_rates(q: Array, omega: Array) -> Array:
     For R' = hat(lambda) R, the rate on the other side, hand in the quaternion of R^T and -lambda.
     """
     v, w = q[..., :3], q[..., 3:]
-    return 0.5 * np.concatenate([w * omega + cross(v, omega), -(v * omega).sum(-1, keepdims=True)], axis=-1)
+    return 0.5 * np.concatenate(
+        [w * omega + vector_cross(v, omega), -(v * omega).sum(-1, keepdims=True)], axis=-1
+    )
 
 
 def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None = None) -> RigidMotion:
@@ -110,9 +112,9 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
     >>> motion.omega[1].round(9)
     array([0.84595645, 0.61574637, 0.92618635])
     """
-    J, axes = principal(matrix(inertia, "inertia"))
+    J, axes = principal_moments(matrix(inertia, "inertia"))
     L0 = np.eye(3) if L0 is None else rotation_matrix(L0, "L0")
-    omega0, time = vector(omega0, "omega0"), instants(time, rising=False)
+    omega0, time = real_vector(omega0, "omega0"), instants(time, rising=False)
     w0 = axes.T @ omega0
     if not ((J - J[[1, 2, 0]]) * w0 * w0[[1, 2, 0]]).any():  # no torque: steady, stable or not
         turned = Rotation.from_rotvec(time[:, None] * omega0).as_matrix()
@@ -120,7 +122,7 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
     if J[2] * (J[2] - J[1]) * w0[2] ** 2 < J[0] * (J[1] - J[0]) * w0[0] ** 2:  # circles the smallest axis
         turn = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
         J, axes, w0 = J[::-1], axes @ turn, turn @ w0
-    body = turning(J, w0)
+    body = elliptic_turn(J, w0)
     w, angle = rates_and_angle(body, time)
     n, n0 = unit(J * w), unit(J * w0)
     sense = np.sign(n0[2])
@@ -129,7 +131,7 @@ def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None =
     return RigidMotion(time, w @ axes.T, L0 @ axes @ inside @ axes.T)
 
 
-def principal(inertia: Array) -> tuple[Array, Array]:
+def principal_moments(inertia: Array) -> tuple[Array, Array]:
     """Principal moments (3,), rising, and axes (3, 3), a rotation. DataError if inertia is none."""
     symmetric = np.allclose(inertia, np.transpose(inertia), rtol=1e-12)
     if not symmetric or not (np.linalg.eigvalsh(inertia) > 0).all():
@@ -140,7 +142,7 @@ def principal(inertia: Array) -> tuple[Array, Array]:
     return J, axes * np.linalg.det(axes)
 
 
-def turning(J: Array, w0: Array) -> EllipticTurn:
+def elliptic_turn(J: Array, w0: Array) -> EllipticTurn:
     """Amplitudes, parameter and phase of rates that start at w0 (3,), of axes J (3,), circling the last.
 
     J rises, or falls: what is said of the largest moment then holds of the smallest. Differences of the
@@ -222,7 +224,7 @@ def landen(tau: Array, m1: float) -> tuple[Array, Array, Array, Array]:
 def tilt(n: Array, sense: float) -> Array:
     """Shortest rotation (..., 3, 3) of sense e_3 to the unit vector n (..., 3), never opposite to it."""
     e = np.array([0.0, 0, sense])
-    turn = hat(cross(e, n))
+    turn = hat(vector_cross(e, n))
     return np.asarray(np.eye(3) + turn + turn @ turn / (1 + sense * n[..., 2])[..., None, None])
 
 

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.cofactors import EYE, product
-from forceid.pseudorigid.material_law import check_range, constant
+from forceid.pseudorigid.material_law import check_range, validated_constant
 from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.pseudorigid.trajectory import Trajectory
-from forceid.pseudorigid.validation import instants, numbers
+from forceid.pseudorigid.validation import instants, real_values
 from forceid.records import Array
 
 E12 = np.outer(EYE[0], EYE[1])
@@ -62,12 +62,12 @@ def shear(alpha: ArrayLike) -> Array:
     >>> shear(0.5)[0]
     array([1. , 0.5, 0. ])
     """
-    return np.asarray(EYE + finite(alpha, "alpha")[..., None, None] * E12)
+    return np.asarray(EYE + validated_shears(alpha, "alpha")[..., None, None] * E12)
 
 
-def finite(value: ArrayLike, name: str) -> Array:
+def validated_shears(value: ArrayLike, name: str) -> Array:
     """Finite numbers (...,). DataError."""
-    x = numbers(value, name)
+    x = real_values(value, name)
     if not np.isfinite(x).all():
         raise DataError("is not finite", name, "give finite shears")
     return x
@@ -79,7 +79,7 @@ def decompose_shear(alpha: ArrayLike) -> ShearDecomposition:
     >>> decompose_shear(1.5).stretches
     array([2. , 1. , 0.5])
     """
-    x = finite(alpha, "alpha")
+    x = validated_shears(alpha, "alpha")
     k = np.arctan(x / 2)
     c, s = np.cos(k), np.sin(k)
     L, U = (np.zeros((*x.shape, 3, 3)) for _ in range(2))
@@ -106,7 +106,7 @@ def held_shear(body: Body, alpha: float, dalpha: float, time: ArrayLike) -> Held
         raise DataError(what, "material", "integrate the free body, or take MooneyRivlin")
     t = instants(time)
     for name, x in (("alpha", alpha), ("dalpha", dalpha)):
-        check_range("held shear", name, constant("held shear", name, x), True, "finite")
+        check_range("held shear", name, validated_constant("held shear", name, x), True, "finite")
     omega = np.sqrt(2 * (W.a + W.b) / E[1, 1])
     phase = omega * (t - t[0])
     x = alpha * np.cos(phase) + dalpha / omega * np.sin(phase)

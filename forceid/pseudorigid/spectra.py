@@ -15,7 +15,7 @@ from scipy.linalg import null_space
 from forceid.errors import DataError
 from forceid.pseudorigid.ellipsoids import Ellipsoid
 from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.validation import deformation, matrix, vector
+from forceid.pseudorigid.validation import deformation, matrix, real_vector
 from forceid.records import Array
 
 EQUILIBRIUM_SUM = 1e-8  # of the forces, that their sum at an equilibrium may be
@@ -83,7 +83,7 @@ def rotating_spectrum(
     0.0 1.171731
     """
     E, phi = checked_second_moment(second_moment), deformation(equilibrium, "equilibrium")
-    omega, lam = vector(omega, "omega"), vector(lam, "lam")
+    omega, lam = real_vector(omega, "omega"), real_vector(lam, "lam")
     W, Q = hat(omega), hat(lam)
     if np.abs(Q @ E - E @ Q).max() > 1e-12 * max(np.abs(E).max() * np.abs(Q).max(), 1e-300):
         raise DataError(

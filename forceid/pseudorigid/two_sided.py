@@ -16,7 +16,7 @@ import numpy as np
 
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.decomposition import bipolar
-from forceid.pseudorigid.invariants import Elastic, axial, cross, hat, is_symmetric_body
+from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
 from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, flat, integrate_form, split_state
 from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
@@ -59,7 +59,7 @@ def two_sided_state(F: Array, dF: Array) -> TwoSidedState:
     L, a, R = bipolar(F)
     A = np.swapaxes(L, -1, -2) @ dF @ np.swapaxes(R, -1, -2)
     da = np.einsum("...ii->...i", A)
-    pi, kappa = axial(A * a[..., None, :]), axial(a[..., :, None] * A)
+    pi, kappa = axial_vector(A * a[..., None, :]), axial_vector(a[..., :, None] * A)
     return TwoSidedState(a, da.copy(), pi, kappa, quaternion(L), quaternion(np.swapaxes(R, -1, -2)))
 
 
@@ -72,7 +72,7 @@ def rates_of_rotation(a: Array, pi: Array, kappa: Array) -> tuple[Array, Array]:
     >>> s[2], d[2]
     (np.float64(0.24), np.float64(2.0))
     """
-    ai, aj = neighbors(a)
+    ai, aj = cyclic_pairs(a)
     return quotient(2 * (pi + kappa), (ai + aj) ** 2), quotient(2 * (pi - kappa), (ai - aj) ** 2)
 
 
@@ -88,7 +88,7 @@ def two_sided_rates(
     a, da, pi, kappa, q_L, q_R = state
     s, d = rates_of_rotation(a, pi, kappa)
     omega, lam = (s + d) / 2, (s - d) / 2
-    ai, aj = neighbors(a)
+    ai, aj = cyclic_pairs(a)
     outward, apart = s * s * (ai + aj) / 2, d * d * (ai - aj) / 2
     dda = (outward + apart)[..., [2, 0, 1]] + (outward - apart)[..., [1, 2, 0]]
     dda = dda - axis_forces(a, material) / mu
@@ -98,8 +98,8 @@ def two_sided_rates(
     return TwoSidedState(
         da,
         dda,
-        cross(pi, omega),
-        -cross(kappa, lam),
+        vector_cross(pi, omega),
+        -vector_cross(kappa, lam),
         quaternion_rates(q_L, omega),
         quaternion_rates(q_R, -lam),
     )
@@ -134,7 +134,7 @@ def simulate(
         )
     mu, held = float(np.trace(E) / 3), incompressible or bool(getattr(material, "incompressible", False))
     start = two_sided_state(F0, dF0)
-    check_held(F0, dF0, held)
+    check_held_volume(F0, dF0, held)
     frame = rotation(start.q_L), np.swapaxes(rotation(start.q_R), -1, -2)
     expected = (frame[0] * axis_forces(start.a, material)) @ frame[1]
     check_symmetry(material.gradient(F0), expected, "is isotropic", TWO_SIDED_SIMULATE)
@@ -150,17 +150,17 @@ def simulate(
     )
     L, R = rotation(q_L), np.swapaxes(rotation(q_R), -1, -2)
     s, d = rates_of_rotation(a, pi, kappa)
-    A = velocity(a, da, s, d)
+    A = reduced_velocity(a, da, s, d)
     return TwoSidedMotion(time, (L * a[..., None, :]) @ R, L @ A @ R, L, R, a, da, pi, kappa)
 
 
-def velocity(a: Array, da: Array, s: Array, d: Array) -> Array:
+def reduced_velocity(a: Array, da: Array, s: Array, d: Array) -> Array:
     """A = L^T F' R^T = xi D + D' + D eta (..., 3, 3), of s = omega + lambda, d = omega - lambda."""
     xi, eta = hat((s + d) / 2), hat((s - d) / 2)
     return xi * a[..., None, :] + da[..., None] * np.eye(3) + a[..., :, None] * eta
 
 
-def check_held(F0: Array, dF0: Array, held: bool) -> None:
+def check_held_volume(F0: Array, dF0: Array, held: bool) -> None:
     """DataError where a start does not keep the volume that is to be held."""
     rate, J = np.trace(np.linalg.solve(F0, dF0)), np.linalg.det(F0)
     if held and (abs(J - 1) > 1e-9 or abs(rate) > 1e-9 * max(1.0, np.abs(dF0).max())):
@@ -207,7 +207,7 @@ def gap(i: int, j: int, sign: float) -> Callable[[Array], float]:
     return lambda y: float(sign * (y[i] - y[j]) / y[:3].max() - GAP)
 
 
-def neighbors(a: Array) -> tuple[Array, Array]:
+def cyclic_pairs(a: Array) -> tuple[Array, Array]:
     """a_i and a_j (..., 3) at component k, (i, j, k) cyclic."""
     return a[..., [1, 2, 0]], a[..., [2, 0, 1]]
 

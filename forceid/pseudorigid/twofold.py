@@ -17,7 +17,7 @@ ARRIVED = 1e-9  # rad: a step so short leaves its square, and less
 Twofold = tuple[Array, Array]
 
 
-def factors(F: Array) -> tuple[Array, Array, Array, Array]:
+def exact_factors(F: Array) -> tuple[Array, Array, Array, Array]:
     """The polar rotation Q of F (n, 3, 3), D and R of F = Q R^T D R, and a number with the sign of det F.
 
     Q, D (n, 3) and R mean nothing where det F <= 0.
@@ -25,19 +25,19 @@ def factors(F: Array) -> tuple[Array, Array, Array, Array]:
     with np.errstate(invalid="ignore"):  # what is not finite has no det > 0
         power = np.ldexp(1.0, np.frexp(np.abs(F).max((1, 2), initial=0.0))[1])[:, None, None]
         f = np.asarray(F / power)
-        det = determinant(f)
+        det = exact_determinant(f)
     fit = np.where((det > 0)[:, None, None], f, np.eye(3))
     L, D, R = np.linalg.svd(fit)
     flip = np.linalg.det(R) < 0  # both factors alike, as det F > 0
     R[flip, 2] *= -1
     L[:, :, 2] *= np.sign(np.linalg.det(L))[:, None]  # also where rounding had the sign of a tiny D wrong
-    D[:, 2] = determinant(fit) / (D[:, 0] * D[:, 1])
+    D[:, 2] = exact_determinant(fit) / (D[:, 0] * D[:, 1])
     return improved(fit, L @ R), D * power[:, 0], R, det
 
 
 def improved(F: Array, Q: Array) -> Array:
     """The polar rotation of F (n, 3, 3), from rotations near it, by Newton's rule on its quaternion."""
-    q = quaternion(Q)
+    q = quaternion_scalar_first(Q)
     moving = np.arange(len(F))
     for _ in range(JACOBI_ROUNDS):
         w, x, y, z = q[moving].T
@@ -50,16 +50,16 @@ def improved(F: Array, Q: Array) -> Array:
         moving = moving[a * a + b * b + c * c > ARRIVED**2]
         if not len(moving):
             break
-    return rotation(q)
+    return rotation_scalar_first(q)
 
 
-def determinant(F: Array) -> Array:
+def exact_determinant(F: Array) -> Array:
     """Determinants (n,) of F (n, 3, 3), exact but for the last rounding unless they cancel to 1e-30."""
     a, b, c = (F[:, i].T for i in range(3))
     total = (np.zeros(len(F)), np.zeros(len(F)))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        minor = add(product(b[j], c[k]), negative(product(b[k], c[j])))
-        total = add(total, scaled(minor, a[i]))
+        minor = add_twofold(two_product(b[j], c[k]), negative(two_product(b[k], c[j])))
+        total = add_twofold(total, scale_twofold(minor, a[i]))
     return np.asarray(total[0] + total[1])
 
 
@@ -69,25 +69,25 @@ def turned_back(q: Array, F: Array) -> tuple[Array, Array]:
     high = np.stack([entry[0] for entry in N], 1).reshape(-1, 3, 3)
 
     def entry(i: int, j: int) -> Twofold:
-        parts = [scaled(N[3 * k + i], F[:, k, j]) for k in range(3)]
-        return add(add(parts[0], parts[1]), parts[2])
+        parts = [scale_twofold(N[3 * k + i], F[:, k, j]) for k in range(3)]
+        return add_twofold(add_twofold(parts[0], parts[1]), parts[2])
 
-    differences = [add(entry(j, i), negative(entry(i, j))) for i, j in ((1, 2), (2, 0), (0, 1))]
+    differences = [add_twofold(entry(j, i), negative(entry(i, j))) for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack([d[0] + d[1] for d in differences], 1), high.swapaxes(1, 2) @ F
 
 
 def rotation_of_length(q: Array) -> list[Twofold]:
     """|q|^2 Q of quaternions q (n, 4), row by row: a rotation but for its length, however q was rounded."""
     w, x, y, z = q.T
-    ww, xx, yy, zz = (product(v, v) for v in (w, x, y, z))
-    wx, wy, wz = (product(w, v) for v in (x, y, z))
-    xy, xz, yz = product(x, y), product(x, z), product(y, z)
+    ww, xx, yy, zz = (two_product(v, v) for v in (w, x, y, z))
+    wx, wy, wz = (two_product(w, v) for v in (x, y, z))
+    xy, xz, yz = two_product(x, y), two_product(x, z), two_product(y, z)
 
     def diagonal(own: Twofold, one: Twofold, two: Twofold) -> Twofold:
-        return add(add(ww, own), negative(add(one, two)))
+        return add_twofold(add_twofold(ww, own), negative(add_twofold(one, two)))
 
     def twice(one: Twofold, two: Twofold) -> Twofold:
-        total = add(one, two)
+        total = add_twofold(one, two)
         return 2 * total[0], 2 * total[1]
 
     return [
@@ -97,7 +97,7 @@ def rotation_of_length(q: Array) -> list[Twofold]:
     ]  # fmt: skip
 
 
-def quaternion(Q: Array) -> Array:
+def quaternion_scalar_first(Q: Array) -> Array:
     """Quaternions (n, 4) as (w, x, y, z), of some length, of rotations Q: the longest row of 4 q q^T."""
     a, b, c = Q[:, 2, 1] - Q[:, 1, 2], Q[:, 0, 2] - Q[:, 2, 0], Q[:, 1, 0] - Q[:, 0, 1]
     d, e, f = Q[:, 0, 1] + Q[:, 1, 0], Q[:, 0, 2] + Q[:, 2, 0], Q[:, 1, 2] + Q[:, 2, 1]
@@ -114,7 +114,7 @@ def quaternion(Q: Array) -> Array:
     return np.asarray(rows[longest, :, np.arange(len(Q))])
 
 
-def rotation(q: Array) -> Array:
+def rotation_scalar_first(q: Array) -> Array:
     """Rotations (n, 3, 3) of quaternions (n, 4) of any length."""
     w, x, y, z = q.T
     s = 2.0 / (q * q).sum(1)
@@ -126,7 +126,7 @@ def rotation(q: Array) -> Array:
     return np.stack(rows, 1).reshape(-1, 3, 3)
 
 
-def product(a: Array, b: Array) -> Twofold:
+def two_product(a: Array, b: Array) -> Twofold:
     """The exact product (Dekker 1971)."""
     one, two = DEKKER * a, DEKKER * b
     a1, b1 = one - (one - a), two - (two - b)
@@ -135,16 +135,16 @@ def product(a: Array, b: Array) -> Twofold:
     return ab, a2 * b2 - (((ab - a1 * b1) - a2 * b1) - a1 * b2)
 
 
-def add(a: Twofold, b: Twofold) -> Twofold:
+def add_twofold(a: Twofold, b: Twofold) -> Twofold:
     """The sum; that of the high parts is exact (Knuth)."""
     s = a[0] + b[0]
     back = s - a[0]
     return s, (a[0] - (s - back)) + (b[0] - back) + (a[1] + b[1])
 
 
-def scaled(a: Twofold, b: Array) -> Twofold:
+def scale_twofold(a: Twofold, b: Array) -> Twofold:
     """A twofold number times a plain one."""
-    ab, low = product(a[0], b)
+    ab, low = two_product(a[0], b)
     return ab, low + a[1] * b
 
 

@@ -15,10 +15,10 @@ from forceid.records import Array
 ROTATION_ROUNDING = 1e-6  # of L^T L = I, that rounding of a rotation written to few digits may miss
 
 
-def numbers(value: Any, name: str, advice: str = "give real numbers") -> Array:
+def real_values(value: Any, name: str, advice: str = "give real numbers") -> Array:
     """An array of floats. DataError for text, None, complex numbers, lists that are no arrays.
 
-    >>> numbers([[1, 2]], "F").shape
+    >>> real_values([[1, 2]], "F").shape
     (1, 2)
     """
     try:
@@ -38,7 +38,7 @@ def tensors(value: Any, name: str = "F") -> Array:
     """
     A = value
     if not isinstance(A, np.ndarray) or A.dtype != np.float64:
-        A = numbers(value, name, "give matrices")
+        A = real_values(value, name, "give matrices")
     if A.shape[-2:] != (3, 3):
         raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, "give matrices")
     return np.asarray(A)
@@ -52,7 +52,7 @@ def matrices(value: Any, name: str, advice: str = "give matrices") -> Array:
     ...
     forceid.errors.DataError: F0 has shape (2, 2), expected (..., 3, 3); give matrices
     """
-    A = numbers(value, name, advice)
+    A = real_values(value, name, advice)
     if A.shape[-2:] != (3, 3):
         raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
     if not np.isfinite(A).all():
@@ -68,9 +68,9 @@ def matrix(value: Any, name: str) -> Array:
     return A
 
 
-def vector(value: Any, name: str) -> Array:
+def real_vector(value: Any, name: str) -> Array:
     """One finite vector (3,)."""
-    v = numbers(value, name)
+    v = real_values(value, name)
     if v.shape != (3,) or not np.isfinite(v).all():
         what = f"has shape {v.shape}, expected (3,)" if v.shape != (3,) else "is not finite"
         raise DataError(what, name, "give three finite numbers")
@@ -104,7 +104,7 @@ def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1
     ...
     forceid.errors.DataError: time is not a growing list of finite numbers; sort it and drop repeated samples
     """
-    t = numbers(value, name, "give instants in s")
+    t = real_values(value, name, "give instants in s")
     if t.ndim != 1 or len(t) < least or not np.isfinite(t).all():
         what = f"is not a list of {least} or more finite numbers"
         raise DataError(what, name, "give instants in s")

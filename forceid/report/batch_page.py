@@ -14,7 +14,7 @@ import numpy as np
 
 from forceid.records import Finding
 from forceid.report.numbers import digits, plus_minus, typeset
-from forceid.report.outliers import Outlier, find_outliers, size
+from forceid.report.outliers import Outlier, find_outliers, magnitude
 from forceid.report.picture import Picture, pictured
 from forceid.report.style import BLUE, STYLE, VERMILION, label, panels
 from forceid.report.template import render
@@ -91,7 +91,11 @@ def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier])
     if known:
         numbers = (
             *(
-                typeset(plus_minus(vector(record, f"{name}_rms"), vector(record, f"{name}_std"), unit))
+                typeset(
+                    plus_minus(
+                        three_numbers(record, f"{name}_rms"), three_numbers(record, f"{name}_std"), unit
+                    )
+                )
                 for name, unit in (("force", "N"), ("moment", "N m"))
             ),
             digits(number(record, "nis_mean")),
@@ -114,7 +118,7 @@ def link(path: Path, folder: Path) -> str:
     return quote(os.path.relpath(path, folder).replace(os.sep, "/"))
 
 
-def vector(record: Mapping[str, Any], name: str) -> Any:
+def three_numbers(record: Mapping[str, Any], name: str) -> Any:
     """Three numbers of a record, NaN where they are not known."""
     found = record.get(name)
     return np.full(3, np.nan) if found is None else np.array([np.nan if v is None else v for v in found])
@@ -161,7 +165,7 @@ def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -
     names = [str(record["file"]) for record in sorted(known, key=lambda r: str(r["file"]))]
     drawn = []
     for quantity, title, unit in (("nis_mean", "Mean NIS", "1"), ("runtime_s", "Run time", "s")):
-        by_file = {str(record["file"]): size(record.get(quantity)) for record in known}
+        by_file = {str(record["file"]): magnitude(record.get(quantity)) for record in known}
         values = np.array([by_file[name] for name in names])
         if np.isfinite(values).sum() > 1:
             drawn.append((quantity, title, unit, values))

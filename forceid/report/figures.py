@@ -36,7 +36,7 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
         plain.pop("moment", None)
     sides = (
         ("force", "Force", "N", estimate.force, estimate.force_std),
-        ("moment", f"Moment about {about(estimate)}", "N m", estimate.moment, estimate.moment_std),
+        ("moment", f"Moment about {moment_point(estimate)}", "N m", estimate.moment, estimate.moment_std),
     )
     known = False
     for column, (name, title, unit, values, std) in enumerate(sides):
@@ -127,11 +127,11 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
     return figure
 
 
-def about(estimate: Estimate) -> str:
+def moment_point(estimate: Estimate) -> str:
     """The point of the moment in words.
 
     >>> from types import SimpleNamespace
-    >>> about(SimpleNamespace(moment_about="mass_center"))
+    >>> moment_point(SimpleNamespace(moment_about="mass_center"))
     'the mass center'
     """
     return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about

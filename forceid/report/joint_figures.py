@@ -54,7 +54,7 @@ def joint_truth(time: Array, interface: Interface, k: int, truth: Mapping[str, A
         return nothing
     clock = truth.get("time", time)
     force, moment, point = (
-        at_times(time, clock, truth[f"joint_{what}"]) for what in ("force", "moment", "point")
+        resampled(time, clock, truth[f"joint_{what}"]) for what in ("force", "moment", "point")
     )
     apart = np.array([np.linalg.norm(rms(p - interface.point[:, k])) for p in np.moveaxis(point, 1, 0)])
     if not (apart < SAME_JOINT).any():
@@ -64,7 +64,7 @@ def joint_truth(time: Array, interface: Interface, k: int, truth: Mapping[str, A
     return np.concatenate([force[:, j], moment[:, j] + np.cross(arm, force[:, j])], 1)
 
 
-def at_times(time: Array, clock: Array, values: Array) -> Array:
+def resampled(time: Array, clock: Array, values: Array) -> Array:
     """Values (clock, ...) at `time`, NaN outside the clock."""
     columns = values.reshape(len(clock), -1).T
     found = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in columns]

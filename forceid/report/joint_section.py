@@ -10,7 +10,7 @@ import numpy as np
 from forceid.estimation.joints.null_space import listed, open_components, trading_joints
 from forceid.records import Array, Estimate, Interface
 from forceid.report.joint_figures import draw_joint, joint_truth
-from forceid.report.numbers import digits, mean, plain, plus_minus, positive, rms, typeset
+from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
 from forceid.report.picture import Picture, pictured
 
 JOINT_HEADLINE = {
@@ -49,7 +49,7 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
         headline=JOINT_HEADLINE[found.verdict.level],
         reasons=found.verdict.reasons,
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
-        rows=[joint_row(found, k) + [score(errors[k])] * known for k in range(len(found.name))],
+        rows=[joint_row(found, k) + [score_cell(errors[k])] * known for k in range(len(found.name))],
         facts=joint_facts(found),
         pictures=joint_pictures(estimate.time, found, truth or {}),
     )
@@ -73,11 +73,11 @@ def joint_errors(time: Array, found: Interface, k: int, truth: Mapping[str, Arra
     """Rms of error over sigma of force and moment (2,); NaN where no truth is known."""
     true = joint_truth(time, found, k, truth)
     error = np.concatenate([found.force[:, k], found.moment[:, k]], 1) - true
-    ratio = error / positive(np.concatenate([found.force_std[:, k], found.moment_std[:, k]], 1))
+    ratio = error / positive_or_nan(np.concatenate([found.force_std[:, k], found.moment_std[:, k]], 1))
     return np.array([np.sqrt(mean(rms(ratio[:, side]) ** 2)) for side in (slice(0, 3), slice(3, 6))])
 
 
-def score(errors: Array) -> str:
+def score_cell(errors: Array) -> str:
     """Errors over sigma in one cell."""
     return ", ".join(typeset(plain(e, 2)) if np.isfinite(e) else "–" for e in errors)
 

@@ -93,14 +93,14 @@ def contents(
     """Estimate, truth and title of a result; a tree is read as the file that it would be."""
     if isinstance(result, (str, Path)):
         known = read_truth(result) if truth is None else truth
-        return read_result(result), arrays(known), read_title(result)
+        return read_result(result), truth_arrays(known), read_title(result)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "result.h5"
         result.to_netcdf(path, engine="h5netcdf")
         return contents(path, truth)
 
 
-def arrays(truth: Mapping[str, Any]) -> dict[str, Array]:
+def truth_arrays(truth: Mapping[str, Any]) -> dict[str, Array]:
     """The variables of a truth as arrays, its time among them."""
     found = {str(name): np.asarray(values) for name, values in truth.items()}
     time = getattr(truth, "coords", {}).get("time")

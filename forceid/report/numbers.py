@@ -59,14 +59,14 @@ def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None)
         force_rms=rms(e.force),
         force_std=mean(e.force_std),
         force_error=rms(force_error),
-        force_score=rms(force_error / positive(e.force_std)),
+        force_score=rms(force_error / positive_or_nan(e.force_std)),
         force_closure=force_gap,
         force_closure_limit=force_limit,
         moment_mean=mean(e.moment),
         moment_rms=rms(e.moment),
         moment_std=mean(e.moment_std),
         moment_error=rms(moment_error),
-        moment_score=rms(moment_error / positive(e.moment_std)),
+        moment_score=rms(moment_error / positive_or_nan(e.moment_std)),
         moment_closure=moment_gap,
         moment_closure_limit=moment_limit,
     )
@@ -145,7 +145,7 @@ def rms(values: Array) -> Array:
     return np.sqrt(mean(values**2))
 
 
-def positive(std: Array) -> Array:
+def positive_or_nan(std: Array) -> Array:
     """A claimed deviation to divide by: NaN where nothing was claimed."""
     return np.where(std > 0, std, np.nan)
 

@@ -53,7 +53,7 @@ def find_outliers(records: Sequence[Mapping[str, Any]]) -> list[Outlier]:
     """
     found = []
     for quantity in QUANTITIES:
-        values = np.array([size(record.get(quantity)) for record in records])
+        values = np.array([magnitude(record.get(quantity)) for record in records])
         off = distances(values)
         found += [
             Outlier(
@@ -68,7 +68,7 @@ def find_outliers(records: Sequence[Mapping[str, Any]]) -> list[Outlier]:
     return sorted(found, key=lambda outlier: -abs(outlier.off))
 
 
-def size(value: Any) -> float:
+def magnitude(value: Any) -> float:
     """A number, or the length of a vector; NaN where it is not known or not positive."""
     if value is None:
         return np.nan

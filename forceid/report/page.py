@@ -37,7 +37,7 @@ def render_page(
         e=estimate,
         headline=PAGE_HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
-        rows=[*table(quoted), *beside(estimate.witness)],
+        rows=[*wrench_rows(quoted), *witness_rows(estimate.witness)],
         joints=joint_section(estimate, truth),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
@@ -106,7 +106,7 @@ def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
     ]
 
 
-def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
+def wrench_rows(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
     """Rows of the table of numbers: name, unit, one text an axis; rows that nobody knows are left out."""
     rows = []
     for name, unit, momentum in (("force", "N", "momentum"), ("moment", "N m", "angular momentum")):
@@ -124,7 +124,7 @@ def table(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
     return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
 
 
-def beside(witness: Witness | None) -> list[tuple[str, str, list[str]]]:
+def witness_rows(witness: Witness | None) -> list[tuple[str, str, list[str]]]:
     """Rows of the same table on the plain route: its cut-off, and how far the estimate is from it."""
     if witness is None:
         return []

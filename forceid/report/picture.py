@@ -48,24 +48,24 @@ def in_words(figure: Figure) -> str:
 
 def panel(ax: Axes) -> str:
     """One panel in words."""
-    title = plain(ax.get_title(loc="left") or ax.get_title())
+    title = without_typesetting(ax.get_title(loc="left") or ax.get_title())
     lead = f"{title}: " if title else ""
     if not ax.has_data():
-        return lead + (", ".join(plain(text.get_text()) for text in ax.texts) or "empty")
+        return lead + (", ".join(without_typesetting(text.get_text()) for text in ax.texts) or "empty")
     if ax.name == "3d":
         limits = ax.get_xlim(), ax.get_ylim(), ax.get_zlim()  # type: ignore[attr-defined]
         names = ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()  # type: ignore[attr-defined]
-        return lead + ", ".join(span(name, ends) for name, ends in zip(names, limits, strict=True))
-    across = f" over {span(ax.get_xlabel(), ax.dataLim.intervalx)}" if ax.get_xlabel() else ""
-    return lead + span(ax.get_ylabel() or "values", ax.dataLim.intervaly) + across
+        return lead + ", ".join(axis_range(name, ends) for name, ends in zip(names, limits, strict=True))
+    across = f" over {axis_range(ax.get_xlabel(), ax.dataLim.intervalx)}" if ax.get_xlabel() else ""
+    return lead + axis_range(ax.get_ylabel() or "values", ax.dataLim.intervaly) + across
 
 
-def span(name: str, ends: Iterable[float]) -> str:
+def axis_range(name: str, ends: Iterable[float]) -> str:
     """What an axis shows, and between which values."""
     low, high = sorted(ends)
-    return f"{plain(name)} from {low:.3g} to {high:.3g}"
+    return f"{without_typesetting(name)} from {low:.3g} to {high:.3g}"
 
 
-def plain(text: str) -> str:
+def without_typesetting(text: str) -> str:
     """A label without its typesetting."""
     return re.sub(r"[$\\\\{}]", "", " ".join(text.split()))

@@ -10,7 +10,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from forceid import __version__
 
 
-def read(name: str) -> str:
+def read_template(name: str) -> str:
     """A template of this package."""
     return files("forceid.report").joinpath(name).read_text("utf-8")
 
@@ -22,6 +22,6 @@ def render(name: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
-        loader=FunctionLoader(read),
+        loader=FunctionLoader(read_template),
     )
     return environment.get_template(name).render(version=__version__, **values)

@@ -66,7 +66,7 @@ def draw_innovations(estimate: Estimate) -> Figure:
     for ax in (series, squares):
         ax.margins(x=0.01)
     for column in white.T:
-        rho = autocorrelation(column)
+        rho = correlogram(column)
         lags.plot(np.arange(1, len(rho) + 1), rho, ".", ms=4, alpha=0.6, color=BLUE, mew=0)
     bound = 2 / np.sqrt(max(1, int(np.isfinite(white).sum(axis=0).min())))
     for level in (-bound, bound):
@@ -88,10 +88,10 @@ def channels(innovation: Array) -> Array:
     return held[:, :: max(1, -(-held.shape[1] // CHANNELS_DRAWN))]
 
 
-def autocorrelation(values: Array) -> Array:
+def correlogram(values: Array) -> Array:
     """Correlation of values (time,) with themselves at lags 1, 2, ...; gaps count as nothing.
 
-    >>> autocorrelation(np.array([1.0, -1.0] * 50))[:2].round(2)
+    >>> correlogram(np.array([1.0, -1.0] * 50))[:2].round(2)
     array([-0.99,  0.98])
     """
     x = np.nan_to_num(values - np.nanmean(values))

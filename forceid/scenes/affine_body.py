@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic
-from forceid.scenes.mechanics import KnownFlight, deforming_truth, integrate
+from forceid.scenes.mechanics import KnownFlight, deforming_truth, solve_ode
 
 AFFINE_TOLERANCE = 1e-12
 
@@ -65,7 +65,7 @@ class AffineMotion:
     dF: Array
 
 
-def trajectory(throw: AffineThrow, time: Array) -> AffineMotion:
+def affine_motion(throw: AffineThrow, time: Array) -> AffineMotion:
     """The motion at `time` (time,) s."""
     E_inverse, mass = np.linalg.inv(throw.second_moment), throw.mass.sum()
 
@@ -76,7 +76,7 @@ def trajectory(throw: AffineThrow, time: Array) -> AffineMotion:
 
     dF = np.cross(throw.spin, throw.R, axisb=0, axisc=0) + throw.R @ throw.stretch_rate
     start = np.concatenate([throw.center, throw.velocity, throw.R.ravel(), dF.ravel()])
-    y = integrate(rate, start, time, AFFINE_TOLERANCE)
+    y = solve_ode(rate, start, time, AFFINE_TOLERANCE)
     return AffineMotion(y[:, :3], y[:, 3:6], y[:, 6:15].reshape(-1, 3, 3), y[:, 15:].reshape(-1, 3, 3))
 
 
@@ -87,7 +87,7 @@ def fly_affine(throw: AffineThrow, node: tuple[str, ...], time: Array) -> KnownF
     applied_first_moment N F^T, without the stress in it; both (time, 3, 3) N m, about the mass center, world
     axes, row: of the force, column: of its arm. Half of their difference from their transpose is the moment.
     """
-    motion = trajectory(throw, time)
+    motion = affine_motion(throw, time)
     f, N = throw.loads(time)
     stress = np.array([throw.gradient(F) for F in motion.F])
     x = motion.center[:, None] + np.einsum("tab,nb->tna", motion.F, throw.rest)
@@ -102,6 +102,6 @@ def fly_affine(throw: AffineThrow, node: tuple[str, ...], time: Array) -> KnownF
     return KnownFlight(Body(node=node, position=throw.rest, mass=throw.mass), x, throw.gravity, truth)
 
 
-def rotation(turn: tuple[float, float, float]) -> Array:
+def rotation_of(turn: tuple[float, float, float]) -> Array:
     """Rotation matrix (3, 3) of a rotation vector."""
     return np.asarray(Rotation.from_rotvec(turn).as_matrix())

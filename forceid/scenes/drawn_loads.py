@@ -102,12 +102,12 @@ class Drawn:
         )
 
 
-def draw(std: float, rate: float, span: float, rng: np.random.Generator) -> Drawn:
+def draw_matern(std: float, rate: float, span: float, rng: np.random.Generator) -> Drawn:
     """A Matern load of three independent components: std N or N m, rate 1/s, for a record of `span` s.
 
     Source: principal equations 4e.
 
-    >>> load = draw(2.0, 12.0, 400.0, np.random.default_rng(0))
+    >>> load = draw_matern(2.0, 12.0, 400.0, np.random.default_rng(0))
     >>> bool(np.isclose(load.at(np.arange(0, 400, 0.5)).std(), 2.0, rtol=0.1))
     True
     """
@@ -126,7 +126,7 @@ def draw(std: float, rate: float, span: float, rng: np.random.Generator) -> Draw
 def draw_periodic(std: ArrayLike, rate: float, rng: np.random.Generator) -> Drawn:
     """Independent Matern loads of std (load,) N or N m, rate 1/s, that repeat themselves after PERIOD s.
 
-    Sines at all its harmonics up to HIGHEST; rougher than those of `draw`: differentiable once.
+    Sines at all its harmonics up to HIGHEST; rougher than those of `draw_matern`: differentiable once.
 
     >>> load = draw_periodic([1.0, 0.0], 12.0, np.random.default_rng(0))
     >>> bool(np.allclose(load.at(np.array([0.5])), load.at(np.array([0.5 + PERIOD]))))

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic
-from forceid.scenes.jointed_blocks import Chain, ChainState, skew, solve_joints
-from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, integrate
+from forceid.scenes.jointed_blocks import Chain, ChainState, cross_matrices, solve_joints
+from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, solve_ode
 
 Positive = Annotated[float, Field(gt=0.0)]
 Size = tuple[Positive, Positive, Positive]
@@ -71,7 +71,7 @@ class Parameters(Section):
         return self
 
 
-def chain_of(parameters: Parameters) -> Chain:
+def chain_constants(parameters: Parameters) -> Chain:
     """The constants that the parameters describe."""
     p = parameters
     mass, size = np.array(p.mass), np.array(p.size)
@@ -101,7 +101,7 @@ def drawn(parameters: Parameters) -> Callable[[float], tuple[Array, Array]]:
     return split
 
 
-def launch(p: Parameters, chain: Chain) -> ChainState:
+def straight_chain(p: Parameters, chain: Chain) -> ChainState:
     """The straight chain at t = 0, moving as its joints allow."""
     turn = Rotation.from_rotvec(p.turn).as_matrix()
     n = len(chain.mass)
@@ -116,9 +116,9 @@ def launch(p: Parameters, chain: Chain) -> ChainState:
     return ChainState(place - share @ place + p.center, drift - share @ drift + p.velocity, R, omega)
 
 
-def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
+def chain_states(parameters: Parameters, time: Array) -> list[ChainState]:
     """The chain at each of `time` (time,) s."""
-    p, chain, loads = parameters, chain_of(parameters), drawn(parameters)
+    p, chain, loads = parameters, chain_constants(parameters), drawn(parameters)
     n = len(chain.mass)
 
     def unpack(y: Array) -> ChainState:
@@ -128,18 +128,18 @@ def trajectory(parameters: Parameters, time: Array) -> list[ChainState]:
     def rate(t: float, y: Array) -> Array:
         now = unpack(y)
         a, _, _ = solve_joints(chain, now, loads(t))
-        turning = skew(now.omega) @ now.R
+        turning = cross_matrices(now.omega) @ now.R
         return np.concatenate([now.velocity.ravel(), a[:, :3].ravel(), turning.ravel(), a[:, 3:].ravel()])
 
-    start = launch(p, chain)
+    start = straight_chain(p, chain)
     y0 = np.concatenate([start.center.ravel(), start.velocity.ravel(), start.R.ravel(), start.omega.ravel()])
-    return [unpack(y) for y in integrate(rate, y0, time, CHAIN_TOLERANCE)]
+    return [unpack(y) for y in solve_ode(rate, y0, time, CHAIN_TOLERANCE)]
 
 
 def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The flying chain at `time` (time,) s; node a1 is the first corner of the first block."""
-    p, chain, loads = parameters, chain_of(parameters), [drawn(parameters)(t) for t in time]
-    states = trajectory(p, time)
+    p, chain, loads = parameters, chain_constants(parameters), [drawn(parameters)(t) for t in time]
+    states = chain_states(p, time)
     size = np.array(p.size)
     ends = np.cumsum(size[:, 0])
     middle = np.zeros((len(size), 3))

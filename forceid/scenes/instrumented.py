@@ -83,7 +83,7 @@ class Parameters(Section):
         return self
 
 
-def body(parameters: Parameters) -> Body:
+def instrumented_body(parameters: Parameters) -> Body:
     """The body as a motion file describes it: known as a whole, markers without mass, sensors mounted."""
     p = parameters
     return Body(
@@ -107,7 +107,9 @@ def fly(parameters: Parameters, time: Array) -> KnownFlight:
         return swung(p.force, t), swung(p.moment, t)
 
     truth = fly_rigid(p.total_mass, np.array(p.inertia), wrench, start, np.array(p.gravity), time)
-    return KnownFlight(body(p), rigid_positions(truth, np.array(p.position)), np.array(p.gravity), truth)
+    return KnownFlight(
+        instrumented_body(p), rigid_positions(truth, np.array(p.position)), np.array(p.gravity), truth
+    )
 
 
 def swung(swings: tuple[Sine, ...], t: float) -> Array:
@@ -133,7 +135,7 @@ def readings(parameters: Parameters, truth: dict[str, Array]) -> tuple[Array, Ar
     return np.stack(gyro, 1), np.stack(accelerometer, 1)
 
 
-def measure(
+def sensor_channels(
     parameters: Parameters, seen: dict[str, Array], truth: dict[str, Array], rng: np.random.Generator
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """The channels of the motion file: those already seen, thinned or taken away, and those of the sensors.

@@ -52,7 +52,7 @@ class ChainState:
     omega: Array
 
 
-def skew(a: Array) -> Array:
+def cross_matrices(a: Array) -> Array:
     """[a]x of vectors (..., 3)."""
     x, y, z = np.moveaxis(a, -1, 0)
     o = np.zeros_like(x)
@@ -90,8 +90,8 @@ def solve_joints(chain: Chain, now: ChainState, loads: tuple[Array, Array]) -> t
     for j, kind in enumerate(chain.kind):
         before, behind = R[j] @ chain.arms[j, 0], R[j + 1] @ chain.arms[j, 1]
         G = np.zeros((5 if kind == "hinge" else 3, n, 6))
-        G[:3, j, :3], G[:3, j, 3:] = -np.eye(3), skew(before)
-        G[:3, j + 1, :3], G[:3, j + 1, 3:] = np.eye(3), -skew(behind)
+        G[:3, j, :3], G[:3, j, 3:] = -np.eye(3), cross_matrices(before)
+        G[:3, j + 1, :3], G[:3, j + 1, 3:] = np.eye(3), -cross_matrices(behind)
         late = np.cross(w[j], np.cross(w[j], before)) - np.cross(w[j + 1], np.cross(w[j + 1], behind))
         if kind == "hinge":
             e, u = R[j] @ chain.axis[j], chain.across[j] @ R[j + 1].T

@@ -29,7 +29,7 @@ class KnownFlight:
     truth: dict[str, Array]
 
 
-def integrate(rate: Callable[[float, Array], Array], start: Array, time: Array, tolerance: float) -> Array:
+def solve_ode(rate: Callable[[float, Array], Array], start: Array, time: Array, tolerance: float) -> Array:
     """States (time, state) of `rate(t, state)` from `start` at t = 0, by DOP853 to `tolerance`."""
     end = max(float(time[-1]), np.finfo(float).tiny)
     solution = solve_ivp(rate, (0.0, end), start, "DOP853", time, rtol=tolerance, atol=tolerance)
@@ -47,7 +47,7 @@ def integrate_nodes(
         x, v = y[:n].reshape(x0.shape), y[n:].reshape(x0.shape)
         return np.concatenate([y[n:], acceleration(t, x, v).ravel()])
 
-    states = integrate(rate, np.concatenate([x0.ravel(), v0.ravel()]), time, 1e-11)
+    states = solve_ode(rate, np.concatenate([x0.ravel(), v0.ravel()]), time, 1e-11)
     x, v = states[:, :n], states[:, n:]
     return x.reshape(-1, *x0.shape), v.reshape(-1, *x0.shape)
 

@@ -20,7 +20,7 @@ MASS = np.array([0.03, 0.05, 0.04])
 REST = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, -0.25]])
 REST_ANGLE = -np.pi / 2.0
 
-Pair = tuple[float, float]
+PlanarVector = tuple[float, float]
 
 
 class Parameters(Section):
@@ -29,13 +29,13 @@ class Parameters(Section):
     gravity m/s2 in the plane; at t = 0: velocity m/s of the mass center and spin rad/s.
     """
 
-    arm_stiffness: Pair = (2000.0, 1500.0)
+    arm_stiffness: PlanarVector = (2000.0, 1500.0)
     hinge_stiffness: float = 40.0
     damping_time: float = 1e-3
-    load: tuple[Pair, Pair, Pair] = ((0.4, -0.2), (0.1, 0.7), (-0.3, 0.5))
+    load: tuple[PlanarVector, PlanarVector, PlanarVector] = ((0.4, -0.2), (0.1, 0.7), (-0.3, 0.5))
     load_frequency: float = 2.0
-    gravity: Pair = (0.0, -9.81)
-    velocity: Pair = (3.0, 4.0)
+    gravity: PlanarVector = (0.0, -9.81)
+    velocity: PlanarVector = (3.0, 4.0)
     spin: float = 8.0 * np.pi
 
 

@@ -47,7 +47,7 @@ SCENES = {
     "flexible_boomerang": Scene(flexible_boomerang.Parameters, flexible_boomerang.fly),
     "frisbee": Scene(frisbee.Parameters, frisbee.fly),
     "hinged": Scene(hinged.Parameters, hinged.fly),
-    "instrumented": Scene(instrumented.Parameters, instrumented.fly, instrumented.measure),
+    "instrumented": Scene(instrumented.Parameters, instrumented.fly, instrumented.sensor_channels),
     "particle": Scene(particle.Parameters, particle.fly),
     "planar_boomerang": Scene(planar_boomerang.Parameters, planar_boomerang.fly),
     "spinner": Scene(spinner.Parameters, spinner.fly),

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.records import Array
-from forceid.scenes.mechanics import integrate
+from forceid.scenes.mechanics import solve_ode
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def fly_rigid(
 
     H0 = start.R @ inertia @ start.R.T @ start.omega
     state0 = np.concatenate([start.center, start.velocity, start.R.ravel(), H0])
-    states = integrate(rate, state0, time, 1e-13)
+    states = solve_ode(rate, state0, time, 1e-13)
     instants = [unpack(y) for y in states]
     wrenches = [wrench(t, now) for t, now in zip(time, instants, strict=True)]
     return {

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from forceid.config import Section, Vector
 from forceid.records import Array
-from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation
+from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation_of
 from forceid.scenes.mechanics import KnownFlight
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -44,7 +44,7 @@ class Parameters(Section):
     spin: Vector = (1.5, 1.0, 9.0)
 
 
-def rest_shape(parameters: Parameters) -> Array:
+def corner_positions(parameters: Parameters) -> Array:
     """Corners (node, 3) m of the block free of stress."""
     return np.asarray(CORNERS * np.array(parameters.size))
 
@@ -60,9 +60,9 @@ def gradient(parameters: Parameters, F: Array) -> Array:
 
 def throw(parameters: Parameters) -> AffineThrow:
     """The block as it is thrown, free of stress."""
-    p, R = parameters, rotation(parameters.turn)
+    p, R = parameters, rotation_of(parameters.turn)
     return AffineThrow(
-        np.full(8, p.mass / 8), rest_shape(p), lambda F: gradient(p, F), np.array(p.gravity),
+        np.full(8, p.mass / 8), corner_positions(p), lambda F: gradient(p, F), np.array(p.gravity),
         np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin), np.zeros((3, 3)),
         p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
     )  # fmt: skip

@@ -48,7 +48,7 @@ class Parameters(Section):
         return self
 
 
-def body(parameters: Parameters) -> Body:
+def top_body(parameters: Parameters) -> Body:
     """The top as a motion file describes it."""
     p = parameters
     node, X = tuple(f"marker_{i + 1}" for i in range(len(p.position))), np.array(p.position)
@@ -61,7 +61,7 @@ def body(parameters: Parameters) -> Body:
 def fly(parameters: Parameters, time: Array) -> KnownFlight:
     """The tumbling top at `time` (time,) s. ConfigError: no rotation about some axis has any inertia."""
     p = parameters
-    top, X, gravity = body(p), np.array(p.position), np.array(p.gravity)
+    top, X, gravity = top_body(p), np.array(p.position), np.array(p.gravity)
     if p.mass:
         mass = np.array(p.mass)
         middle = center_of(mass, X)

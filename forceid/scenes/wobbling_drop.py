@@ -13,7 +13,7 @@ from pydantic import Field
 
 from forceid.config import Section, Vector
 from forceid.records import Array
-from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation
+from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation_of
 from forceid.scenes.mechanics import KnownFlight
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -68,7 +68,7 @@ def gradient(parameters: Parameters, F: Array) -> Array:
 
 def throw(parameters: Parameters) -> AffineThrow:
     """The round drop as it is struck."""
-    p, R = parameters, rotation(parameters.turn)
+    p, R = parameters, rotation_of(parameters.turn)
     return AffineThrow(
         np.full(12, p.mass / 12), p.radius * CORNERS, lambda F: gradient(p, F), np.array(p.gravity),
         np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin),

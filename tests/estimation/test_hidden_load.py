@@ -13,7 +13,7 @@ from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
-from forceid.kalman.lines import candidates, find_line
+from forceid.kalman.lines import find_line, line_candidates
 from forceid.records import HiddenLoad
 from forceid.scenes.recipe import SceneRecipe, simulate
 
@@ -39,7 +39,7 @@ def found(channel: Channel, frequency: float) -> bool:
     """Whether the search that a flight runs finds the line, of which nobody named the frequency."""
     model = channel_model(channel, PRIOR)
     filtered = engine().filter(model, channel.moved)
-    tried = candidates(TIME, filtered.innovation, 0.0, [])[:2]
+    tried = line_candidates(TIME, filtered.innovation, 0.0, [])[:2]
     lines = [line for c in tried for line in find_line(model, filtered, TIME, PRIOR.axes, c)]
     return any(abs(line.frequency - frequency) * TIME[-1] < 1 for line in lines)
 

@@ -331,7 +331,7 @@ def test_a_part_may_be_given_with_its_mass_and_without_the_masses_of_its_nodes()
     recording = seen(parameters, 0)
     settings = jointed(parameters, method="spline")
     expected = joint_forces(recording, settings, estimate_whole)
-    J = hinged.chain_of(parameters).inertia[1].tolist()
+    J = hinged.chain_constants(parameters).inertia[1].tolist()
     b = {"name": "b", "nodes": range(8, 16), "mass": 0.25, "center": (0.33, 0.0, 0.0), "inertia": J}
     told = settings.model_dump(mode="json") | {"part": [settings.part[0].model_dump(mode="json"), b]}
     found = joint_forces(recording, Settings.model_validate(told), estimate_whole)

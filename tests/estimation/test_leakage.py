@@ -92,7 +92,7 @@ def test_rotation_sigma_is_what_noise_does_to_a_fit():
 
 def test_rigid_fit_takes_of_a_mode_what_it_takes_of_the_mode_drawn_on_the_markers():
     # a mode of the first node alone, given: the fit's leak is found by moving the markers by it
-    from forceid.motion.modes import split
+    from forceid.motion.modes import split_rigid
     from forceid.motion.pose import fit_pose
 
     recording = cf.toss()
@@ -102,7 +102,7 @@ def test_rigid_fit_takes_of_a_mode_what_it_takes_of_the_mode_drawn_on_the_marker
     kin = kinematics(body, recording.motion, load_settings(model="rigid"))
     found = leakage(body, kin)
     assert found.name == ("mode 1 (12 Hz)",)
-    shape = split(raw, kin.shape, kin.inertia.weight)[1][0]
+    shape = split_rigid(raw, kin.shape, kin.inertia.weight)[1][0]
     size = 1e-6
     pose = fit_pose((kin.shape + size * shape)[None], kin.shape, np.ones(6), cf.NOISE**2 * np.eye(18))
     moved = (pose.center + np.einsum("tab,nb->tna", pose.rotation, kin.shape) - kin.shape)[0]

@@ -15,7 +15,7 @@ from forceid.estimation.verdict import body_errors as wrong
 from forceid.estimation.verdict import sensitivity as sn
 from forceid.files.hdf5 import read_motion
 from forceid.kalman.engines import engine
-from forceid.motion.modes import split
+from forceid.motion.modes import split_rigid
 from forceid.records import Motion, Recording
 from forceid.scenes import flexible_boomerang as scene
 from forceid.scenes.springs import spring_stiffness
@@ -154,7 +154,7 @@ def test_wrong_mode_shapes_cost_what_the_budget_says():
     assert len(kin.shapes) == 3
     change = 0.05 * np.sqrt((modes**2).mean((1, 2)))[:, None, None] * rng.standard_normal(modes.shape)
     force, moment = found_bias(recording, solution, replace(body, mode_shape=modes + change), settings)
-    flat = [split(m, kin.shape, scene.MASS)[1].reshape(3, -1).T for m in (modes, modes + change)]
+    flat = [split_rigid(m, kin.shape, scene.MASS)[1].reshape(3, -1).T for m in (modes, modes + change)]
     mix = np.linalg.lstsq(flat[0], kin.shapes.reshape(3, -1).T, rcond=None)[0]
     off = ((flat[1] - flat[0]) @ mix).T.reshape(kin.shapes.shape)
     bias = wrong.wrong_shape(motion_of(solution), solution.deformation.amplitude, off)

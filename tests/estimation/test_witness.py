@@ -22,14 +22,14 @@ from forceid.estimation.witness.witness import (
 )
 from forceid.files.result import read_result, write_result
 from forceid.records import Body
-from forceid.scenes.drawn_loads import draw
+from forceid.scenes.drawn_loads import draw_matern
 
 
 def pushed(seed, frames=200, rate=100.0):
     """Markers of a body that does not turn, of which the force is drawn, and the force."""
     rng = np.random.default_rng(seed)
     t = np.arange(frames) / rate
-    load = draw(10 ** rng.uniform(-1, 1), rng.uniform(3, 40), t[-1], rng)
+    load = draw_matern(10 ** rng.uniform(-1, 1), rng.uniform(3, 40), t[-1], rng)
     still = cf.toss(t, spin=(1e-9, 0.0), noise=0.0)
     path = still.motion.position + ((load.second(t) - cf.FORCE * t[:, None] ** 2 / 2) / cf.MASS)[:, None]
     noise = 10 ** rng.uniform(-4, -2.5)

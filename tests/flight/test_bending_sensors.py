@@ -16,7 +16,7 @@ from forceid.flight.vibration import Vibration
 from forceid.motion.frames import Frames
 from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp
-from forceid.motion.products import products
+from forceid.motion.products import inertia_products
 
 MASS = np.array([0.05, 0.03, 0.04, 0.02])
 X = np.array([[0.2, 0.0, 0.02], [-0.1, 0.15, 0.0], [-0.1, -0.15, -0.02], [0.0, 0.0, 0.05]])
@@ -60,7 +60,7 @@ def flown():
         magnetometer[:, s] = FIELD @ axes
         place = center + np.einsum("tab,tb->ta", R, POINTS[s] + q @ Phi[s])
         accelerometer[:, s] = np.einsum("tab,ta->tb", axes, smooth(place)(TIME, 2))
-    weighs = products(MASS, X, SHAPES)
+    weighs = inertia_products(MASS, X, SHAPES)
     J, h = weighs.of(q, rate)
     moved = Moved(
         R, H, smooth(H)(TIME, 1), MASS.sum() * smooth(center)(TIME, 2), MASS.sum(),

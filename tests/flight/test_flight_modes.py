@@ -17,13 +17,13 @@ from forceid.flight.vibration import STATES, Vibration
 from forceid.kalman.engines import engine
 from forceid.motion.frames import Frames
 from forceid.motion.pose import exp, log
-from forceid.motion.products import products
+from forceid.motion.products import inertia_products
 
 MASS = np.array([0.05, 0.03, 0.04, 0.02])
 X = np.array([[0.2, 0.0, 0.02], [-0.1, 0.15, 0.0], [-0.1, -0.15, -0.02], [0.0, 0.0, 0.05]])
 X = X - MASS @ X / MASS.sum()
 SHAPES = np.random.default_rng(1).standard_normal((2, 4, 3))
-WHOLE = products(MASS, X, SHAPES)
+WHOLE = inertia_products(MASS, X, SHAPES)
 VIBRATION = Vibration(
     np.array([330.0, 120.0]), np.array([5.0, 40.0]), np.array([1e-3, 2e-3]), np.array([30.0, 20.0])
 )

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from forceid.errors import EstimationError
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern, smooth
-from forceid.kalman.fit import derivatives, tune
+from forceid.kalman.fit import model_derivatives, tune
 from forceid.kalman.process import integrate
 
 STEP = 0.02
@@ -49,7 +49,9 @@ def test_derivatives_by_complex_step_are_those_by_difference():
     def real_only(p):
         return driven_mass(np.array([float(v.real) for v in p]) if np.iscomplexobj(p) else p)
 
-    for exact, rough in zip(derivatives(driven_mass, TRUTH), derivatives(real_only, TRUTH), strict=True):
+    for exact, rough in zip(
+        model_derivatives(driven_mass, TRUTH), model_derivatives(real_only, TRUTH), strict=True
+    ):
         for name in ("F", "Q", "R", "P0"):
             a, b = getattr(exact, name), getattr(rough, name)
             np.testing.assert_allclose(a, b, atol=1e-6 * max(1e-12, np.abs(a).max()))

@@ -13,7 +13,16 @@ from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
-from forceid.kalman.lines import Candidate, Line, candidates, evidence, excite, find_line, let_drift, whiten
+from forceid.kalman.lines import (
+    Candidate,
+    Line,
+    excite,
+    find_line,
+    let_drift,
+    line_candidates,
+    line_evidence,
+    whiten,
+)
 
 MASS, STEP, COUNT, NOISE = 0.13, 2e-3, 400, 1e-4
 TIME = STEP * np.arange(COUNT)
@@ -132,7 +141,7 @@ def test_evidence_is_the_likelihood_that_the_model_with_the_line_gains():
     information = np.einsum("tcafi,tcbfj->faibj", white, white)[0]
     told = np.einsum("tcafi,tc->fai", white, filtered.innovation)[0]
     for axes in ((0,), (0, 2)):
-        gained, std = evidence(information, told, axes)
+        gained, std = line_evidence(information, told, axes)
         lines = tuple(line(std=std, axis=a) for a in axes)
         expected = float(log_likelihood(model_of(lines), z)) - float(log_likelihood(model, z))
         assert gained == pytest.approx(expected, abs=1e-5)
@@ -183,12 +192,12 @@ def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_wh
     rng = np.random.default_rng(40)
     white = rng.standard_normal((COUNT, 3))
     white[:, 1] += 0.8 * np.sin(2 * np.pi * 20.2 * TIME)
-    assert candidates(TIME, white, 10.0, []) == [Candidate(20.0, named=True)]
-    (other,) = candidates(TIME, white, 0.0, [])
+    assert line_candidates(TIME, white, 10.0, []) == [Candidate(20.0, named=True)]
+    (other,) = line_candidates(TIME, white, 0.0, [])
     assert other.frequency == pytest.approx(20.2, abs=0.6 / SPAN)
     assert not other.named
-    assert candidates(TIME, white, 10.0, [20.2]) == []
-    quiet = [candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0, []) for _ in range(50)]
+    assert line_candidates(TIME, white, 10.0, [20.2]) == []
+    quiet = [line_candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0, []) for _ in range(50)]
     assert sum(map(len, quiet)) <= 1
 
 

@@ -21,7 +21,7 @@ ENGINES = ["auto", "numpy"]
 def given_to_passes(model, z):
     """F, Q, H, R, P0, seen, steady; without P0."""
     F, Q, H, R, _ = linear.arrays(model, z)
-    seen, steady = linear.pattern(z), linear.constant(model)
+    seen, steady = linear.pattern(z), linear.time_invariant(model)
     return (F, Q, H, R, model.P0, seen, steady), (F, Q, H, R, seen, steady)
 
 
@@ -32,12 +32,12 @@ def expanded(start, runs, time):
 def smoothed_by_factors(model, z):
     """Covariances of filter and smoother (time, state, state), of the array form alone."""
     forward, backward = given_to_passes(model, z)
-    (start, _, P, _, _, failed), C = square_root.covariance_pass(*forward)
-    last, U, failed_later = square_root.information_pass(*backward)
+    (start, _, P, _, _, failed), C = square_root.array_covariance_pass(*forward)
+    last, U, failed_later = square_root.array_information_pass(*backward)
     assert (failed, failed_later) == (-1, -1)
     C = expanded(start, C, len(z))
     U = expanded(np.append(last[1:] + 1, 0)[::-1], U[::-1], len(z))
-    return expanded(start, P, len(z)), square_root.combine(C, U)
+    return expanded(start, P, len(z)), square_root.combine_factors(C, U)
 
 
 def apart(a, b):
@@ -85,24 +85,27 @@ def test_elimination_is_the_schur_complement(seed, m, extra):
 def test_array_form_is_the_plain_form_where_that_loses_nothing(case):
     model, z = case
     forward, backward = given_to_passes(model, z)
-    plain, (factors, C) = passes.covariance_pass(*forward), square_root.covariance_pass(*forward)
+    plain, (factors, C) = passes.covariance_pass(*forward), square_root.array_covariance_pass(*forward)
     assert plain[5] == factors[5] == -1
     ours, theirs = ([expanded(a[0], b, len(z)) for b in a[1:5]] for a in (factors, plain))
     for a, b in zip(ours, theirs, strict=True):  # P_pred, P, K, W
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
     last, later, _ = passes.information_pass(*backward)
-    last_too, U, _ = square_root.information_pass(*backward)
+    last_too, U, _ = square_root.array_information_pass(*backward)
     later, U = (
         expanded(np.append(at[1:] + 1, 0)[::-1], a[::-1], len(z)) for at, a in ((last, later), (last_too, U))
     )
     np.testing.assert_allclose(U.swapaxes(1, 2) @ U, later, rtol=0, atol=1e-9 * np.abs(later).max())
-    assert apart(square_root.combine(expanded(factors[0], C, len(z)), U), combine(theirs[1], later)) < 1e-9
+    assert (
+        apart(square_root.combine_factors(expanded(factors[0], C, len(z)), U), combine(theirs[1], later))
+        < 1e-9
+    )
 
 
 @pytest.mark.parametrize("case", [*map(hard_case, range(4)), *map(stable, range(4))])
 def test_models_that_lose_nothing_stay_with_the_engine(case):
     forward, _ = given_to_passes(*case)
-    runs, C = conditioning.covariance_pass(passes.covariance_pass, *forward)
+    runs, C = conditioning.mended_covariance_pass(passes.covariance_pass, *forward)
     assert C is None
     np.testing.assert_array_equal(runs[2], passes.covariance_pass(*forward)[2])
 
@@ -222,7 +225,7 @@ def test_stretches_that_lose_digits_are_mended_where_they_are(engine):
     H, R = np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 1]]), 1e-6 * np.eye(3)
     model, z = kalman.StateSpace(F, Q, H, R, np.zeros(3), np.eye(3)), np.zeros((200, 3))
     forward, _ = given_to_passes(model, z)
-    runs, C = conditioning.covariance_pass(linear_engine(engine).covariance_pass, *forward)
+    runs, C = conditioning.mended_covariance_pass(linear_engine(engine).covariance_pass, *forward)
     rooted = np.isfinite(C[:, 0, 0])
     assert rooted[[61, 151]].all()
     assert 0 < rooted.sum() < 100
@@ -290,7 +293,7 @@ def test_a_start_that_the_plain_form_cannot_take_costs_the_array_form_only_a_few
     forward, _ = given_to_passes(model, z)
     plain = linear_engine(engine).covariance_pass
     assert plain(*forward)[5] == 0
-    runs, C = conditioning.covariance_pass(plain, *forward)
+    runs, C = conditioning.mended_covariance_pass(plain, *forward)
     assert np.isfinite(C[:, 0, 0]).sum() < 10
     P, _ = smoothed_by_factors(model, z)
     assert apart(expanded(runs[0], runs[2], len(z)), P) < 1e-9

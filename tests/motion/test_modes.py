@@ -16,8 +16,8 @@ from forceid.motion.modes import (
     given_modes,
     mean_shape,
     principal_deformations,
-    split,
-    stretches,
+    split_rigid,
+    strain_shapes,
 )
 from forceid.motion.pose import exp
 from forceid.motion.telling import shown_by, telling_modes
@@ -40,15 +40,15 @@ field = arrays(float, (7, 3), elements=st.floats(-1, 1))
 def test_deformation_is_orthogonal_to_rigid_motion_in_its_gauge(gauge, u):
     W = gauge_weight(gauge, MASS, SEEN)
     R = summation_operator(SHAPE)
-    alpha, u_d = split(u, SHAPE, W)
+    alpha, u_d = split_rigid(u, SHAPE, W)
     np.testing.assert_allclose(R.T @ (np.repeat(W, 3) * u_d.ravel()), 0, atol=1e-12)
     np.testing.assert_allclose(R @ alpha + u_d.ravel(), u.ravel(), atol=1e-12)
-    np.testing.assert_allclose(split(u_d, SHAPE, W)[0], 0, atol=1e-11)
+    np.testing.assert_allclose(split_rigid(u_d, SHAPE, W)[0], 0, atol=1e-11)
 
 
 def test_gauges_disagree_on_the_mean_motion_of_the_same_displacement():
     u = RNG.standard_normal((7, 3))
-    alpha = [split(u, SHAPE, gauge_weight(g, MASS, SEEN))[0] for g in GAUGES]
+    alpha = [split_rigid(u, SHAPE, gauge_weight(g, MASS, SEEN))[0] for g in GAUGES]
     assert min(abs(a - b).max() for a, b in zip(alpha, alpha[1:] + alpha[:1], strict=True)) > 0.01
 
 
@@ -61,7 +61,7 @@ def test_unknown_gauge_is_refused_with_the_known_ones():
 @given(acceleration=field)
 def test_in_the_mass_gauge_the_mean_motion_alone_gives_the_resultant(acceleration):
     """S^T M u'' = M_alpha alpha'': principal equations 2.5."""
-    alpha, _ = split(acceleration, SHAPE, MASS)
+    alpha, _ = split_rigid(acceleration, SHAPE, MASS)
     S = summation_operator(SHAPE)
     M_alpha = S.T @ (np.repeat(MASS, 3)[:, None] * S)
     wanted = resultant(MASS, SHAPE, acceleration, about=np.zeros(3))
@@ -74,21 +74,21 @@ def test_in_the_other_gauges_the_mean_motion_alone_misses_the_resultant():
     M_alpha = S.T @ (np.repeat(MASS, 3)[:, None] * S)
     wanted = resultant(MASS, SHAPE, acceleration, about=np.zeros(3))
     for gauge in ("euclidean", "sensor"):
-        alpha, _ = split(acceleration, SHAPE, gauge_weight(gauge, MASS, SEEN))
+        alpha, _ = split_rigid(acceleration, SHAPE, gauge_weight(gauge, MASS, SEEN))
         assert abs(M_alpha @ alpha - wanted).max() > 0.05 * abs(wanted).max()
 
 
 def test_split_takes_a_whole_record_as_it_takes_each_frame():
     u = RNG.standard_normal((5, 7, 3))
-    alpha, u_d = split(u, SHAPE, MASS)
+    alpha, u_d = split_rigid(u, SHAPE, MASS)
     for k in range(5):
-        one = split(u[k], SHAPE, MASS)
+        one = split_rigid(u[k], SHAPE, MASS)
         np.testing.assert_allclose(alpha[k], one[0], atol=1e-13)
         np.testing.assert_allclose(u_d[k], one[1], atol=1e-13)
 
 
 def planted():
-    shape = split(np.random.default_rng(2).standard_normal((7, 3)), SHAPE, np.ones(7))[1]
+    shape = split_rigid(np.random.default_rng(2).standard_normal((7, 3)), SHAPE, np.ones(7))[1]
     return shape / np.linalg.norm(shape)
 
 
@@ -121,7 +121,7 @@ def test_record_without_a_whole_frame_shows_no_mode():
 def test_solid_plane_and_line_can_stretch_in_six_three_and_one_ways(extent, count):
     turn = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_matrix()
     body = (SHAPE * extent) @ turn.T
-    patterns = stretches(body)
+    patterns = strain_shapes(body)
     assert patterns.shape == (count, 7, 3)
     assert np.linalg.matrix_rank(patterns.reshape(count, -1)) == count
     for pattern in patterns:  # each is E X with E symmetric
@@ -133,7 +133,7 @@ def test_solid_plane_and_line_can_stretch_in_six_three_and_one_ways(extent, coun
 
 def test_affine_motion_of_a_solid_is_rigid_motion_and_stretches():
     G = np.random.default_rng(6).standard_normal((3, 3))
-    basis = np.column_stack([summation_operator(SHAPE), stretches(SHAPE).reshape(6, -1).T])
+    basis = np.column_stack([summation_operator(SHAPE), strain_shapes(SHAPE).reshape(6, -1).T])
     field = (SHAPE @ G.T + [1.0, 2.0, 3.0]).ravel()
     left = field - basis @ np.linalg.lstsq(basis, field, rcond=None)[0]
     np.testing.assert_allclose(left, 0, atol=1e-12)
@@ -158,7 +158,7 @@ def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
 def test_variance_of_amplitudes_is_what_monte_carlo_finds():
     residual = SIGMA * np.random.default_rng(1).standard_normal((5000, 7, 3))
     residual[:, 5] = np.nan
-    shapes = np.stack([planted(), stretches(SHAPE)[0]])
+    shapes = np.stack([planted(), strain_shapes(SHAPE)[0]])
     q, var = fit_amplitudes(residual, shapes, summation_operator(SHAPE), SIGMA**2)
     np.testing.assert_allclose(q.var(axis=0) / var[0], 1, atol=0.08)
 
@@ -171,11 +171,11 @@ def spinning(shape, count=200, seed=0):
 
 
 def test_changed_spinning_shape_is_recovered():
-    changed = SHAPE + split(0.01 * RNG.standard_normal((7, 3)), SHAPE, MASS)[1]
+    changed = SHAPE + split_rigid(0.01 * RNG.standard_normal((7, 3)), SHAPE, MASS)[1]
     x = spinning(changed) + 1e-4 * np.random.default_rng(5).standard_normal((200, 7, 3))
     x[::3, 2] = np.nan
     found = mean_shape(x, SHAPE, MASS)
-    _, off = split(found - changed, SHAPE, MASS)  # up to a rotation of the body axes, of second order
+    _, off = split_rigid(found - changed, SHAPE, MASS)  # up to a rotation of the body axes, of second order
     assert abs(off).max() < 5 * 1e-4 / np.sqrt(130)
 
 
@@ -259,7 +259,7 @@ def test_unmarked_nodes_bend_with_the_spin_of_the_body():
     modes = elastic_modes(MASS, K, SHAPE)
     pull = MASS[:, None] * -np.cross(spin, np.cross(spin, SHAPE))
     u = np.linalg.lstsq(K, pull.ravel(), rcond=1e-10)[0].reshape(7, 3)
-    bent = SHAPE + split(u, SHAPE, MASS)[1]
+    bent = SHAPE + split_rigid(u, SHAPE, MASS)[1]
     time = np.arange(200) * 2e-3
     R = exp(time[:, None] * (exp(np.array([[0.2, 0.1, 0.4]])) @ spin))
     R = R @ exp(np.array([[0.2, 0.1, 0.4]]))

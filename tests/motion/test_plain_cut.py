@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.motion.smoothing_spline import SmoothingSpline
-from forceid.scenes.drawn_loads import draw
+from forceid.scenes.drawn_loads import draw_matern
 
 
 def drawn(seed):
@@ -13,7 +13,7 @@ def drawn(seed):
     rng = np.random.default_rng(seed)
     frames, rate = int(rng.choice([200, 500, 1000, 2000])), float(rng.choice([50, 100, 250, 1000]))
     t = np.arange(frames) / rate
-    load = draw(10 ** rng.uniform(0, 2), 2 * np.pi * rng.uniform(2, 0.04 * frames) / t[-1], t[-1], rng)
+    load = draw_matern(10 ** rng.uniform(0, 2), 2 * np.pi * rng.uniform(2, 0.04 * frames) / t[-1], t[-1], rng)
     return t, load.second(t), load.at(t), 10 ** rng.uniform(-4, np.log10(3e-3)), rng
 
 

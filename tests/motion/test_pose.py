@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from forceid.motion import pose as pose_module
-from forceid.motion.modes import split
+from forceid.motion.modes import split_rigid
 from forceid.motion.pose import exp, fit_pose, fit_rotation, log, pose_rank
 from forceid.principal.operator import summation_operator
 
@@ -106,7 +106,7 @@ def test_covariance_is_what_monte_carlo_finds(nodes):
 
 def mode():
     """A bending shape in the mass gauge, its largest entry 1."""
-    shape = split(np.random.default_rng(3).standard_normal((6, 3)), SHAPE, MASS)[1]
+    shape = split_rigid(np.random.default_rng(3).standard_normal((6, 3)), SHAPE, MASS)[1]
     return shape / abs(shape).max()
 
 

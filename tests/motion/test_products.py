@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from forceid.motion.products import fixed, products
+from forceid.motion.products import fixed, inertia_products
 
 RNG = np.random.default_rng(3)
 MASS = np.array([0.06, 0.02, 0.04, 0.01, 0.03])
@@ -22,12 +22,14 @@ def by_nodes(q, rate):
 
 @pytest.mark.parametrize("mass", [MASS, np.kron(np.diag(MASS), np.eye(3))])
 def test_products_are_the_sums_over_the_nodes(mass):
-    for found, wanted in zip(products(mass, SHAPE, SHAPES).of(Q, RATE), by_nodes(Q, RATE), strict=True):
+    for found, wanted in zip(
+        inertia_products(mass, SHAPE, SHAPES).of(Q, RATE), by_nodes(Q, RATE), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, atol=1e-14)
 
 
 def test_slopes_are_those_of_the_sums():
-    dJ, by_q, by_rate = products(MASS, SHAPE, SHAPES).slopes(Q, RATE)
+    dJ, by_q, by_rate = inertia_products(MASS, SHAPE, SHAPES).slopes(Q, RATE)
     for k, unit in enumerate(np.eye(2) * 1e-5):
         ahead, behind = by_nodes(Q + unit, RATE), by_nodes(Q - unit, RATE)
         np.testing.assert_allclose(dJ[:, k], (ahead[0] - behind[0]) / 2e-5, atol=1e-9)

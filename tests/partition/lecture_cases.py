@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from forceid.partition.elements import assemble, bar
+from forceid.partition.elements import assemble_elements, bar
 from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
 from forceid.partition.system import PartitionedSystem
 
@@ -59,7 +59,7 @@ def truss_parts(parts, r, axial_stiffness=5e4, line_density=1.0):
         bar(nodes[0][p], axial_stiffness, line_density * float(np.linalg.norm(np.diff(nodes[0][p], axis=0))))
         for p in bars
     ]
-    K, M = (assemble(bars, np.array(m), 2, len(nodes[0])) for m in zip(*each, strict=True))
+    K, M = (assemble_elements(bars, np.array(m), 2, len(nodes[0])) for m in zip(*each, strict=True))
     return gathered([K] * len(nodes), [M] * len(nodes), nodes)
 
 
@@ -154,7 +154,7 @@ def imbalance(system, force, lam):
 def bars(pairs, places=SQUARE, axial_stiffness=1.0):
     """Stiffness of bars between nodes (node, 2) m."""
     each = np.array([bar(places[list(pair)], axial_stiffness)[0] for pair in pairs])
-    return assemble(np.array(pairs), each, 2, len(places))
+    return assemble_elements(np.array(pairs), each, 2, len(places))
 
 
 def turned(angle, places=SQUARE):

@@ -12,7 +12,7 @@ from forceid.config import PartSetting
 from forceid.errors import ConfigError, DataError
 from forceid.files.hdf5 import write_motion
 from forceid.partition import from_assembled, from_meshes, from_motion_file, from_names
-from forceid.partition.elements import assemble, bar
+from forceid.partition.elements import assemble_elements, bar
 from forceid.partition.grids import solid_parts
 from forceid.partition.matrix_file import read_matrix
 from forceid.principal.operator import summation_operator
@@ -35,7 +35,7 @@ def truss(bars, place, nodes, axial_stiffness=1e4, density=0.5):
     pairs = np.array([[at[a], at[b]] for a, b in bars])
     each = [bar(place[list(p)], axial_stiffness, density) for p in bars]
     axes = place.shape[1]
-    return (assemble(pairs, np.array(m), axes, len(nodes)) for m in zip(*each, strict=True))
+    return (assemble_elements(pairs, np.array(m), axes, len(nodes)) for m in zip(*each, strict=True))
 
 
 def two_trusses():
@@ -197,7 +197,8 @@ def test_nodes_with_rotations_are_taken_apart_by_their_places():
         for a, b in beams[0] + beams[1]
     )
     sums = [
-        assemble(np.array(each), np.array([frame_bar(x[a], x[b]) for a, b in each]), 6, 5) for each in beams
+        assemble_elements(np.array(each), np.array([frame_bar(x[a], x[b]) for a, b in each]), 6, 5)
+        for each in beams
     ]
     system = from_assembled(sums[0] + sums[1], None, parts, x)
     for found, K, nodes in zip(system.stiffness, sums, parts.values(), strict=True):

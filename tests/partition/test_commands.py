@@ -5,7 +5,7 @@ from scipy.linalg import eigh, expm, null_space
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition.commands import mass_gauge, mean_control, solve_commands
-from forceid.partition.elements import assemble, bar, box_element
+from forceid.partition.elements import assemble_elements, bar, box_element
 from forceid.principal.operator import summation_operator
 
 
@@ -14,7 +14,7 @@ def rod(elements=8, mass=3.0, stiffness=50.0):
     x = np.linspace(0.0, 1.0, elements + 1)
     pairs = np.stack([np.arange(elements), np.arange(1, elements + 1)], axis=1)
     one = bar(np.array([[0.0], [1 / elements]]), stiffness, mass / elements)
-    K, M = (assemble(pairs, m, 1, elements + 1) for m in one)
+    K, M = (assemble_elements(pairs, m, 1, elements + 1) for m in one)
     modes = np.cos(np.pi * np.outer(x, np.arange(1, elements)))
     return x, K, M, np.ones((elements + 1, 1)), modes
 
@@ -25,7 +25,7 @@ def plate(columns=6, rows=2):
     first = np.array([i * (rows + 1) + j for i in range(columns) for j in range(rows)])
     quads = first[:, None] + np.array([0, 1, rows + 1, rows + 2])
     one = box_element(np.array([0.2, 0.1]), 1000.0, 0.3, 2.0, 0.1)
-    K, M = (assemble(quads, m, 2, len(x)) for m in one)
+    K, M = (assemble_elements(quads, m, 2, len(x)) for m in one)
     R = summation_operator(x, x.mean(axis=0))
     still = null_space(R.T @ M)  # without mean motion, of which a solver leaves rounding in soft modes
     value, mode = eigh(still.T @ K @ still, still.T @ M @ still)

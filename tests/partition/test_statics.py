@@ -11,10 +11,10 @@ from scipy.linalg import block_diag
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
-from forceid.partition.elements import assemble, box_element
+from forceid.partition.elements import assemble_elements, box_element
 from forceid.partition.grids import solid_parts
-from forceid.partition.inverse import symmetric, zero_modes
-from forceid.partition.saddle import deficiency, four_field, reduced
+from forceid.partition.inverse import validated_symmetric, zero_modes
+from forceid.partition.saddle import deficiency, four_field, reduced_matrix
 from forceid.principal.operator import summation_operator
 
 NAMES = list(lc.PRINTED)
@@ -58,7 +58,7 @@ def test_what_holds_a_partition_is_its_load_less_its_multipliers(name):
 @pytest.mark.parametrize("name", ["plane_stress_4", "truss_4", "solid_2"])
 def test_held_body_leaves_nothing_open_in_either_saddle_point_system(name):
     system, _, found = lc.solved(name)
-    assert (deficiency(four_field(system)), deficiency(reduced(system)), found.deficiency) == (0, 0, 0)
+    assert (deficiency(four_field(system)), deficiency(reduced_matrix(system)), found.deficiency) == (0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_held_body_leaves_nothing_open_in_either_saddle_point_system(name):
 )
 def test_floating_body_leaves_its_rigid_motions_open_in_both_saddle_point_systems(case, open_motions):
     system = case.parts.system()
-    assert deficiency(four_field(system)) == deficiency(reduced(system)) == open_motions
+    assert deficiency(four_field(system)) == deficiency(reduced_matrix(system)) == open_motions
     assert system.solve(case.load.ravel(), relief=True).deficiency == open_motions
 
 
@@ -313,7 +313,7 @@ def test_hinged_square_is_carried_with_its_mechanism_by_the_diagonals(angle):
 def test_hinged_square_has_four_zero_modes_and_a_braced_one_three(angle):
     x = lc.turned(angle)
     for pairs, modes in ((lc.EDGES, 4), (lc.EDGES + lc.DIAGONALS, 3)):
-        assert zero_modes(symmetric(lc.bars(pairs, x), 0)).shape == (8, modes)
+        assert zero_modes(validated_symmetric(lc.bars(pairs, x), 0)).shape == (8, modes)
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
@@ -366,7 +366,7 @@ def test_zero_modes_of_a_large_part_are_found_sparsely_and_serve_as_given_ones()
 def test_bending_of_a_slender_strip_is_no_zero_mode(length):
     K, _ = box_element(np.ones(2), 1000.0, 0.3, 1.0)
     elements = np.arange(4) + 2 * np.arange(length)[:, None]
-    found = zero_modes(symmetric(assemble(elements, K, 2, 2 * (length + 1)), 0))
+    found = zero_modes(validated_symmetric(assemble_elements(elements, K, 2, 2 * (length + 1)), 0))
     x = np.array([(i, j) for i in range(length + 1) for j in range(2)], float)
     S = np.linalg.qr(summation_operator(x, x.mean(0)))[0]
     assert found.shape[1] == 3

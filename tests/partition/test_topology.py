@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from forceid.errors import DataError
 from forceid.partition import boolean_from_names, boolean_from_positions, topology
 from forceid.partition.grids import solid_parts
-from forceid.partition.topology import compatible, held
+from forceid.partition.topology import compatible, without_fixed
 from forceid.principal.operator import summation_operator
 
 
@@ -117,7 +117,7 @@ def test_a_tolerance_that_is_no_distance_is_refused(tolerance):
 
 
 def test_held_degrees_of_freedom_are_gone_from_the_body_and_from_its_partitions():
-    cut, kept = held(boolean_from_names([["a", "b"], ["b", "c"]], axes=1), np.array([0]))
+    cut, kept = without_fixed(boolean_from_names([["a", "b"], ["b", "c"]], axes=1), np.array([0]))
     assert [k.tolist() for k in kept] == [[1], [0, 1]]
     assert [L.toarray().tolist() for L in cut] == [[[1, 0]], [[1, 0], [0, 1]]]
 

@@ -133,6 +133,6 @@ def test_axial_undoes_hat_and_sees_nothing_of_a_symmetric_matrix():
         rng.standard_normal((4, 5, 3)),
         rng.standard_normal((4, 5, 3, 3)),
     )
-    np.testing.assert_array_equal(invariants.axial(invariants.hat(w)), w)
+    np.testing.assert_array_equal(invariants.axial_vector(invariants.hat(w)), w)
     np.testing.assert_allclose((invariants.hat(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
-    assert not invariants.axial(A + A.swapaxes(-1, -2)).any()
+    assert not invariants.axial_vector(A + A.swapaxes(-1, -2)).any()

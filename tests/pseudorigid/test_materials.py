@@ -7,11 +7,11 @@ from forceid.errors import DataError
 from forceid.pseudorigid.cofactors import (
     by_component,
     cofactor,
-    cross,
     determinant,
     inner,
     inverse,
     product,
+    tensor_cross,
 )
 from forceid.pseudorigid.material_checks import check_material
 from forceid.pseudorigid.materials import (
@@ -238,5 +238,5 @@ def test_products_by_components_agree_with_numpy_in_either_layout():
         np.testing.assert_allclose(inverse(A), np.linalg.inv(F), rtol=1e-9, atol=1e-11)
         # cof(F + sH) is a quadratic in s: its middle coefficient is F x H
         middle = 0.5 * (cofactor(F + H) - cofactor(F - H))
-        np.testing.assert_allclose(cross(A, B), middle, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(tensor_cross(A, B), middle, rtol=0, atol=1e-13)
     assert by_component(F)[..., 0, 0].flags.contiguous

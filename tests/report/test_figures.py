@@ -119,9 +119,9 @@ def test_colored_innovations_leave_the_bounds_and_white_ones_do_not():
     white = np.random.default_rng(3).normal(size=4000)
     colored = np.convolve(white, np.ones(5) / np.sqrt(5), mode="same")
     bound = 2 / np.sqrt(4000)
-    assert np.mean(np.abs(whiteness.autocorrelation(white)) > bound) < 0.15
+    assert np.mean(np.abs(whiteness.correlogram(white)) > bound) < 0.15
     # a moving average over five samples correlates its neighbors by 4/5
-    assert whiteness.autocorrelation(colored)[0] == pytest.approx(0.8, abs=0.05)
+    assert whiteness.correlogram(colored)[0] == pytest.approx(0.8, abs=0.05)
 
 
 def test_rigid_body_gets_no_panel_of_deformation(thrown):

@@ -5,7 +5,7 @@ import pytest
 from stored_energy import drop_energy
 
 from forceid.scenes import spinning_block, wobbling_drop
-from forceid.scenes.affine_body import trajectory
+from forceid.scenes.affine_body import affine_motion
 
 RATE = 1000.0
 TIME = np.arange(201) / RATE
@@ -31,7 +31,7 @@ def scene(request):
 @pytest.fixture(scope="module")
 def loaded(scene):
     p = scene.Parameters()
-    return p, trajectory(scene.throw(p), TIME), scene.fly(p, TIME)
+    return p, affine_motion(scene.throw(p), TIME), scene.fly(p, TIME)
 
 
 def test_gradient_is_the_derivative_of_the_energy(scene):
@@ -53,7 +53,7 @@ def test_undeformed_body_is_free_of_stress_and_no_stress_makes_a_moment(scene):
 def test_free_body_keeps_its_energy_and_angular_momentum(scene):
     p = scene.Parameters(**FREE)
     thrown = scene.throw(p)
-    motion, E = trajectory(thrown, TIME), thrown.second_moment
+    motion, E = affine_motion(thrown, TIME), thrown.second_moment
     kinetic = 0.5 * np.einsum("tab,bc,tac->t", motion.dF, E, motion.dF)
     total = kinetic + np.array([ENERGY[scene](p, F) for F in motion.F])
     H = motion.dF @ E @ motion.F.mT

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from forceid.scenes.drawn_loads import PERIOD, draw, draw_periodic, spectrum
+from forceid.scenes.drawn_loads import PERIOD, draw_matern, draw_periodic, spectrum
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -25,8 +25,8 @@ def test_periodic_loads_are_independent_of_the_stated_size_each():
     "load",
     [
         draw_periodic([2.0, 0.3], 12.0, np.random.default_rng(0)),
-        draw(2.0, 12.0, 2.0, np.random.default_rng(0)),
-        draw(2.0, 12.0, 200.0, np.random.default_rng(0)),
+        draw_matern(2.0, 12.0, 2.0, np.random.default_rng(0)),
+        draw_matern(2.0, 12.0, 200.0, np.random.default_rng(0)),
     ],
     ids=["periodic", "waves", "curve"],
 )

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 from stored_energy import chain_energy
 
-from forceid.scenes.hinged import BLOCK_CORNERS, Parameters, chain_of, drawn, fly, trajectory
+from forceid.scenes.hinged import BLOCK_CORNERS, Parameters, chain_constants, chain_states, drawn, fly
 
 RATE = 1000.0
 TIME = np.arange(301) / RATE
@@ -26,7 +26,7 @@ CHAIN = Parameters(
 
 @pytest.fixture(scope="module")
 def flown():
-    return trajectory(CHAIN, TIME), fly(CHAIN, TIME)
+    return chain_states(CHAIN, TIME), fly(CHAIN, TIME)
 
 
 def stacked(states, name):
@@ -35,7 +35,7 @@ def stacked(states, name):
 
 def test_momenta_of_every_block_change_as_its_joints_push_and_say(flown, differentiate):
     states, flight = flown
-    chain, truth, inner = chain_of(CHAIN), flight.truth, slice(4, -4)
+    chain, truth, inner = chain_constants(CHAIN), flight.truth, slice(4, -4)
     c, v, R, w = (stacked(states, name) for name in ("center", "velocity", "R", "omega"))
     H = np.einsum("tiab,ibc,tidc,tid->tia", R, chain.inertia, R, w)
     force, moment = np.zeros_like(v), np.zeros_like(v)
@@ -52,7 +52,7 @@ def test_momenta_of_every_block_change_as_its_joints_push_and_say(flown, differe
 
 def test_blocks_stay_together_at_their_joints_and_turn_only_as_a_hinge_does(flown):
     states, flight = flown
-    chain = chain_of(CHAIN)
+    chain = chain_constants(CHAIN)
     c, R = stacked(states, "center"), stacked(states, "R")
     ends = [
         c[:, j + k] + np.einsum("tab,b->ta", R[:, j + k], chain.arms[j, k]) for j in (0, 1) for k in (0, 1)
@@ -66,7 +66,7 @@ def test_blocks_stay_together_at_their_joints_and_turn_only_as_a_hinge_does(flow
 
 def test_a_hinge_passes_no_moment_about_its_axis_but_that_of_spring_damper_and_motor(flown):
     states, flight = flown
-    chain = chain_of(CHAIN)
+    chain = chain_constants(CHAIN)
     R, w = stacked(states, "R"), stacked(states, "omega")
     axis = R[:, 1] @ chain.axis[1]
     angle = Rotation.from_matrix(R[:, 2] @ R[:, 1].swapaxes(1, 2)).as_rotvec()
@@ -79,11 +79,11 @@ def test_a_hinge_passes_no_moment_about_its_axis_but_that_of_spring_damper_and_m
 
 def test_no_energy_is_lost_without_dampers():
     free = CHAIN.model_copy(update={"damping": (0.0, 0.0), "push": 0.0, "drive": 0.0})
-    total = [chain_energy(chain_of(free), state) for state in trajectory(free, TIME)]
+    total = [chain_energy(chain_constants(free), state) for state in chain_states(free, TIME)]
     assert np.ptp(total) < 1e-10 * abs(total[0])
     damped = [
-        chain_energy(chain_of(CHAIN), state)
-        for state in trajectory(CHAIN.model_copy(update={"push": 0.0, "drive": 0.0}), TIME)
+        chain_energy(chain_constants(CHAIN), state)
+        for state in chain_states(CHAIN.model_copy(update={"push": 0.0, "drive": 0.0}), TIME)
     ]
     assert damped[-1] < damped[0] - 1e-3
 

@@ -21,7 +21,7 @@ from evidence.subjects.affine.problem import Problem, relative
 from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
 from forceid.pseudorigid.rigid_body import free_rotation
 from forceid.pseudorigid.trajectory import Trajectory
-from forceid.pseudorigid.two_sided import TwoSidedState, two_sided_rates, two_sided_state, velocity
+from forceid.pseudorigid.two_sided import TwoSidedState, reduced_velocity, two_sided_rates, two_sided_state
 from forceid.records import Array
 
 STEP = 0.01  # s, where a problem has none
@@ -142,7 +142,7 @@ def two_sided_plain(problem: Problem) -> Answer:
     L, R = (np.full((len(y), 3, 3), np.nan) for _ in range(2))
     L[known] = Rotation.from_quat(q_L[known]).as_matrix()
     R[known] = Rotation.from_quat(q_R[known]).as_matrix().swapaxes(1, 2)
-    F, V = (L * a[:, None]) @ R, L @ velocity(a, da, s, d) @ R
+    F, V = (L * a[:, None]) @ R, L @ reduced_velocity(a, da, s, d) @ R
     return so_far(F, V, 1e-9, reason)
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body
-from forceid.scenes.drawn_loads import Drawn, draw
-from forceid.scenes.mechanics import inertia_tensor, integrate
+from forceid.scenes.drawn_loads import Drawn, draw_matern
+from forceid.scenes.mechanics import inertia_tensor, solve_ode
 
 X = np.array(
     [
@@ -93,12 +93,12 @@ def fly(
     """
     span = setup.frames / setup.rate
     time = np.arange(setup.frames) / setup.rate if time is None else time
-    force = draw(setup.force_std, setup.load_rate, span, rng)
+    force = draw_matern(setup.force_std, setup.load_rate, span, rng)
     parts = force.at(time)
     if mixed is not None:
         force = replace(force, a=force.a @ mixed.T, b=force.b @ mixed.T)
     force = with_extras(force, setup, span)
-    moment = draw(setup.moment_std, setup.load_rate, span, rng)
+    moment = draw_matern(setup.moment_std, setup.load_rate, span, rng)
     shapes = mass_gauge_shapes(setup.modes) if shapes is None else shapes
     faster = 1.3 ** np.arange(setup.modes)
     w = 2 * np.pi * setup.mode_frequency * faster * rng.uniform(0.97, 1.03, setup.modes)
@@ -131,7 +131,7 @@ def fly(
         a, b, c = omega
         return np.asarray((np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]]) @ R).ravel())
 
-    R = integrate(rate, start.ravel(), time, TOLERANCE).reshape(-1, 3, 3)
+    R = solve_ode(rate, start.ravel(), time, TOLERANCE).reshape(-1, 3, 3)
     place, J, h = deformed(time)
     t, mass = time[:, None], MASS.sum()
     weight = np.array([0.0, 0.0, -setup.gravity])

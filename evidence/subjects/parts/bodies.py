@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from forceid.partition.elements import assemble, bar, box_element
+from forceid.partition.elements import assemble_elements, bar, box_element
 from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import compatible, held
+from forceid.partition.topology import compatible, without_fixed
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
 
@@ -55,7 +55,9 @@ def plates(parts: tuple[int, int], r: int = 3, young: Any = 1000.0, thin: float 
         return body
     nodes, elements = box_grid(parts, r)
     low = np.array([1.0, 1 / thin])
-    K, M = (assemble(elements, m, 2, len(nodes[0])) for m in box_element(low / r, 1000.0, 0.3, 2.0, 0.1))
+    K, M = (
+        assemble_elements(elements, m, 2, len(nodes[0])) for m in box_element(low / r, 1000.0, 0.3, 2.0, 0.1)
+    )
     count = len(nodes)
     return Parts((K,) * count, (M,) * count, body.boolean, tuple(x * low for x in nodes), body.place * low)
 
@@ -80,7 +82,7 @@ def wedges(count: int, r: int = 2) -> Parts:
         angle = 2 * np.pi / count * (s + places[:, 1] / across)
         x = places[:, :1] / r * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         each = [bar(x[p], 5e4, 1.0) for p in bars]
-        k, m = (assemble(bars, np.array(of), 2, len(x)) for of in zip(*each, strict=True))
+        k, m = (assemble_elements(bars, np.array(of), 2, len(x)) for of in zip(*each, strict=True))
         K, M, nodes = [*K, k], [*M, m], [*nodes, x]
     return gathered(K, M, nodes)
 
@@ -109,7 +111,7 @@ def loaded(
     """
     axes = parts.place.shape[1]
     at_rest = np.zeros(len(parts.place), bool) if fixed is None else fixed
-    boolean, kept = held(parts.boolean, np.flatnonzero(np.repeat(at_rest, axes)))
+    boolean, kept = without_fixed(parts.boolean, np.flatnonzero(np.repeat(at_rest, axes)))
     K, M = (
         [m[rows][:, rows] for m, rows in zip(of, kept, strict=True)] for of in (parts.stiffness, parts.mass)
     )

@@ -11,7 +11,7 @@ from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import STATES, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import exp
-from forceid.motion.products import Products, fixed, products
+from forceid.motion.products import Products, fixed, inertia_products
 from forceid.records import Array
 
 ORDER = 3  # of a prior that drives a mode, where modes are compared
@@ -89,7 +89,7 @@ def products_of(kin: Kinematics) -> Products:
         nodal = kin.inertia.affine
     if nodal is None or kin.inertia.line is not None:
         return fixed(kin.inertia.tensor, len(kin.shapes))
-    return products(nodal, kin.shape, kin.shapes)
+    return inertia_products(nodal, kin.shape, kin.shapes)
 
 
 def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array, Array]:

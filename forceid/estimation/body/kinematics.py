@@ -18,7 +18,7 @@ from forceid.motion.modes import (
     Modes,
     fit_amplitudes,
 )
-from forceid.motion.noise_axes import as_stated, floored, share, size, uneven
+from forceid.motion.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.motion.pose import (
     Pose,
     body_axes,
@@ -27,7 +27,7 @@ from forceid.motion.pose import (
     fit_rotation,
     log,
 )
-from forceid.motion.products import products
+from forceid.motion.products import inertia_products
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, Motion
@@ -70,7 +70,7 @@ class Kinematics:
     @property
     def noise(self) -> dict[str, float]:
         """Standard deviation of the noise by variable, in the mean square over the axes."""
-        return {name: size(root) for name, root in self.noise_root.items()}
+        return {name: rms_noise(root) for name, root in self.noise_root.items()}
 
     def share(self, name: str) -> Array:
         """Covariance (3, 3) of the noise of a variable along world axes, over its mean variance."""
@@ -121,7 +121,7 @@ def from_markers(
     best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
     root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
     root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
-    sigma, along = size(root), share(root)
+    sigma, along = rms_noise(root), share(root)
     thin, spin = thinned(inertia, X), None
     if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
@@ -167,7 +167,7 @@ def from_markers(
     pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own, uneven(root))
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
-        thin = thinned(replace(inertia, tensor=products(inertia.nodal, shape, none).inertia[0, 0]), X)
+        thin = thinned(replace(inertia, tensor=inertia_products(inertia.nodal, shape, none).inertia[0, 0]), X)
     if not len(shapes):
         inertia = thin
     if inertia.line is not None:
@@ -209,7 +209,7 @@ def from_mean_motion(
     T, time, nodes = len(motion.time), motion.time, len(body.node)
     root = noise["center"] if "center" in noise else np.sqrt(noise_variance(time, motion.center)) * np.eye(3)
     root = floored(root, ROUNDOFF * float(np.nanmax(np.ptp(motion.center, axis=0), initial=1e-9)))
-    cov, c_std = np.zeros((T, 6, 6)), size(root)
+    cov, c_std = np.zeros((T, 6, 6)), rms_noise(root)
     cov[:, :3, :3] = root @ root.T
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
     inertia, spin = thinned(inertia, X), None

@@ -15,8 +15,8 @@ from forceid.motion.modes import (
     given_modes,
     mean_shape,
     principal_deformations,
-    split,
-    stretches,
+    split_rigid,
+    strain_shapes,
 )
 from forceid.motion.pose import (
     pose_rank,
@@ -114,9 +114,9 @@ def deformation_shapes(
     hidden = bool((inertia.weight[~seen] > 0).any())
     if settings.model == "affine":
         whole = hidden and inertia.nodal is not None  # what strains, strains everywhere
-        raw = stretches(shape) if whole else stretches(shape) * seen[:, None]
+        raw = strain_shapes(shape) if whole else strain_shapes(shape) * seen[:, None]
         gauge = inertia.nodal if whole and inertia.nodal is not None else weight
-        flat = split(raw, shape, gauge)[1].reshape(len(raw), -1)
+        flat = split_rigid(raw, shape, gauge)[1].reshape(len(raw), -1)
         U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
         shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
         q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
@@ -131,7 +131,7 @@ def deformation_shapes(
         principal[:, seen] = on_seen
     if modes is None:
         return principal, var, rest
-    own = split(modes.shape, shape, weight if inertia.nodal is None else inertia.nodal)[1]
+    own = split_rigid(modes.shape, shape, weight if inertia.nodal is None else inertia.nodal)[1]
     size = np.linalg.norm(own, axis=(1, 2))
     own, size = own[size > 0] / size[size > 0, None, None], size[size > 0]
     soft = None if modes.compliance is None else modes.compliance * size

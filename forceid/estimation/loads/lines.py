@@ -11,7 +11,7 @@ from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import Candidate, Line, candidates, find_line, let_drift, near
+from forceid.kalman.lines import Candidate, Line, find_line, let_drift, line_candidates, near
 
 MOST_LINES = 24  # of both loads together
 AT_ONCE, ROUNDS = 4, 4  # candidates of one look at the innovations, and looks under one smooth prior
@@ -54,7 +54,7 @@ def more_lines(
         for _ in range(ROUNDS):
             taken = [*(line.frequency for line in more.lines), *looked]
             if not named:
-                tried = candidates(time, shown, spin, taken)[:AT_ONCE]
+                tried = line_candidates(time, shown, spin, taken)[:AT_ONCE]
             before = more
             for candidate in tried:
                 if not near(candidate.frequency, taken, time):

@@ -16,7 +16,7 @@ from forceid.kalman.model import mean_square
 from forceid.motion.derivative import Derivatives, derivatives
 from forceid.motion.first_moment import AngularChannel, angular_channel
 from forceid.motion.pose import fit_rotation
-from forceid.motion.window import Choice, Window, choose_window, windows
+from forceid.motion.window import Window, WindowChoice, choose_window, windows
 from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 
@@ -65,7 +65,7 @@ def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Eng
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
 
 
-def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> Choice:
+def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> WindowChoice:
     """Force on the mass center under the window that the force calls for."""
 
     def estimate(window: Window) -> tuple[Array, Array]:
@@ -83,7 +83,7 @@ def moment_channel(kin: Kinematics) -> AngularChannel:
     return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h)
 
 
-def choose_moment(channel: AngularChannel, candidates: list[Window]) -> Choice:
+def choose_moment(channel: AngularChannel, candidates: list[Window]) -> WindowChoice:
     """Moment about the mass center under the window that the moment calls for."""
 
     def estimate(window: Window) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.motion.modes import split, stretches
+from forceid.motion.modes import split_rigid, strain_shapes
 from forceid.motion.pose import pose_gain, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
@@ -101,7 +101,7 @@ def shapes_of(body: Body, kin: Kinematics) -> tuple[tuple[str, ...], Array]:
     weight = gauge(kin)
     if body.mode_shape is not None:
         nodal = kin.inertia.nodal
-        shapes = split(body.mode_shape, kin.shape, weight if nodal is None else nodal)[1]
+        shapes = split_rigid(body.mode_shape, kin.shape, weight if nodal is None else nodal)[1]
         hertz = body.mode_frequency
         at = [""] * len(shapes) if hertz is None else [f" ({f:.3g} Hz)" for f in hertz]
         name = tuple(f"mode {k}{f}" for k, f in enumerate(at, 1))
@@ -110,10 +110,10 @@ def shapes_of(body: Body, kin: Kinematics) -> tuple[tuple[str, ...], Array]:
         name, shapes = tuple(f"{word} {k}" for k in range(1, len(kin.shapes) + 1)), kin.shapes
     else:
         on_seen = np.zeros_like(kin.shape)
-        strains = stretches(kin.shape[kin.seen])
+        strains = strain_shapes(kin.shape[kin.seen])
         shapes = np.zeros((len(strains), *on_seen.shape))
         shapes[:, kin.seen] = strains
-        shapes = split(shapes, kin.shape, weight)[1] * kin.seen[:, None]
+        shapes = split_rigid(shapes, kin.shape, weight)[1] * kin.seen[:, None]
         name = tuple(f"strain {k}" for k in range(1, len(shapes) + 1))
     kept = np.sqrt((shapes**2).sum((1, 2))) > 1e-9
     return tuple(n for n, k in zip(name, kept, strict=True) if k), shapes[kept]

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.thin_mass import SLENDER, thinned
 from forceid.motion.first_moment import angular_channel
-from forceid.motion.plain_cut import moves, spectrum_of
+from forceid.motion.plain_cut import shows_motion, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
 from forceid.principal import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
@@ -111,7 +111,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
 def bending_shows(time: Array, b: Array) -> bool:
     """Whether positions b (time, column) in the axes of a rigid fit move, and not by noise alone."""
     seen = np.asarray(np.isfinite(b).all(1))
-    return bool(seen.sum() >= FEWEST and moves(spectrum_of(time[seen], b[seen])))
+    return bool(seen.sum() >= FEWEST and shows_motion(spectrum_of(time[seen], b[seen])))
 
 
 def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> Route:

@@ -17,7 +17,15 @@ from scipy.special import fdtri
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.witness.plain_route import FEWEST, Channel, plain_route
 from forceid.flight.smoother import FlightState
-from forceid.motion.plain_cut import STRETCH, Cut, Spectrum, bending, plain_cuts, spectrum_of, tapered
+from forceid.motion.plain_cut import (
+    STRETCH,
+    Cut,
+    MotionSpectrum,
+    plain_cuts,
+    second_difference_spectrum,
+    spectrum_of,
+    tapered,
+)
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
 
@@ -64,7 +72,7 @@ def as_measured(motion: Motion) -> Motion:
     return replace(motion, position=np.where(measured, motion.position, np.nan), bridged=None)
 
 
-def spectrum_and_cuts(channel: Channel) -> tuple[Spectrum, list[Cut]]:
+def spectrum_and_cuts(channel: Channel) -> tuple[MotionSpectrum, list[Cut]]:
     """The spectrum of a channel over the shape of its noise, and its cut on every axis."""
     spectrum = spectrum_of(channel.time, channel.z, channel.corner)
     return spectrum, plain_cuts(spectrum)
@@ -85,7 +93,7 @@ def low_passed(time: Array, channel: Channel, cuts: list[Cut]) -> tuple[Array, A
 
 
 def apart_in_bands(
-    channel: Channel, found: Spectrum, cuts: list[Cut], time: Array, load: Array, claim: Array
+    channel: Channel, found: MotionSpectrum, cuts: list[Cut], time: Array, load: Array, claim: Array
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
@@ -100,14 +108,18 @@ def apart_in_bands(
             column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
         else:
             column[:] = 0.0
-    f, apart, dof, step = bending(channel.time, beside)
+    f, apart, dof, step = second_difference_spectrum(channel.time, beside)
     samples = len(channel.time) - 2
     count = max(int(2 * np.log2(STRETCH / step / f[LOWEST])) + 1, 1)
     ends = np.searchsorted(f, STRETCH / step * 2 ** (-0.5 * np.arange(count)))
     weight = np.interp(time, channel.time[1:-1], tapered(samples)) ** 2
     whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / samples  # bins to mean squares
     inexact = (2 * np.pi * f * step) ** 4 / 144  # of sums in place of integrals, in variance
-    fits = bending(channel.time, channel.residual)[1].mean(1) if channel.lever else np.zeros(len(f))
+    fits = (
+        second_difference_spectrum(channel.time, channel.residual)[1].mean(1)
+        if channel.lever
+        else np.zeros(len(f))
+    )
     for a, cut in enumerate(cuts):
         if not beside[:, a].any():
             continue

@@ -25,7 +25,7 @@ from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import Problem
 from evidence.subjects.affine.trial import takers
 from forceid.cli.app import main
-from forceid.cli.output import finite
+from forceid.cli.output import finite_or_none
 from forceid.pseudorigid import polar
 
 BY_NAME = {f.name: f for f in failures_named(["affine", "affine_loads"])}
@@ -40,7 +40,7 @@ def cell_of(name, level, answer=None, seeds=(1, 2)):
     failure = BY_NAME[name]
     who = takers(failure, True)[0] if answer is None else at_once("broken", answer)
     records = [attempt(subject_of(failure), failure, level, seed, (who,)) for seed in seeds]
-    trials = [trial_of(finite(r["trials"][who.name])) for r in records]
+    trials = [trial_of(finite_or_none(r["trials"][who.name])) for r in records]
     return judge_cell(trials, False, subject_of(failure).quantities)
 
 
@@ -179,7 +179,7 @@ def test_every_affine_failure_runs_from_healthy_to_hopeless_and_knows_who_meets_
 def test_pictures_and_page_of_affine_bodies_name_what_each_is_judged_by():
     chosen = failures_named(["needle", "collapse"])
     records = [stress.do(Job(f.name, f.levels[k], 1, True)) for f in chosen for k in (0, 2, 4)]
-    maps = maps_of([finite(r) for r in records], chosen, short=True)
+    maps = maps_of([finite_or_none(r) for r in records], chosen, short=True)
     title = draw_map(maps[0]).axes[0].get_title(loc="left")
     assert title.endswith("error over claim, the worse of motion and rate")
     assert (

@@ -10,7 +10,7 @@ from evidence.subjects.flights.failures.body import rigid_looking_shape
 from evidence.subjects.flights.failures.sensing import frames_lost
 from evidence.subjects.flights.oracle import bound
 from forceid.files.validate import check_recording
-from forceid.scenes.drawn_loads import draw
+from forceid.scenes.drawn_loads import draw_matern
 
 FINE = 1 / 4000  # s
 
@@ -60,7 +60,7 @@ def rng_of(seed):
 
 def test_a_drawn_load_has_the_autocorrelation_of_its_prior():
     rate, lag = 20.0, 0.05
-    load = draw(2.0, rate, 600.0, rng_of(4))
+    load = draw_matern(2.0, rate, 600.0, rng_of(4))
     time = np.arange(0, 600, 0.1)
     now, then = load.at(time), load.at(time + lag)
     x = rate * lag

@@ -29,7 +29,7 @@ from evidence.subjects.flights.bodies import Setup
 from evidence.subjects.flights.failures.record import measured
 from evidence.subjects.flights.trial import contestant, contestants
 from forceid.cli.app import main
-from forceid.cli.output import finite, to_json
+from forceid.cli.output import finite_or_none, to_json
 from forceid.estimation.run import estimate_recording
 
 JOBS = [Job("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
@@ -59,7 +59,7 @@ def singular(recording, settings):
 def cell_of(estimator=estimate_recording, seeds=(1, 2)):
     who = (contestant("smoother", estimator=estimator),)
     records = [attempt(FLIGHTS, HEALTHY, 0.0, seed, who) for seed in seeds]
-    plain = [finite(r["trials"]["smoother"]) for r in records]
+    plain = [finite_or_none(r["trials"]["smoother"]) for r in records]
     return judge_cell([trial_of(t) for t in plain], coarse=False)
 
 
@@ -84,7 +84,7 @@ def test_finished_records_are_found_again_and_a_torn_line_is_not(records, tmp_pa
     lines = [to_json(r) for r in records]
     kept.write_text("\n".join([*lines[:2], lines[2][:-9]]))
     assert list(finished(kept, JOBS)) == JOBS[:2]
-    assert finished(kept, JOBS)[JOBS[0]]["trials"] == finite(records[0]["trials"])
+    assert finished(kept, JOBS)[JOBS[0]]["trials"] == finite_or_none(records[0]["trials"])
 
 
 def test_a_record_of_another_seed_or_for_other_methods_is_not_taken_for_it(records, tmp_path):
@@ -131,7 +131,7 @@ def test_a_full_plan_holds_every_level_once_a_seed_and_very_long_records_once():
 
 
 def test_thresholds_are_the_first_levels_off_green_and_at_red(records):
-    trials = [finite(r["trials"]["smoother"]) for r in records]
+    trials = [finite_or_none(r["trials"]["smoother"]) for r in records]
     good = judge_cell([trial_of(trials[0])], coarse=False)
     boast = judge_cell([trial_of({**trials[1], "claimed": [1e-9, 1e-9]})], coarse=False)
     said = judge_cell([trial_of({**trials[2], "verdict": "degraded"})], coarse=False)
@@ -145,7 +145,7 @@ def test_thresholds_are_the_first_levels_off_green_and_at_red(records):
 
 def test_numbers_pictures_and_page_come_from_the_same_cells(records):
     chosen = failures_named(["mass"])
-    maps = maps_of([finite(r) for r in records], chosen, short=True)
+    maps = maps_of([finite_or_none(r) for r in records], chosen, short=True)
     plain = as_plain(maps, 1, True)
     row = plain["failures"][0]["contestants"][0]
     assert [c["color"] for c in row["cells"]] == ["green", "green", "green"]

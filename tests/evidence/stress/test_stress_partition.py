@@ -17,7 +17,7 @@ from evidence.stress.trial import attempt
 from evidence.subjects.parts import failures as fp
 from evidence.subjects.parts.trial import DEFAULT, WAYS, Way, solved, solver
 from forceid.cli.app import main
-from forceid.cli.output import finite
+from forceid.cli.output import finite_or_none
 from forceid.partition.conjugate_gradient import projected_cg
 from forceid.records import Verdict
 
@@ -28,7 +28,7 @@ DIRECT = WAYS[0]
 
 def cell_of(failure, level, solve=solved, who=DIRECT, seeds=(1, 2)):
     records = [attempt(PARTS, failure, level, seed, (solver(who, solve),)) for seed in seeds]
-    trials = [trial_of(finite(r["trials"][who.name])) for r in records]
+    trials = [trial_of(finite_or_none(r["trials"][who.name])) for r in records]
     return judge_cell(trials, False, PARTS.quantities)
 
 
@@ -158,7 +158,7 @@ def test_pictures_and_page_of_both_kinds_name_what_each_is_judged_by():
         {**r, "failure": "mass", "level": level, "trials": {"smoother": r["trials"][DEFAULT.name]}}
         for r, level in zip(records, (0, 3e-3, 0.03), strict=True)
     ]
-    maps = maps_of([finite(r) for r in records], chosen, short=True)
+    maps = maps_of([finite_or_none(r) for r in records], chosen, short=True)
     parts = next(m for m in maps if m.failure.group == "partition")
     title = draw_map(parts).axes[0].get_title(loc="left")
     assert title.endswith("error over claim, the worse of force and motion")
