@@ -234,9 +234,7 @@ def wrong(row: Row) -> bool:
 
 def agreement(row: Row) -> str:
     """The agreement found, in words."""
-    if not row.judged:
-        return "not compared"
-    if not row.disagreement:
+    if not row.judged or not row.disagreement:
         return "not compared"
     worst = max(row.disagreement, key=lambda name: row.disagreement[name])
     text = f"{worst} {row.disagreement[worst]:.1e}"

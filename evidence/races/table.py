@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evidence.races.paired import Outcome, Row, agreement, figure, wrong
+from evidence.written import tabled, written
 
 CLOCKS = {"ns": 1e9, "us": 1e6, "ms": 1e3}
 MARK = {True: "met", False: "NOT MET", None: "not measured"}
@@ -18,24 +19,25 @@ def lines(outcome: Outcome) -> str:
     race, base = outcome.race, outcome.rows[outcome.race.base]
     names = sorted({name for row in outcome.rows.values() for name in row.figures})
     ratio = f"times as fast as {race.base}: min / median / max"
-    head = [f"{race.clock} a {race.unit}", "timed on", ratio, "answer", *names]
-    out = [f"## {race.title}", "", f"| | {' | '.join(head)} |", "|---|" + "---|" * len(head)]
+    rows = []
     for row in outcome.rows.values():
         if row.absent:
-            out.append(f"| {row.name} | not here: {row.absent} |" + " |" * (len(head) - 1))
+            rows.append([row.name, f"not here: {row.absent}"])
             continue
-        cells = [figure(CLOCKS[race.clock] * row.median), timed_on(outcome, row)]
-        if base.seconds:
-            cells.append(" / ".join(figure(r) for r in row.times_as_fast_as(base)))
-        else:
-            cells.append("-")
-        cells.append("the reference" if row.name == race.base else agreement(row))
-        cells += [f"{row.figures[n]:.3g}" if n in row.figures else "" for n in names]
-        out.append(f"| {row.name} | " + " | ".join(cells) + " |")
+        fast = " / ".join(map(figure, row.times_as_fast_as(base))) if base.seconds else "-"
+        said = "the reference" if row.name == race.base else agreement(row)
+        cells = [row.name, figure(CLOCKS[race.clock] * row.median), timed_on(outcome, row), fast, said]
+        rows.append([*cells, *(f"{row.figures[n]:.3g}" if n in row.figures else "" for n in names)])
+    heads = ["", f"{race.clock} a {race.unit}", "timed on", ratio, "answer", *names]
+    parts = [f"## {race.title}", tabled(heads, rows)]
     if race.goals:
-        out += ["", "| goal | measured | |", "|---|---|---|"]
-        out += [f"| {text} | {measured} | {MARK[met]} |" for text, measured, met in outcome.verdicts()]
-    return "\n".join(out) + "\n"
+        parts.append(tabled(("goal", "measured", ""), goals(outcome)))
+    return "\n\n".join(parts) + "\n"
+
+
+def goals(outcome: Outcome) -> list[list[str]]:
+    """Goals in words, what was measured, and whether they are met."""
+    return [[text, measured, MARK[met]] for text, measured, met in outcome.verdicts()]
 
 
 def timed_on(outcome: Outcome, row: Row) -> str:
@@ -54,24 +56,19 @@ def as_data(outcome: Outcome) -> dict[str, Any]:
         if row.seconds and base.seconds:
             entry["ratio_to_base_min_median_max"] = row.times_as_fast_as(base)
         rows.append(entry)
-    goals = [{"goal": g, "measured": m, "met": met} for g, m, met in outcome.verdicts()]
+    asked = [{"goal": g, "measured": m, "met": met} for g, m, met in outcome.verdicts()]
     sizes = {"size": race.size, "samples_per_unit": race.samples, "unit": race.unit, "check": race.check}
-    return {"title": race.title, "base": race.base, **sizes, "rows": rows, "goals": goals}
+    return {"title": race.title, "base": race.base, **sizes, "rows": rows, "goals": asked}
 
 
 def summary(outcomes: list[Outcome]) -> str:
     """All goals in one table."""
-    out = ["## Goals", "", "| race | goal | measured | |", "|---|---|---|---|"]
-    for outcome in outcomes:
-        for text, measured, met in outcome.verdicts():
-            out.append(f"| {outcome.race.title} | {text} | {measured} | {MARK[met]} |")
-    return "\n".join(out) + "\n"
+    rows = [[outcome.race.title, *row] for outcome in outcomes for row in goals(outcome)]
+    return "## Goals\n\n" + tabled(("race", "goal", "measured", ""), rows) + "\n"
 
 
 def write(folder: Path, preamble: str, machine: dict[str, Any], outcomes: list[Outcome]) -> None:
     """benchmarks.md and benchmarks.json in `folder`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    sections = [preamble, summary(outcomes), *map(lines, outcomes)]
-    (folder / "benchmarks.md").write_text("\n".join(sections), encoding="utf-8")
+    written(folder, "benchmarks.md", "\n".join([preamble, summary(outcomes), *map(lines, outcomes)]))
     data = {**machine, "races": [as_data(outcome) for outcome in outcomes]}
-    (folder / "benchmarks.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    written(folder, "benchmarks.json", json.dumps(data, indent=1) + "\n")

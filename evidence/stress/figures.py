@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -91,16 +92,8 @@ def draw_cells(
             box = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=face_of(one), edgecolor="white", lw=1.5)
             ax.add_patch(box)
             number = short_number(levels[i][j]) if levels else ratio(one)
-            color = "white" if face_of(one) in ON_DARK else INK
-            ax.text(
-                j,
-                i,
-                f"{MARKS[one.color]} {number}".strip(),
-                ha="center",
-                va="center",
-                color=color,
-                fontsize=8.5,
-            )
+            style: Any = {"color": "white" if face_of(one) in ON_DARK else INK, "fontsize": 8.5}
+            ax.text(j, i, f"{MARKS[one.color]} {number}".strip(), ha="center", va="center", **style)
     ax.set_xlim(-0.5, max(map(len, rows)) - 0.5)
     ax.set_ylim(len(rows) - 0.5, -0.5)
 

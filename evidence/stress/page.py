@@ -8,6 +8,7 @@ from evidence.stress.cell import Cell
 from evidence.stress.figures import MARKS, MEANING, ratio, row_of, short_number
 from evidence.stress.run import Map, Row, counts, leaves_green, needless, threshold
 from evidence.stress.subjects import SUBJECTS, default_of, subject_of
+from evidence.written import tabled
 
 INTRODUCTION = """# Where methods break
 
@@ -15,71 +16,53 @@ Every failure below is swept from healthy to hopeless: {cells} cells, {seeds} se
 
 {told}
 
-| mark | meaning | cells |
-|---|---|---|
 {legend}
 
 Of the amber cells, {needless} are needless: errors within twice the claimed ones and twice the bound. Of the
 red ones, {honest} are honest in their claim, and beyond twice the bound without saying so. In {alone} single
 records the verdict is `ok` and the error of that record alone is past the limit.
 
-![all failures, {default}](overview.png)
-"""
+![all failures, {default}](overview.png)"""
 
 
 def page_of(maps: Sequence[Map], seeds: int) -> str:
     """The page in Markdown: what the colors mean, thresholds of the defaults, red cells, then every map."""
     total = counts(row for m in maps for row in m.rows)
-    legend = "\n".join(
-        f"| {MARKS[color]} {color} | {text} | {total[color]} |" for color, text in MEANING.items()
-    )
+    legend = ([f"{MARKS[color]} {color}", text, str(total[color])] for color, text in MEANING.items())
     subjects = [s for s in SUBJECTS if any(subject_of(m.failure) is s for m in maps)]
     head = INTRODUCTION.format(
-        cells=total["cells"], seeds=seeds, legend=legend, needless=total["needless amber"],
-        alone=total["red alone"], honest=total["red, honest"], told="\n\n".join(s.told for s in subjects),
-        default=" and ".join(s.default for s in subjects),
+        cells=total["cells"], seeds=seeds, legend=tabled(("mark", "meaning", "cells"), legend),
+        needless=total["needless amber"], alone=total["red alone"], honest=total["red, honest"],
+        told="\n\n".join(s.told for s in subjects), default=" and ".join(s.default for s in subjects),
     )  # fmt: skip
-    by_default = [
-        line for s in subjects for line in defaults([m for m in maps if subject_of(m.failure) is s])
-    ]
-    return (
-        "\n".join([head, *by_default, *red_cells(maps), *(line for m in maps for line in of_map(m))]) + "\n"
-    )
+    groups = ([m for m in maps if subject_of(m.failure) is s] for s in subjects)
+    parts = [head, *(part for group in groups for part in defaults(group)), *red_cells(maps)]
+    return "\n\n".join([*parts, *(part for m in maps for part in of_map(m))]) + "\n"
 
 
 def defaults(maps: Sequence[Map]) -> list[str]:
     """Where the default leaves green, where it is first red, what breaks there and what it says."""
-    default = subject_of(maps[0].failure).default
-    lines = [
-        f"## Thresholds of the {default}",
-        "",
-        "| failure | leaves green at | first red at | what breaks | what the verdict says there |",
-        "|---|---|---|---|---|",
-    ]
+    rows = []
     for m in maps:
         row = row_of(m, default_of(m.failure))
-        at = leaves_green(m.levels, row.cells)
+        at, red = leaves_green(m.levels, row.cells), threshold(m.levels, row.cells, "red")
         said = "" if at is None else row.cells[m.levels.index(at)].reason
-        lines.append(
-            f"| {m.failure.title} | {level(at, m)} | {level(threshold(m.levels, row.cells, 'red'), m)} "
-            f"| {m.failure.breaks} | {said or '-'} |"
-        )
-    return [*lines, ""]
+        rows.append([m.failure.title, level(at, m), level(red, m), m.failure.breaks, said or "-"])
+    heads = "failure", "leaves green at", "first red at", "what breaks", "what the verdict says there"
+    return [f"## Thresholds of the {subject_of(maps[0].failure).default}", tabled(heads, rows)]
 
 
 def red_cells(maps: Sequence[Map]) -> list[str]:
     """Every red cell and its cause."""
     found = [
-        f"| {m.failure.title} | {level(at, m)} | {row.who.name} | {one.cause} | {one.ok} of {seeds_of(one)} |"
+        [m.failure.title, level(at, m), row.who.name, one.cause, f"{one.ok} of {seeds_of(one)}"]
         for m in maps
         for row in m.rows
         for at, one in zip(m.levels, row.cells, strict=True)
         if one.color == "red"
     ]
-    if not found:
-        return ["## Silently wrong", "", "No cell.", ""]
-    head = ["| failure | level | method | cause | verdict ok |", "|---|---|---|---|---|"]
-    return ["## Silently wrong", "", *head, *found, ""]
+    heads = "failure", "level", "method", "cause", "verdict ok"
+    return ["## Silently wrong", tabled(heads, found) if found else "No cell."]
 
 
 def seeds_of(one: Cell) -> int:
@@ -90,33 +73,22 @@ def seeds_of(one: Cell) -> int:
 def of_map(of: Map) -> list[str]:
     """One failure: its picture, and its thresholds and numbers by contestant."""
     f = of.failure
-    heads = " | ".join(short_number(v) for v in of.levels)
-    lines = [
-        f"## {f.title}",
-        "",
-        f"{f.breaks[0].upper()}{f.breaks[1:]}.",
-        "",
-        f"![{f.title}]({f.name}.png)",
-        "",
-        f"| {f.unit} | {heads} | leaves green at | first red at |",
-        "|---" * (len(of.levels) + 3) + "|",
-        *(line_of(of, row) for row in of.rows),
-        "",
-    ]
+    heads = [f.unit, *map(short_number, of.levels), "leaves green at", "first red at"]
+    breaks = f"{f.breaks[0].upper()}{f.breaks[1:]}."
+    picture = f"![{f.title}]({f.name}.png)"
+    parts = [f"## {f.title}", breaks, picture, tabled(heads, [line_of(of, row) for row in of.rows])]
     amber = [row.who.name for row in of.rows if row.cells[0].color == "amber"]
-    if amber:
-        lines += [f"Amber at the healthy end already: {', '.join(amber)}.", ""]
-    return lines
+    return parts + [f"Amber at the healthy end already: {', '.join(amber)}."] * bool(amber)
 
 
-def line_of(of: Map, row: Row) -> str:
+def line_of(of: Map, row: Row) -> list[str]:
     """A row of the table of a failure: mark, error over bound, and error over claim of every level."""
-    cells = " | ".join(
+    cells = [
         f"{MARKS[one.color]} {ratio(one)}; {worst(one)}{' (needless)' if needless(one) else ''}"
         for one in row.cells
-    )
+    ]
     at, red = leaves_green(of.levels, row.cells), threshold(of.levels, row.cells, "red")
-    return f"| {row.who.name} | {cells} | {level(at, of)} | {level(red, of)} |"
+    return [row.who.name, *cells, level(at, of), level(red, of)]
 
 
 def worst(one: Cell) -> str:

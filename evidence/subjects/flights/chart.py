@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,21 +30,11 @@ READING = (
 )
 
 
-@dataclass(frozen=True)
-class Score:
-    """Mean squares over the judged part, by axis (6,), NaN where there is no truth or no claim.
+def score(case: Case, answer: Answer) -> dict[str, list[float]]:
+    """An answer against the truth: means over the central three quarters, by axis (6,), NaN where unknown.
 
-    error: of the answer; claimed: its variance; inside: share in the 95 % interval; load: of the truth.
+    error: squares of the answer's; claimed: its variance; inside: share in the 95 % interval.
     """
-
-    error: tuple[float, ...]
-    claimed: tuple[float, ...]
-    inside: tuple[float, ...]
-    load: tuple[float, ...]
-
-
-def score(case: Case, answer: Answer) -> Score:
-    """An answer against the truth, over the central three quarters."""
     at, truth = case.judged, case.wrench[case.judged]
     error = np.hstack(answer.found)[at] - truth
     if answer.claimed is None:
@@ -55,7 +44,7 @@ def score(case: Case, answer: Answer) -> Score:
         known = np.isfinite(error) & np.isfinite(var)
         inside = np.where(known, error**2 <= QUANTILE**2 * var, np.nan).mean(0)
         claimed = var.mean(0)
-    return Score(*(tuple(map(float, a)) for a in ((error**2).mean(0), claimed, inside, (truth**2).mean(0))))
+    return {"error": (error**2).mean(0).tolist(), "claimed": claimed.tolist(), "inside": inside.tolist()}
 
 
 def rms(squares: Any) -> Array:
@@ -167,7 +156,7 @@ FLIGHTS = Charted(
     folders=("compiled", "kalman", "flight", "motion", "principal", "estimation", "scenes"),
     records=each_seed,
     contestants=contestants,
-    score=lambda case, answer: vars(score(case, answer)),
+    score=score,
     facts=facts,
     judged=judged,
     described=described,

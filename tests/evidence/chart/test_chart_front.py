@@ -141,9 +141,9 @@ def test_an_honest_claim_covers_and_a_bold_one_does_not():
     honest, bold = (
         score(case, Answer(halves(case.wrench + error), halves(np.full((800, 6), s)))) for s in (1.0, 0.1)
     )
-    assert np.abs(np.array(honest.inside) - 0.95).max() < 0.04
-    assert max(bold.inside) < 0.15
-    assert np.abs(np.array(honest.error) - 1).max() < 0.2
+    assert np.abs(np.array(honest["inside"]) - 0.95).max() < 0.04
+    assert max(bold["inside"]) < 0.15
+    assert np.abs(np.array(honest["error"]) - 1).max() < 0.2
 
 
 def test_only_the_central_three_quarters_are_judged():
@@ -151,8 +151,8 @@ def test_only_the_central_three_quarters_are_judged():
     wrench = case.wrench.copy()
     wrench[:10] += 1e3
     wrench[-10:] += 1e3
-    assert max(score(case, Answer(halves(wrench))).error) == 0.0
-    assert np.isnan(score(case, Answer(halves(wrench))).inside).all()
+    assert max(score(case, Answer(halves(wrench)))["error"]) == 0.0
+    assert np.isnan(score(case, Answer(halves(wrench)))["inside"]).all()
 
 
 def test_a_label_goes_where_nothing_is():
