@@ -197,7 +197,7 @@ def marker_step(motion: Motion) -> float:
 
 
 def sensor_noise(time: Array, z: Array) -> float:
-    """Standard deviation that high-order differences of a sensor z (time, 3) show, over the axes it has.
+    """Standard deviation that high-order differences of a sensor z (time, axis) show, over the axes it has.
 
     Of one that reads too little to tell, its own spread: next to nothing of it is believed.
     """

@@ -8,14 +8,12 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.instruments.on_flight import AMISS, sensor_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight
 from forceid.flight.modes import Gauges
 from forceid.flight.smoother import FlightState
-from forceid.motion.window import ORDER, noise_variance
-from forceid.records import Array, Body, Finding, Motion
-
-AMISS = 1.3  # mean squared innovation of the gauges, over its covariance
+from forceid.records import Body, Finding, Motion
 
 
 def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
@@ -34,7 +32,7 @@ def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, set
     reads, reading = body.strain_shape[used].reshape(used.sum(), -1), motion.strain[:, used]
     steady = reads @ (kin.shape - (body.position - kin.inertia.center)).ravel()
     known, largest = motion.noise_std | settings.noise_std, np.nanmax(np.abs(reading), axis=0)
-    noise = np.array([known.get("strain") or gauge_noise(motion.time, z) for z in reading.T])
+    noise = np.array([known.get("strain") or sensor_noise(motion.time, z[:, None]) for z in reading.T])
     noise = np.maximum(noise, np.maximum(ROUNDOFF * largest, 1e-15))
     bias = np.broadcast_to(known.get("strain_bias", np.maximum(largest, noise)), noise.shape)
     cov = np.diag(noise**2)
@@ -43,13 +41,6 @@ def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, set
     rows = reads @ kin.shapes.reshape(len(kin.shapes), -1).T
     gauges = Gauges(reading - steady, rows, cov, np.asarray(bias, float))
     return replace(flight, modes=replace(flight.modes, gauges=gauges))
-
-
-def gauge_noise(time: Array, z: Array) -> float:
-    """Standard deviation that high-order differences of a gauge z (time,) show; its own spread if short."""
-    if np.isfinite(z).sum() < 2 * ORDER:
-        return float(np.nanstd(z))
-    return float(np.sqrt(noise_variance(time, z[:, None])))
 
 
 def judge_gauges(flight: Flight, state: FlightState, body: Body, motion: Motion) -> tuple[Finding, ...]:
