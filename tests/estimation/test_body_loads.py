@@ -49,9 +49,7 @@ def channel_of(path: Array, seed: int) -> Channel:
     return Channel(TIME, z, 1 / MASS, np.tile(NOISE**2 * np.eye(3), (len(TIME), 1, 1)), np.zeros((3, 3)))
 
 
-TRUTH = LoadPrior(
-    Tuned(Matern(2, STD, np.full(3, KAPPA))), np.eye(3), Start(1e2, 1e2, 0.0), (), np.eye(3)
-)
+TRUTH = LoadPrior(Tuned(Matern(2, STD, np.full(3, KAPPA))), np.eye(3), Start(1e2, 1e2, 0.0), (), np.eye(3))
 
 
 def smoothed(channel: Channel, prior: LoadPrior) -> tuple[Array, Array]:

@@ -20,8 +20,8 @@ from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
-from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.sensors import Sensors
+from forceid.flight.instruments.turn_count import rate_read
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
@@ -97,7 +97,7 @@ def fused(
     force, moment = priors["force"], priors["moment"]
     if turn < SENSE:
         flight = aligned(flight, force, moment, engine)
-    elif flight.sensors is not None and gyro_rate(flight.time, flight.sensors) is not None:
+    elif rate_read(flight.time, flight.rotation, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
     known, alone = set(motion.noise_std | settings.noise_std), kin.apart and flight.sensors is None
     given = force.plain() if alone else force
@@ -111,8 +111,8 @@ def fused(
 
 
 def turn_a_frame(flight: Flight) -> float:
-    """Largest turn (rad) from one frame seen to the next: as gyros of three axes read it, or as both show."""
-    rate = gyro_rate(flight.time, flight.sensors)
+    """Largest turn (rad) from one frame seen to the next: as sensors read it, or as both frames show."""
+    rate = rate_read(flight.time, flight.rotation, flight.sensors)
     seen = np.isfinite(flight.rotation).all((1, 2))
     if rate is None or seen.sum() < 2:
         return largest_turn(flight.time, flight.rotation)

@@ -7,7 +7,8 @@ import numpy as np
 from forceid.flight.attitude import apply
 from forceid.flight.channels import Start
 from forceid.flight.instruments import ACCELEROMETER
-from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
+from forceid.flight.instruments.dead_reckoning import reckoned
+from forceid.flight.instruments.turn_count import rate_read
 from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
@@ -24,7 +25,7 @@ def rough_priors(flight: Flight, rate: float | None = None) -> tuple[LoadPrior, 
     rate: 1/s, where the search for it begins; by default of loads as fast as hands and gusts make them.
     """
     sensors, time = flight.sensors, flight.time
-    omega = gyro_rate(time, sensors)
+    omega = rate_read(time, flight.rotation, sensors)
     assert sensors is not None
     assert omega is not None
     span, H = float(np.ptp(time)), np.einsum("tij,tj->ti", flight.inertia, omega) + flight.h

@@ -55,7 +55,7 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
         return [note("no-mass-center")]
     found = [*known_beforehand(kin), *unseen(kin, motion), *judge_times(kin)]
     turn = largest_turn(kin.time, kin.pose.rotation)
-    if turn > FAST and not (motion is not None and reads_turn(motion)):
+    if turn > FAST and not (motion is not None and reads_turn(kin, motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
         taken, other = turn / (2 * np.pi * step), (2 * np.pi - turn) / (2 * np.pi * step)
         found.append(note("fast-turn", degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other))
@@ -89,9 +89,14 @@ def judge_clipping(motion: Motion) -> list[Finding]:
     return []
 
 
-def reads_turn(motion: Motion) -> bool:
-    """Whether a gyro of three axes reads."""
-    return motion.angular_velocity is not None and bool(np.isfinite(motion.angular_velocity).all(2).any())
+def reads_turn(kin: Kinematics, motion: Motion) -> bool:
+    """Whether a gyro of three axes reads, or between frames what reads how the body stands."""
+    between = ~np.isfinite(kin.pose.rotation).all((1, 2))
+    rate, nothing = motion.angular_velocity, np.zeros(0)
+    standing = [motion.readings.get(one.name, nothing) for one in INSTRUMENTS if not one.tells]
+    return (rate is not None and bool(np.isfinite(rate).all(2).any())) or any(
+        len(read) > 0 and bool(np.isfinite(read[between]).any()) for read in standing
+    )
 
 
 def known_beforehand(kin: Kinematics) -> list[Finding]:

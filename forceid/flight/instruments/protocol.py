@@ -58,7 +58,7 @@ class Instrument:
 
     name: its variable in /motion; unit: as messages write it; plural, singular: what people call it; offset:
     the largest bias at rest, in its unit, that data sheets of the cheapest parts allow; tells: the load that
-    it reads almost directly, "" for none.
+    it reads almost directly, "" for one that reads how the body stands.
 
     read(here, S, r, steady): of a sensor with axes S (3, 3) to body at r (3,) m from the mass center, what it
     reads (time, 3) without bias, and the slopes (time, 3, 3) by MOVERS, or without those that are zero.
