@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from forceid.errors import ConfigError
@@ -59,11 +59,16 @@ def sweep(folder: Path, names: Collection[str]) -> None:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a process of that number is alive on this machine."""
+    """Whether a process of that number is alive on this machine.
+
+    One that was killed keeps its number until its parent has asked how it ended; Linux tells it by a Z.
+    """
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except (PermissionError, OverflowError):
         pass
+    with suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     return True
