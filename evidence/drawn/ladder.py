@@ -23,7 +23,9 @@ from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, central
 from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
-from forceid.estimation.methods.smoother import Solution, estimate_flight
+from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.methods.smoother import estimate_flight
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import climb
 from forceid.estimation.model_choice.levels import Step
 from forceid.flight.smoother import FlightState
@@ -143,10 +145,11 @@ def taken(recording: Recording) -> tuple[str, str, float]:
     settings, engine = load_settings(lines="none"), kalman.engine("auto")
     body, motion, began = recording.body, recording.motion, time.process_time()
 
-    def solve(level: Settings) -> Solution:
-        return estimate_flight(body, motion, level, engine)
+    def solve(level: Settings, kin: Kinematics) -> Solution:
+        return estimate_flight(body, motion, level, engine, kin)
 
-    choice, _ = climb(body, motion, settings, engine, solve)
+    kin = kinematics(body, motion, settings)
+    choice, _ = climb(kin, motion, settings, engine, solve)
     spent = time.process_time() - began
     if choice.level is None:
         return choice.model, choice.model, spent

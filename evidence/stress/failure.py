@@ -34,7 +34,13 @@ KNOWN: list[Failure] = []  # of every module that was imported
 
 
 def failure(
-    group: str, title: str, unit: str, levels: tuple[float, ...], *, name: str = "", breaks: str = "",
+    group: str,
+    title: str,
+    unit: str,
+    levels: tuple[float, ...],
+    *,
+    name: str = "",
+    breaks: str = "",
     **of: bool,
 ) -> Callable[[M], M]:
     """Enter a function into the list: its name is that of the failure, its docstring says what breaks."""

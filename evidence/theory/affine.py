@@ -191,7 +191,8 @@ def section(name: str, own: list[Held]) -> tuple[str, bool]:
     least = np.min([c.beyond for c in own], axis=0)
     good = bool(ratio.max() <= GOAL and LOW <= inside.mean() <= HIGH and set(models) == {"affine"})
     good &= vetoed == len(own)
-    return f"""## {name}
+    return (
+        f"""## {name}
 
 {SCENES[name][3]}; {len(own)} flights.
 
@@ -202,7 +203,9 @@ over rigid at least {least[0]:.3g}, over the best modal one at least {least[1]:.
 {vetoed} of {len(own)}. CPU of the columns {np.median([c.seconds for c in own]):.2f} s a flight.
 Every entry at most {GOAL} of the bound, coverage {100 * LOW:.0f} to {100 * HIGH:.0f} percent, affine and \
 not rigid: {"met" if good else "NOT MET"}.
-""", good
+""",
+        good,
+    )
 
 
 @rc_context(STYLE)

@@ -15,7 +15,7 @@ from forceid.config import Settings
 from forceid.errors import ForceIdError
 from forceid.estimation.affine.loads import MOMENT, AffineLoads, affine_loads
 from forceid.estimation.body.cleaning import cleaned, without_frames
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding, Recording
 

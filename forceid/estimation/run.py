@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
-from forceid.estimation.body.cleaning import Mended, prepared
+from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import told_first_moments
@@ -21,7 +20,8 @@ from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.methods.smoother import Solution, estimate_flight
+from forceid.estimation.methods.smoother import estimate_flight
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import climb
 from forceid.estimation.model_choice.words import Choice, without_choice
 from forceid.estimation.verdict.catalogue import note
@@ -99,35 +99,30 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
-    unmarked = is_unmarked(recording.motion)
-    if unmarked:
-        findings = judge_unmarked(recording.body, recording.motion, settings)
+    body, motion, kin = recording.body, recording.motion, None
+    if is_unmarked(motion):
+        findings = judge_unmarked(body, motion, settings)
     else:
-        kin = kinematics(recording.body, recording.motion, settings)
-        rounded = judge_rounding(recording.motion, kin.noise)
-        findings = [*judge_recording(kin, recording.motion), *(rounded or judge_clipping(recording.motion))]
+        kin = kinematics(body, motion, settings)
+        rounded = judge_rounding(motion, kin.noise)
+        findings = [*judge_recording(kin, motion), *(rounded or judge_clipping(motion))]
     if refusing(findings):
         return refused(recording, settings, findings), None
-    solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
-    solve = estimate_unmarked if unmarked else solve
-    motion, mended = (recording.motion, Mended()) if unmarked else prepared(recording.body, recording.motion)
-    try:
-        solution, choice = solved_at_level(recording.body, motion, settings, solve, unmarked)
-    except EstimationError as e:
-        plain = None if unmarked else stand_in(recording.body, as_measured(motion), kin, e)
-        if plain is None:
-            raise
-        solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
+    motion, mended = prepared(body, motion)
+    if kin is None:
+        solution, choice = from_sensors(body, motion, settings)
+    else:
+        seen = kin if motion is recording.motion else kinematics(body, motion, settings)
+        try:
+            solution, choice = at_its_level(seen, body, motion, settings)
+        except EstimationError as e:
+            plain = stand_in(body, as_measured(motion), kin, e)
+            if plain is None:
+                raise
+            solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
+        solution = with_known_axes(solution)
     solution = replace(solution, findings=(*judge_mending(mended), *solution.findings))
-    if solution.growth is not None:
-        solution = replace(solution, state=grown(solution.state, solution.growth))
-    if not unmarked:
-        kin = solution.kinematics
-        # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
-        smoothing = solution.smoothing if kin.inertia.line is None else None
-        state = with_known_moment(solution.state, kin.inertia, kin.spin, kin.pose.rotation)
-        solution = replace(solution, state=state, smoothing=smoothing)
-    witness = witness_of(recording.body, motion, solution.state)
+    witness = witness_of(body, motion, solution.state)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     result = assemble(recording, settings, solution, findings, choice.left, differs)
@@ -135,21 +130,42 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     return result, solution
 
 
-def solved_at_level(
-    body: Body, motion: Motion, settings: Settings, solve: Callable[..., Solution], unmarked: bool
-) -> tuple[Solution, Choice]:
-    """The solution at the level asked for, or at the one that the ladder takes, and why that."""
+def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Solution, Choice]:
+    """The solution of a recording of sensors alone, which show no level."""
+    solution = estimate_unmarked(body, motion, settings, engine(settings.engine))
+    if settings.model != "auto":
+        return solution, without_choice(settings.model, "it was asked for")
+    return solution, without_choice("rigid", "sensors alone show no deformation")
+
+
+def at_its_level(kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> tuple[Solution, Choice]:
+    """The solution at the level asked for, or at the one that the ladder takes, and why that.
+
+    kin: of the motion, which is cleaned, under the settings.
+    """
+    solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     passes = engine(settings.engine)
 
-    def at(level: Settings) -> Solution:
-        return solve(body, motion, level, passes)
+    def at(level: Settings, seen: Kinematics) -> Solution:
+        return solve(body, motion, level, passes, seen)
 
     if settings.model != "auto":
-        return at(settings), without_choice(settings.model, "it was asked for")
-    if unmarked:
-        return at(settings), without_choice("rigid", "sensors alone show no deformation")
-    choice, solution = climb(body, motion, settings, passes, at)
+        return at(settings, kin), without_choice(settings.model, "it was asked for")
+    choice, solution = climb(kin, motion, settings, passes, at)
     return solution, choice
+
+
+def with_known_axes(solution: Solution) -> Solution:
+    """The solution with claims grown for what tells nothing of its priors, and the moment that mass on a line
+    or a point cannot have.
+    """
+    if solution.growth is not None:
+        solution = replace(solution, state=grown(solution.state, solution.growth))
+    kin = solution.kinematics
+    # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
+    smoothing = solution.smoothing if kin.inertia.line is None else None
+    state = with_known_moment(solution.state, kin.inertia, kin.spin, kin.pose.rotation)
+    return replace(solution, state=state, smoothing=smoothing)
 
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:

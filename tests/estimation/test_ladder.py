@@ -43,12 +43,13 @@ def climbed(recording, **settings):
     """What the ladder chose and its solution, with the settings that were solved."""
     solved = []
 
-    def solve(level):
+    def solve(level, kin):
         solved.append(level)
-        return estimate_flight(recording.body, recording.motion, level, engine())
+        return estimate_flight(recording.body, recording.motion, level, engine(), kin)
 
     asked = load_settings(**({"lines": "none"} | settings))
-    return climb(recording.body, recording.motion, asked, engine(), solve), solved
+    kin = kinematics(recording.body, recording.motion, asked)
+    return climb(kin, recording.motion, asked, engine(), solve), solved
 
 
 def rungs(recording, **settings):
@@ -56,7 +57,7 @@ def rungs(recording, **settings):
     asked = load_settings(**settings)
     most = kinematics(recording.body, recording.motion, asked.model_copy(update={"model": "modal"}))
     beyond = beyond_rigid(recording.motion.time, recording.motion.position, most)
-    return levels(recording.body, recording.motion, asked, most), beyond
+    return levels(most.markers, asked, most), beyond
 
 
 def test_scene_moves_as_its_moment_says():
@@ -175,10 +176,11 @@ def test_level_does_not_hang_on_the_method(method):
     solve = estimate_flight if method == "filter" else estimate_classic
     settings = load_settings(method=method)
 
-    def solved(level):
-        return solve(recording.body, recording.motion, level, engine())
+    def solved(level, kin):
+        return solve(recording.body, recording.motion, level, engine(), kin)
 
-    choice, _ = climb(recording.body, recording.motion, settings, engine(), solved)
+    kin = kinematics(recording.body, recording.motion, settings)
+    choice, _ = climb(kin, recording.motion, settings, engine(), solved)
     assert choice.level.name == "modal, 1 mode"
 
 

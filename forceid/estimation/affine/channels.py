@@ -17,7 +17,7 @@ from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.affine_fit import AffineFit, fit_affine
 from forceid.estimation.body.inertia import inertia_of
-from forceid.estimation.body.kinematics import marker_noise
+from forceid.estimation.body.markers import marker_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.protocol import LoadPrior

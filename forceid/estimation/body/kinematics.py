@@ -9,30 +9,26 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.body.inertia import Inertia, inertia_of
-from forceid.estimation.body.mass_center import affine_center, mass_center, with_center
-from forceid.estimation.body.shapes import check_scale, deformation_shapes, modes_of, rank_of, spinning_shape
+from forceid.estimation.body.markers import ROUNDOFF, Markers, markers_of
+from forceid.estimation.body.mass_center import affine_center, with_center
+from forceid.estimation.body.shapes import deformation_shapes
 from forceid.estimation.body.spin import Spin
-from forceid.estimation.body.thin_mass import followed_line, shown_rank, thinned
+from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.motion.frames import Frames, fit_frames
 from forceid.motion.modes import (
-    Modes,
     fit_amplitudes,
 )
 from forceid.motion.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.motion.pose import (
     Pose,
-    body_axes,
     center_of_mass,
     fit_pose,
-    fit_rotation,
     log,
 )
 from forceid.motion.products import inertia_products
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, Motion
-
-ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ class Kinematics:
     counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
     body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
     mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
-    rotation touches the force.
+    rotation touches the force; markers: what this goes on from, None for a mean motion.
     """
 
     time: Array
@@ -66,6 +62,7 @@ class Kinematics:
     beside: Array | None = None
     spin: Spin | None = None
     apart: bool = False
+    markers: Markers | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -97,63 +94,21 @@ def kinematics(
     stated = motion.noise_std | settings.noise_std
     noise = noise or as_stated(stated, motion)
     if motion.position is not None:
-        return from_markers(body, motion, motion.position, settings, stated, noise)
+        return at_level(markers_of(body, motion, noise, "position" in stated), settings)
     return from_mean_motion(body, motion, stated, noise)
 
 
-def from_markers(
-    body: Body,
-    motion: Motion,
-    x: Array,
-    settings: Settings,
-    stated: dict[str, float],
-    noise: dict[str, Array],
-) -> Kinematics:
-    """Kinematics of marker tracks x (time, node, 3)."""
-    inertia = inertia_of(body)
-    assert body.position is not None
-    X = body.position - inertia.center
-    check_scale(x, X)
-    seen = np.any(np.isfinite(x).all(2), axis=0)
-    filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
-    measured = np.where(filled[..., None] > 0, np.nan, x)
-    # the better half of the frames tells the shapes: where half of them are whole, no bridge does
-    best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
-    root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
-    root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
-    sigma, along = rms_noise(root), share(root)
-    thin, spin = thinned(inertia, X), None
+def at_level(markers: Markers, settings: Settings) -> Kinematics:
+    """Poses and deformation of marker tracks at the level that settings.model and settings.modes name."""
+    thin, X, x, measured = markers.thin, markers.X, markers.tracks, markers.measured
     if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
         settings = settings.model_copy(update={"model": "rigid"})
-    level, known = {"position": root}, {"position": "position" in stated}
-    mean = mass_center(motion, inertia, sigma**2)
-    massive = seen & (inertia.weight > 0)
-    weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
-    none = np.zeros((0, *X.shape))
-    if shown_rank(X, seen, sigma) < 6:
-        inertia = thin
-        center, var = (
-            center_of_mass(x, X, inertia.weight, sigma**2) if mean is None else (mean.center, mean.var)
-        )
-        T = len(x)
-        cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
-        cov[:, :3, :3] = var[:, None, None] * along
-        unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
-        pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
-        if inertia.line is not None:
-            pose, spin = followed_line(motion.time, pose, x, X, inertia, sigma)
-        shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
-        return Kinematics(
-            motion.time, inertia, X, seen, pose, none, empty, empty, "rigid", level, known, bool(shown),
-            spin=spin, apart=mean is not None,
-        )  # fmt: skip
-    modes = None if thin.on_line or thin.point else modes_of(body, inertia)
-    shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)
-    # in the gauge of the weights, before any marker's noise is weighed
-    center, R = fit_rotation(x, shape, weight)
-    residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
+    if not markers.oriented:
+        return without_rotation(markers)
+    time, inertia, shape, weight = markers.time, markers.inertia, markers.shape, markers.weight
+    sigma, along, modes = markers.noise_std, share(markers.root), markers.modes
     shapes, var, rest = deformation_shapes(
-        body, inertia, modes, residual, shape, weight, seen, sigma, settings
+        markers.body, inertia, modes, markers.residual, shape, weight, markers.seen, sigma, settings
     )
     model = settings.model
     if model == "auto":
@@ -163,41 +118,49 @@ def from_markers(
     # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
     # as noise of one frame, deformation counts as often
     # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
-    shown, own = (x, filled) if len(shapes) else (measured, None)
-    pose = fit_pose(shown, shape, weight, white + period(motion, modes) * deforming, own, uneven(root))
+    shown, own = (x, markers.filled) if len(shapes) else (measured, None)
+    beyond = uneven(markers.root)
+    pose = fit_pose(shown, shape, weight, white + markers.period * deforming, own, beyond)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
+        none = np.zeros((0, *X.shape))
         thin = thinned(replace(inertia, tensor=inertia_products(inertia.nodal, shape, none).inertia[0, 0]), X)
     if not len(shapes):
         inertia = thin
+    spin, frames, beside = None, None, markers.period * rest
     if inertia.line is not None:
-        pose, spin = followed_line(motion.time, pose, x, shape, inertia, sigma)
-    frames, beside = None, period(motion, modes) * rest
+        pose, spin = followed_line(time, pose, x, shape, inertia, sigma)
     if len(shapes):
-        frames = fit_frames(shown, pose, shape, shapes, white + beside, own, uneven(root))
-    known_center = mean
-    if model == "affine" and mean is None:
+        frames = fit_frames(shown, pose, shape, shapes, white + beside, own, beyond)
+    known_center = markers.mean
+    if model == "affine" and known_center is None:
         known_center = affine_center(measured, X, sigma**2)
     if known_center is not None:
         pose, frames = with_center(pose, frames, known_center, along)
     return Kinematics(
-        motion.time, inertia, shape, seen, pose, shapes, q, q_var, model, level, known, not inertia.point,
-        frames, beside, spin, known_center is not None,
+        time, inertia, shape, markers.seen, pose, shapes, q, q_var, model, {"position": markers.root},
+        {"position": markers.stated}, not inertia.point, frames, beside, spin, known_center is not None,
+        markers,
     )  # fmt: skip
 
 
-def period(motion: Motion, modes: Modes | None) -> float:
-    """Frames in a period of the lowest mode of a body, 1 where none is known."""
-    if modes is None or modes.compliance is None or not modes.compliance.any():
-        return 1.0
-    longest = 2 * np.pi * np.sqrt(modes.compliance.max())
-    return float(np.clip(longest / np.median(np.diff(motion.time)), 1.0, len(motion.time)))
-
-
-def marker_noise(time: Array, x: Array) -> float:
-    """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
-    frames = np.isfinite(x).all(2).sum(0)
-    return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
+def without_rotation(markers: Markers) -> Kinematics:
+    """Kinematics of markers too few, or too near to a line, for a rotation: the mass center, or the line."""
+    time, inertia, X, x = markers.time, markers.thin, markers.X, markers.tracks
+    sigma, mean, T, spin = markers.noise_std, markers.mean, len(markers.time), None
+    center, var = center_of_mass(x, X, inertia.weight, sigma**2) if mean is None else (mean.center, mean.var)
+    cov, empty = np.full((T, 6, 6), np.nan), np.zeros((T, 0))
+    cov[:, :3, :3] = var[:, None, None] * share(markers.root)
+    unseen, lost = np.full((T, 3, 3), np.nan), np.full_like(x, np.nan)
+    pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
+    if inertia.line is not None:
+        pose, spin = followed_line(time, pose, x, X, inertia, sigma)
+    shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
+    return Kinematics(
+        time, inertia, X, markers.seen, pose, np.zeros((0, *X.shape)), empty, empty, "rigid",
+        {"position": markers.root}, {"position": markers.stated}, bool(shown), spin=spin,
+        apart=mean is not None, markers=markers,
+    )  # fmt: skip
 
 
 def from_mean_motion(

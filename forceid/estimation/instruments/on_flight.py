@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
-from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.markers import ROUNDOFF
 from forceid.estimation.instruments.clock_offset import aligned
 from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors

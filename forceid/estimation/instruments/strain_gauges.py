@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.body.kinematics import ROUNDOFF, Kinematics
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.markers import ROUNDOFF
 from forceid.estimation.instruments.on_flight import AMISS, sensor_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight

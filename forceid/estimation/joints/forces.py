@@ -18,7 +18,7 @@ from forceid.estimation.joints.checks import GROSS, judge_joints, of_part, refus
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.joints.together import together
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants

@@ -19,7 +19,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Ties
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.fused_tuning import LONGEST, climb
-from forceid.estimation.methods.smoother import Smoothing, Solution
+from forceid.estimation.methods.solution import Smoothing, Solution
 from forceid.flight.model import Reference, linear_flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight

@@ -21,7 +21,7 @@ from forceid.estimation.joints.linked_flight import (
     tuned_linked,
 )
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.kalman.engines import engine
 from forceid.principal import transport, transport_matrix

@@ -8,7 +8,7 @@ from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.noise import slow_and_small
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
@@ -21,14 +21,17 @@ from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 
 
-def estimate_classic(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
+def estimate_classic(
+    body: Body, motion: Motion, settings: Settings, engine: Engine, kin: Kinematics | None = None
+) -> Solution:
     """Wrench and motion by differentiating twice; the method is settings.method, and it needs no engine.
 
     Force and moment are second derivatives of m c and of the integrated angular momentum (principal
     equations 2.4), each under the window that it calls for. What the window leaves of the mass center, over
-    what noise alone would leave, stands for innovations.
+    what noise alone would leave, stands for innovations. kin: kinematics of the motion at the level of the
+    settings, where they are known already.
     """
-    kin = kinematics(body, motion, settings)
+    kin = kinematics(body, motion, settings) if kin is None else kin
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)

@@ -28,7 +28,7 @@ from forceid.estimation.instruments.fine_clock import (
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.left_over import LEFT, mixed
-from forceid.estimation.methods.smoother import Solution, named
+from forceid.estimation.methods.solution import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, GYRO

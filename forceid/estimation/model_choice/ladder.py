@@ -21,8 +21,8 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.affine_lever import speaks_for_mass
 from forceid.estimation.body.deformation_residual import CHANCE, Beyond, beyond_rigid, principal_axes
-from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
+from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.levels import FOUND, Level, Step, brings_modes, explaining, levels, weigh
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
@@ -44,47 +44,52 @@ from forceid.records import Body, Motion
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 FEW = 20  # frames below which nothing is told apart
 
-Solve = Callable[[Settings], Solution]
+Solve = Callable[[Settings, Kinematics], Solution]
 
 
 def climb(
-    body: Body, motion: Motion, settings: Settings, engine: Engine, solve: Solve
+    kin: Kinematics, motion: Motion, settings: Settings, engine: Engine, solve: Solve
 ) -> tuple[Choice, Solution]:
     """The level that a recording asks for, and the solution at that level.
 
-    solve: the estimate under settings that name the level. It runs for the level taken; and for the
-    explaining one where the flight of a smaller one is not what a look without the flight said. The wrench
-    covariance of a smaller one allows for its distance.
+    kin: its kinematics under the settings, which leave the level open; solve: the estimate at a level, from
+    the settings that name it and the kinematics at it. It runs for the level taken; and for the explaining
+    one where the flight of a smaller one is not what a look without the flight said. The wrench covariance of
+    a smaller one allows for its distance.
     """
-    rigid = settings.model_copy(update={"model": "rigid"})
-    if motion.position is None:
-        return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid)
+    rigid, markers = settings.model_copy(update={"model": "rigid"}), kin.markers
+    if markers is None:
+        return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid, kin)
+
+    def without_shapes(reason: str) -> tuple[Choice, Solution]:
+        return without_choice("rigid", reason), solve(rigid, at_level(markers, rigid))
+
     if settings.modes == 0:
-        return without_choice("rigid", "no modes are asked for"), solve(rigid)
-    most = kinematics(body, motion, settings.model_copy(update={"model": "modal"}))
+        return without_shapes("no modes are asked for")
+    most = replace(kin, model="modal")  # with every shape that shows
     if most.inertia.on_line or most.inertia.point:
-        return without_choice("rigid", "all mass lies on a line or a point"), solve(rigid)
+        return without_shapes("all mass lies on a line or a point")
     beyond = None
     if most.attitude and motion.measured is not None:
         beyond = beyond_rigid(motion.time, motion.measured, most)
     if beyond is None or not beyond.y.shape[1]:
-        return without_choice("rigid", "so few markers show no deformation"), solve(rigid)
+        return without_shapes("so few markers show no deformation")
     if beyond.frames < FEW:
-        solution = solve(settings)
+        solution = solve(settings, at_level(markers, settings))
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
-    told = brings_modes(body, most)
+    told = brings_modes(markers.body, most)
     rungs = [
         level
-        for level in levels(body, motion, settings, most)
-        if level.settings.model != "affine" or speaks_for_mass(level.seen(body, motion), beyond)
+        for level in levels(markers, settings, most)
+        if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
     ]
     if len(rungs) < 2 or (not told and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
-        return without_choice("rigid", "no deformation stands out of the noise"), solve(rigid)
-    steps = weigh(beyond, rungs, free_shapes(body, most), all(most.stated.values()), engine)
+        return without_shapes("no deformation stands out of the noise")
+    steps = weigh(beyond, rungs, free_shapes(markers.body, most), all(most.stated.values()), engine)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
     best = len(rungs) - 1 if told else explaining(steps)
-    return descend(body, motion, rungs, steps, best, engine, solve)
+    return descend(motion, rungs, steps, best, engine, solve)
 
 
 def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
@@ -103,7 +108,6 @@ def free_shapes(body: Body, kin: Kinematics) -> bool:
 
 
 def descend(
-    body: Body,
     motion: Motion,
     rungs: list[Level],
     steps: list[Step],
@@ -114,14 +118,20 @@ def descend(
     """From the level that explains the motion, the best one, down to the smallest that is enough."""
     steps = list(steps)
     solutions: dict[int, Solution] = {}
+    looks: dict[int, Kinematics] = {}
+
+    def look(i: int) -> Kinematics:
+        if i not in looks:
+            looks[i] = rungs[i].seen
+        return looks[i]
 
     def solved(i: int) -> Solution:
         if i not in solutions:
-            solutions[i] = solve(rungs[i].settings)
+            solutions[i] = solve(rungs[i].settings, look(i))
         return solutions[i]
 
     def seen(i: int) -> Channels:
-        return channels_of(rungs[i].seen(body, motion), motion.gravity, engine)
+        return channels_of(look(i), motion.gravity, engine)
 
     def chosen(i: int) -> tuple[Choice, Solution]:
         solution = solved(i)
@@ -133,7 +143,7 @@ def descend(
     if not best:
         return chosen(best)
     # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
-    if rungs[best].seen(body, motion).unfollowed.any():
+    if look(best).unfollowed.any():
         if claims_more(solved(0), solved(best)) >= claims_more(solved(best), solved(0)):
             return chosen(best)
         force, moment = moves(solved(0), solved(best))
@@ -154,7 +164,7 @@ def descend(
             solved(i)
         except EstimationError:  # a level at which the flight does not settle explains nothing
             return False
-        if holds(solved(i), body, motion, rungs[best].settings):
+        if holds(solved(i), motion, look(best), rungs[best].settings):
             return True
         if from_view(solved(i), top, motion.time) <= WORSE:
             return True
@@ -175,10 +185,15 @@ def descend(
     return chosen(taken)
 
 
-def holds(solution: Solution, body: Body, motion: Motion, level: Settings) -> bool:
-    """Whether a solution has all shapes that a level is left with under the noise that the solution found."""
-    found = solution.kinematics
-    shapes = kinematics(body, motion, level, found.noise_root).shapes
+def holds(solution: Solution, motion: Motion, top: Kinematics, level: Settings) -> bool:
+    """Whether a solution has all shapes that a level is left with under the noise that the solution found.
+
+    top: the kinematics at that level under the noise that the ladder began with.
+    """
+    found, shapes = solution.kinematics, top.shapes
+    if not np.array_equal(found.noise_root["position"], top.noise_root["position"]):
+        assert top.markers is not None
+        shapes = kinematics(top.markers.body, motion, level, found.noise_root).shapes
     return 0 < len(shapes) <= len(found.shapes) and np.allclose(shapes, found.shapes[: len(shapes)])
 
 

@@ -15,9 +15,10 @@ from forceid.estimation.body.deformation_residual import (
     dynamic_gain,
     principal_axes,
 )
-from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.body.kinematics import Kinematics, at_level
+from forceid.estimation.body.markers import Markers
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body
 
 RUNGS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32)  # modes tried
 FOUND = 1.3  # chi-square per degree of freedom that the error of a noise found in the record may make
@@ -27,16 +28,18 @@ FOUND = 1.3  # chi-square per degree of freedom that the error of a noise found 
 class Level:
     """A level before it is judged: the settings that ask for it, its shapes (mode, node, 3), its kinematics.
 
-    The kinematics are None where the shapes are the first of those that the record shows: nobody looked yet.
+    The kinematics are None where the shapes are the first of those that the markers show: nobody looked yet.
     """
 
     settings: Settings
     shapes: Array
+    markers: Markers
     kinematics: Kinematics | None = None
 
-    def seen(self, body: Body, motion: Motion) -> Kinematics:
-        """The kinematics of a recording at this level."""
-        return self.kinematics or kinematics(body, motion, self.settings)
+    @property
+    def seen(self) -> Kinematics:
+        """The kinematics of the markers at this level."""
+        return self.kinematics or at_level(self.markers, self.settings)
 
 
 @dataclass(frozen=True)
@@ -81,38 +84,41 @@ def brings_modes(body: Body, kin: Kinematics) -> bool:
     return hidden and (body.mode_shape is not None or body.stiffness is not None)
 
 
-def levels(body: Body, motion: Motion, settings: Settings, most: Kinematics) -> list[Level]:
+def levels(markers: Markers, settings: Settings, most: Kinematics) -> list[Level]:
     """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show.
 
     Of a body that brings the modes of its unmarked mass the rigid one and that one: what does not show among
     the shapes may still move the poses, and fewer shapes save nothing.
     """
+    body = markers.body
     own = body.mode_shape is not None or body.stiffness is not None
 
     def level(**asked: object) -> Level:
         at = settings.model_copy(update=asked)
-        kin = kinematics(body, motion, at)
-        return Level(at, kin.shapes, kin)
+        kin = at_level(markers, at)
+        return Level(at, kin.shapes, markers, kin)
 
     rigid = settings.model_copy(update={"model": "rigid"})
     found, room = len(most.shapes), 3 * int(most.seen.sum()) - 6
     if brings_modes(body, most):
-        modal = Level(settings.model_copy(update={"model": "modal"}), most.shapes, most)
-        return [Level(rigid, most.shapes[:0]), modal]
+        modal = Level(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most)
+        return [Level(rigid, most.shapes[:0], markers), modal]
     several = []
     for m in RUNGS if settings.modes is None else ():
         if m < found:
             at = {"model": "modal", "modes": m}
             # of the body's own modes, fewer are not always the first of more
-            several.append(level(**at) if own else Level(settings.model_copy(update=at), most.shapes[:m]))
+            several.append(
+                level(**at) if own else Level(settings.model_copy(update=at), most.shapes[:m], markers)
+            )
     if found:
-        several.append(Level(settings.model_copy(update={"model": "modal"}), most.shapes, most))
+        several.append(Level(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most))
     stretched = level(model="affine")
     if 0 < len(stretched.shapes) <= room:
         several.append(stretched)
     # of two levels with as many degrees of freedom the affine one has less to choose
     several.sort(key=lambda r: (len(r.shapes), r.settings.model == "modal"))
-    return [Level(rigid, most.shapes[:0], None if found else most), *several]
+    return [Level(rigid, most.shapes[:0], markers, None if found else most), *several]
 
 
 @dataclass(frozen=True)

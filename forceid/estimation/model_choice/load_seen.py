@@ -12,7 +12,7 @@ import numpy as np
 from forceid.estimation.body.deformation import undeformed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.methods.smoother import Solution
+from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine

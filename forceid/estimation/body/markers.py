@@ -1,0 +1,109 @@
+"""What the tracks of markers show of a body before anyone says how it deforms: noise, mean shape, residuals.
+
+The levels of a model differ only in what they make of the residuals, so all of them go on from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation.body.inertia import Inertia, inertia_of
+from forceid.estimation.body.mass_center import MassCenter, mass_center
+from forceid.estimation.body.shapes import check_scale, modes_of, rank_of, spinning_shape
+from forceid.estimation.body.thin_mass import shown_rank, thinned
+from forceid.motion.modes import Modes
+from forceid.motion.noise_axes import floored, rms_noise
+from forceid.motion.pose import body_axes, fit_rotation
+from forceid.motion.window import noise_variance
+from forceid.records import Array, Body, Flags, Motion
+
+ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Tracks (time, node, 3) m of a body, NaN where not seen, and what they show at every level alike.
+
+    filled (time, node) m2: error variance of positions that bridge a gap, zero elsewhere; measured: the
+    tracks without those; inertia: of the body as a whole, thin: as its mass on a line or a point allows; X
+    (node, 3) m: the reference shape about the mass center; seen (node,): nodes that carry a marker; root
+    (3, 3) m: of the covariance of the noise of a reading, world axes, stated: whether the user stated it;
+    mean: the mass center where it is a mean of markers; oriented: whether they fix a rotation. Where they do:
+    weight (node,): of the rotation fit, whose gauge is that of the residuals; modes: that the body brings;
+    shape (node, 3) m: the mean shape; residual (time, node, 3) m, body axes, of the frames that show best.
+    """
+
+    body: Body
+    time: Array
+    tracks: Array
+    filled: Array
+    measured: Array
+    inertia: Inertia
+    thin: Inertia
+    X: Array
+    seen: Flags
+    root: Array
+    stated: bool
+    mean: MassCenter | None
+    oriented: bool
+    weight: Array
+    modes: Modes | None
+    shape: Array
+    residual: Array
+
+    @property
+    def noise_std(self) -> float:
+        """Standard deviation (m) of the noise of a coordinate, in the mean square over the axes."""
+        return rms_noise(self.root)
+
+    @property
+    def period(self) -> float:
+        """Frames in a period of the lowest mode of the body, 1 where none is known."""
+        modes = self.modes
+        if modes is None or modes.compliance is None or not modes.compliance.any():
+            return 1.0
+        longest = 2 * np.pi * np.sqrt(modes.compliance.max())
+        return float(np.clip(longest / np.median(np.diff(self.time)), 1.0, len(self.time)))
+
+
+def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool) -> Markers:
+    """What the markers of a motion show at every level.
+
+    noise: roots (3, 3) of covariances by variable; where it has none of "position", high-order differences
+    show it. DataError: tracks that are not of the size of the reference shape.
+    """
+    x, inertia = motion.position, inertia_of(body)
+    assert x is not None
+    assert body.position is not None
+    X = body.position - inertia.center
+    check_scale(x, X)
+    seen = np.any(np.isfinite(x).all(2), axis=0)
+    filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
+    measured = np.where(filled[..., None] > 0, np.nan, x)
+    # the better half of the frames tells the shapes: where half of them are whole, no bridge does
+    best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
+    root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
+    root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    sigma, thin = rms_noise(root), thinned(inertia, X)
+    mean = mass_center(motion, inertia, sigma**2)
+    massive = seen & (inertia.weight > 0)
+    weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
+    oriented, modes, shape, residual = shown_rank(X, seen, sigma) == 6, None, X, x[:0]
+    if oriented:
+        modes = None if thin.on_line or thin.point else modes_of(body, inertia)
+        shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)
+        # in the gauge of the weights, before any marker's noise is weighed
+        center, R = fit_rotation(x, shape, weight)
+        residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
+    return Markers(
+        body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
+        modes, shape, residual,
+    )  # fmt: skip
+
+
+def marker_noise(time: Array, x: Array) -> float:
+    """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
+    frames = np.isfinite(x).all(2).sum(0)
+    return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))

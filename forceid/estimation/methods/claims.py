@@ -1,0 +1,120 @@
+"""Stages after a flight is solved: what its claims must allow for, and what is to say of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.estimation.body.deformation import as_smoothed
+from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
+from forceid.estimation.instruments.strain_gauges import judge_gauges
+from forceid.estimation.loads import free_oscillation, inner_wheel
+from forceid.estimation.loads.body_axes import on_body
+from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
+from forceid.estimation.loads.noise import lever, widened
+from forceid.estimation.loads.order_uncertainty import growth_along_world
+from forceid.estimation.loads.whitened import whitened
+from forceid.estimation.methods.problem import Problem
+from forceid.estimation.methods.solution import Smoothing, Solution, named
+from forceid.estimation.verdict.tracks import judge_wild
+from forceid.flight.channels import Channel
+from forceid.flight.smoother import smooth_flight
+from forceid.records import Array
+
+
+def judge_channels(problem: Problem) -> Problem:
+    """What sensors and gauges say against the flight, and frames that nothing explains."""
+    motion, flight, state = problem.motion, problem.flight, problem.state
+    stated = set(motion.noise_std | problem.settings.noise_std)
+    said = (*judge_sensors(flight, state, stated), *judge_gauges(flight, state, problem.body, motion))
+    return replace(problem.noting(*said, *judge_wild(problem.wild)), plain=state.wrench_cov)
+
+
+def allow_for_ringing(problem: Problem) -> Problem:
+    """Free oscillations of the loads that the record does not show."""
+    state, said = free_oscillation.allow_for_ringing(
+        problem.state, problem.flight, problem.priors, problem.engine
+    )
+    return replace(problem, state=state).noting(*said)
+
+
+def allow_for_slow_errors(problem: Problem) -> Problem:
+    """Errors of the tracks that follow each other."""
+    if problem.slow is None:
+        return problem
+    noise = problem.kin.noise[problem.source]
+    state = widened(
+        problem.state, problem.flight, problem.priors["force"], problem.force_channel, noise, problem.engine
+    )
+    return replace(problem, state=state)
+
+
+def turn_with_body(problem: Problem) -> Problem:
+    """Loads along axes of the body where that is asked for; else what a line at the spin may stand for."""
+    flight, kin, engine = problem.flight, problem.kin, problem.engine
+    if problem.settings.load_axes == "body" and kin.attitude:
+        priors, gained = on_body(problem.priors, problem.channels, flight, problem.state, engine)
+        state = smooth_flight(flight, priors["force"], priors["moment"], engine, problem.causal)
+        return replace(problem, priors=priors, gained=gained, state=state, plain=state.wrench_cov)
+    if problem.state.reference is None or flight.sensors is not None:  # these would show what poses do not
+        return problem
+    mass, gravity = kin.inertia.mass, problem.motion.gravity
+    return problem.noting(*lines_at_spin(problem.channels, problem.priors, problem.state, mass, gravity))
+
+
+def judge_lever(problem: Problem) -> Problem:
+    """The moment of a force about a mass center that errs slowly."""
+    if problem.slow is None or not problem.kin.attitude:
+        return problem
+    return problem.noting(lever(problem.state))
+
+
+def allow_for_priors(problem: Problem) -> Problem:
+    """What the record does not tell of the priors of the loads, and a wheel that may turn inside."""
+    if problem.settings.load_axes == "body":
+        return problem
+    state, kin, priors = problem.state, problem.kin, problem.priors
+    channels = {name: ch for name, ch in whole(problem).items() if priors[name].kernel.rivals}
+    seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
+    inside = "moment" in channels and problem.body.internal_momentum is None and not len(kin.shapes)
+    beside = {"moment": inner_wheel.signals(channels["moment"].time, state.rotation[seen])} if inside else {}
+    looks = {
+        name: whitened(channel, priors[name], problem.engine, beside.get(name))
+        for name, channel in channels.items()
+    }
+    growth = growth_along_world(state, looks)
+    if not inside:
+        return replace(problem, growth=growth)
+    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth)
+    return replace(problem, growth=growth).noting(*said)
+
+
+def whole(problem: Problem) -> dict[str, Channel]:
+    """Channels that show their load on every axis: the moment of a mass on a line does not."""
+    channels = problem.channels
+    if problem.kin.inertia.line is not None:
+        channels.pop("moment", None)
+    return channels
+
+
+def solution_of(problem: Problem) -> Solution:
+    """The solution that a problem has come to."""
+    kin, state, flight, priors = problem.kin, problem.state, problem.flight, problem.priors
+    hidden = None
+    if flight.sensors is None and not problem.causal:  # these would show what poses do not
+        turned: Array = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
+        hidden = hidden_load(whole(problem), priors, turned)
+    return Solution(
+        kin,
+        as_smoothed(kin, problem.deformation, state),
+        state,
+        problem.engine.name,
+        named(kin, priors) | named_sensors(flight, state) | problem.gained,
+        problem.at_limit,
+        (*problem.findings, *problem.notes),
+        priors,
+        None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
+        hidden,
+        problem.growth,
+    )

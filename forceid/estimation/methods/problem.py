@@ -1,0 +1,124 @@
+"""A recording on its way to a wrench: one record that the stages of a smoother fill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.estimation.body.cleaning import NONE_DROPPED, Dropped, Wild, kinematics_without
+from forceid.estimation.body.deformation import Deformation, undeformed
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.spin import turning
+from forceid.estimation.loads.channels import force_channel, moment_channel
+from forceid.estimation.loads.inner_wheel import with_momentum
+from forceid.estimation.loads.lines import NO_LINES, Lines
+from forceid.flight.channels import Channel
+from forceid.flight.model import Flight, Reference, translation
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
+from forceid.kalman.engines import Engine
+from forceid.records import Array, Body, Finding, Flags, Motion
+
+TO_COME: Any = None  # a stage fills it before another reads it
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is given of a recording, what passes so far have learned, and what this pass has found.
+
+    Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
+    stated. Learned: findings; dropped, frames taken out; lines of the loads; slow, the noise of tracks whose
+    errors follow each other, None for none; near, priors that those of the same lines are near to.
+    Found: kin and deformation; noise_range, factors that the tuning may put on the noise; followed: whether
+    how smooth a pose is tells of the noise of markers; notes, findings of this pass; at_limit: by variable,
+    whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
+    priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
+    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed.
+    """
+
+    body: Body
+    motion: Motion
+    settings: Settings
+    engine: Engine
+    given: Kinematics
+    findings: tuple[Finding, ...] = ()
+    dropped: Dropped = NONE_DROPPED
+    lines: Lines = NO_LINES
+    slow: dict[str, Array] | None = None
+    near: dict[str, LoadPrior] = field(default_factory=dict)
+    kin: Kinematics = TO_COME
+    deformation: Deformation = TO_COME
+    noise_range: tuple[float, float] = (1.0, 1.0)
+    followed: bool = True
+    notes: tuple[Finding, ...] = ()
+    at_limit: dict[str, bool] = field(default_factory=dict)
+    apiece: dict[str, LoadPrior] = field(default_factory=dict)
+    priors: dict[str, LoadPrior] = field(default_factory=dict)
+    flight: Flight = TO_COME
+    state: FlightState = TO_COME
+    wild: Wild | None = None
+    plain: Array = TO_COME
+    gained: dict[str, float] = field(default_factory=dict)
+    growth: Array | None = None
+
+    @property
+    def causal(self) -> bool:
+        """Whether every sample follows from those up to it."""
+        return self.settings.method == "filter"
+
+    @property
+    def source(self) -> str:
+        """The variable that shows where the body is."""
+        return "position" if self.motion.position is not None else "center"
+
+    @property
+    def apart(self) -> bool:
+        """Whether force and rotation are smoothed by themselves: nothing links their errors."""
+        return self.kin.apart and self.flight.sensors is None
+
+    @property
+    def force_channel(self) -> Channel:
+        """What the force drives."""
+        return force_channel(self.kin, self.motion.gravity)
+
+    @property
+    def channels(self) -> dict[str, Channel]:
+        """What force and moment drive, of those that the markers show."""
+        shown = {"force": self.force_channel}
+        return shown | {"moment": moment_channel(self.kin, self.deformation)} if self.kin.attitude else shown
+
+    def look(self, noise: dict[str, Array] | None) -> Kinematics:
+        """The kinematics without the frames dropped, under the noise of the file or another one."""
+        if noise is None and not self.dropped.any:
+            return self.given
+        return kinematics_without(self.dropped, self.body, self.motion, self.settings, noise)
+
+    def seeing(self, kin: Kinematics) -> Problem:
+        """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
+        kin, deformation = undeformed(kin, self.engine, self.causal)
+        return replace(self, kin=kin, deformation=with_momentum(deformation, self.body.internal_momentum))
+
+    def noting(self, *findings: Finding) -> Problem:
+        """The problem with more findings of this pass."""
+        return replace(self, notes=(*self.notes, *findings))
+
+    def smoothed(self, flight: Flight, first: Reference | None = None) -> FlightState:
+        """The state of a flight under the priors of its loads; first: a reference near to it, if known."""
+        kin, force = self.kin, self.priors["force"]
+        if not kin.attitude:
+            return smooth_translation(flight, force, self.engine, self.causal)
+        moment = self.priors["moment"]
+        if not self.apart:
+            state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
+            return turning(state, kin.spin, kin.inertia.line)
+        free = smooth_translation(flight, force, self.engine, self.causal)
+        turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
+        center = np.where(np.isfinite(flight.center), flight.center, free.center)
+        beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
+        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
+        beyond = self.engine.log_likelihood(translation(beside, force.plain()), beside.center)
+        state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
+        return turning(with_translation(state, free), kin.spin, kin.inertia.line)

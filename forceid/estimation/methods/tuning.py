@@ -1,0 +1,100 @@
+"""Stages that tune the prior of each load on the channel it drives, and the noise of what shows the body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.estimation.body.deformation_residual import noise_beyond
+from forceid.estimation.body.kinematics import Kinematics, scaled
+from forceid.estimation.loads.channels import force_channel, tune_channel
+from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
+from forceid.estimation.methods.problem import Problem
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import GROWTH
+from forceid.motion.window import noise_growth
+
+STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
+UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
+FIXED = (1.0, 1.0)  # factors on a noise that is known already
+ENOUGH = 1.02  # a noise factor this near to one changes nothing
+
+
+def see_motion(problem: Problem) -> Problem:
+    """Poses and deformation under the noise known so far."""
+    kin, fixed = problem.look(problem.slow), problem.slow is not None
+    # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
+    followed, source = kin.apart or not kin.deforms, problem.source
+    if not followed and not fixed and not kin.stated[source]:
+        beyond = min(noise_beyond(kin, problem.motion), 1.0) * np.eye(3)
+        kin, fixed = problem.look(scaled(kin, {source: beyond})), True
+    factors = FIXED if fixed else range_of(kin, source)
+    return replace(problem, noise_range=factors, followed=followed, notes=()).seeing(kin)
+
+
+def range_of(kin: Kinematics, variable: str) -> tuple[float, float]:
+    """Smallest and largest factor that tuning may put on the noise of a variable."""
+    return STATED if kin.stated[variable] else UNSTATED
+
+
+def tune_force(problem: Problem) -> Problem:
+    """The prior of the force, and the noise of the mass center."""
+    near = problem.near.get("force")
+    channel, lines = problem.force_channel, problem.lines.force
+    engine, kind = problem.engine, problem.settings.load_prior
+    force = tune_channel(channel, problem.noise_range, lines, engine=engine, near=near, kind=kind)
+    at_limit = {problem.source: force.tuned.noise_at_limit}
+    return replace(problem, priors={"force": force}, at_limit=at_limit)
+
+
+def settle_noise(problem: Problem) -> Problem:
+    """Poses and deformation under the noise that the force has left."""
+    force = problem.priors["force"]
+    if np.abs(np.log(force.tuned.noise)).max() <= np.log(ENOUGH):
+        return problem
+    return problem.seeing(problem.look(scaled(problem.kin, {problem.source: force.noise})))
+
+
+def find_slow_errors(problem: Problem) -> Problem:
+    """The noise of tracks whose errors follow each other, which passes for motion: all beyond the motion."""
+    kin, source = problem.kin, problem.source
+    stated = kin.stated[source]
+    if problem.slow is None and problem.followed and follow_each_other(problem):
+        beyond = noise_beyond_motion(force_channel(kin, problem.motion.gravity), stated)
+        slow = scaled(kin, {source: beyond * np.eye(3)})
+        apart = {load: prior for load, prior in problem.near.items() if load != "force"}
+        problem = replace(problem, slow=slow, noise_range=FIXED, near=apart).seeing(problem.look(slow))
+        problem = tune_force(problem)
+    if problem.slow is None:
+        return problem
+    code = "slow-errors-allowed" if stated else "noise-hidden"
+    noted = problem.noting(note(code, variable=source, noise=problem.kin.noise[source]))
+    return replace(noted, at_limit={})  # said in the note
+
+
+def follow_each_other(problem: Problem) -> bool:
+    """Whether errors of the mass center do."""
+    kin, force = problem.kin, problem.priors["force"]
+    if kin.stated[problem.source]:
+        return errors_shared(kin, force, problem.motion.gravity, problem.engine)
+    return force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+
+
+def tune_moment(problem: Problem) -> Problem:
+    """The prior of the moment, and the noise of orientations where these are measured."""
+    kin = problem.kin
+    if not kin.attitude:
+        return problem
+    measured, factors = "orientation" in kin.noise, FIXED
+    if measured:
+        factors = range_of(kin, "orientation")
+    near, lines = problem.near.get("moment"), problem.lines.moment
+    engine, kind = problem.engine, problem.settings.load_prior
+    moment = tune_channel(problem.channels["moment"], factors, lines, engine=engine, near=near, kind=kind)
+    problem = replace(problem, priors=problem.priors | {"moment": moment})
+    if not measured:
+        return problem
+    at_limit = {**problem.at_limit, "orientation": moment.tuned.noise_at_limit}
+    kin = problem.look(scaled(kin, {"orientation": moment.noise}))
+    return replace(problem, kin=kin, at_limit=at_limit)
