@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.body.inertia import Inertia, inertia_of
-from forceid.estimation.body.markers import ROUNDOFF, Markers, markers_of
+from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
 from forceid.estimation.body.mass_center import affine_center, with_center
 from forceid.estimation.body.shapes import deformation_shapes
 from forceid.estimation.body.spin import Spin
@@ -62,7 +62,7 @@ class Kinematics:
     beside: Array | None = None
     spin: Spin | None = None
     apart: bool = False
-    markers: Markers | None = None
+    markers: MarkerSet | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -98,7 +98,7 @@ def kinematics(
     return from_mean_motion(body, motion, stated, noise)
 
 
-def at_level(markers: Markers, settings: Settings) -> Kinematics:
+def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     """Poses and deformation of marker tracks at the level that settings.model and settings.modes name."""
     thin, X, x, measured = markers.thin, markers.X, markers.tracks, markers.measured
     if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
@@ -144,7 +144,7 @@ def at_level(markers: Markers, settings: Settings) -> Kinematics:
     )  # fmt: skip
 
 
-def without_rotation(markers: Markers) -> Kinematics:
+def without_rotation(markers: MarkerSet) -> Kinematics:
     """Kinematics of markers too few, or too near to a line, for a rotation: the mass center, or the line."""
     time, inertia, X, x = markers.time, markers.thin, markers.X, markers.tracks
     sigma, mean, T, spin = markers.noise_std, markers.mean, len(markers.time), None

@@ -23,7 +23,7 @@ ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
 
 
 @dataclass(frozen=True)
-class Markers:
+class MarkerSet:
     """Tracks (time, node, 3) m of a body, NaN where not seen, and what they show at every level alike.
 
     filled (time, node) m2: error variance of positions that bridge a gap, zero elsewhere; measured: the
@@ -68,7 +68,7 @@ class Markers:
         return float(np.clip(longest / np.median(np.diff(self.time)), 1.0, len(self.time)))
 
 
-def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool) -> Markers:
+def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool) -> MarkerSet:
     """What the markers of a motion show at every level.
 
     noise: roots (3, 3) of covariances by variable; where it has none of "position", high-order differences
@@ -97,7 +97,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
         # in the gauge of the weights, before any marker's noise is weighed
         center, R = fit_rotation(x, shape, weight)
         residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
-    return Markers(
+    return MarkerSet(
         body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
         modes, shape, residual,
     )  # fmt: skip

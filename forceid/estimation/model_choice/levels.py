@@ -16,7 +16,7 @@ from forceid.estimation.body.deformation_residual import (
     principal_axes,
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level
-from forceid.estimation.body.markers import Markers
+from forceid.estimation.body.markers import MarkerSet
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Body
 
@@ -33,7 +33,7 @@ class Level:
 
     settings: Settings
     shapes: Array
-    markers: Markers
+    markers: MarkerSet
     kinematics: Kinematics | None = None
 
     @property
@@ -84,7 +84,7 @@ def brings_modes(body: Body, kin: Kinematics) -> bool:
     return hidden and (body.mode_shape is not None or body.stiffness is not None)
 
 
-def levels(markers: Markers, settings: Settings, most: Kinematics) -> list[Level]:
+def levels(markers: MarkerSet, settings: Settings, most: Kinematics) -> list[Level]:
     """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show.
 
     Of a body that brings the modes of its unmarked mass the rigid one and that one: what does not show among
