@@ -30,8 +30,9 @@ class Solution:
 
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
     less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
-    smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for what the record
-    does not tell of its priors, None for none. Levels are compared without it: it is alike at all of them.
+    smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
+    what the record does not tell of its priors, None for none. Levels are compared without it: it is alike at
+    all of them.
     """
 
     kinematics: Kinematics
