@@ -253,7 +253,7 @@ def test_amplitudes_that_their_prior_does_not_predict_veto_a_level():
     shape = np.zeros((1, 4, 3))
     shape[0, 0, 0] = 1.0
     beyond = Beyond(np.arange(400) / 500, y, np.eye(12)[:, :6], np.ones(4, bool), 1.0)
-    several = [Level(load_settings(model="rigid"), shape[:0]), Level(load_settings(model="modal"), shape)]
+    several = [Level(load_settings(model=m), s, None) for m, s in (("rigid", shape[:0]), ("modal", shape))]
     _, erratic = weigh(beyond, several, False, True, engine())
     assert erratic.chi_square == pytest.approx(1.0, abs=0.1)
     assert erratic.nis > 1.2
