@@ -1,1 +1,1 @@
-"""Batches that are killed, files that are damaged, and where time and memory go."""
+"""Files that are damaged, and where time and memory of batches go."""
