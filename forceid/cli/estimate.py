@@ -15,7 +15,7 @@ from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from forceid.config import Settings
-    from forceid.estimation.long.windows import Progress
+    from forceid.estimation import Progress
 
 Config = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
@@ -106,8 +106,7 @@ def estimate_file(
     """Read, estimate, write; return what there is to say of it. progress: of a recording that takes long."""
     from shutil import rmtree
 
-    from forceid.estimation.long.out_of_core import estimate_source
-    from forceid.estimation.long.windows import unwatched
+    from forceid.estimation import estimate_source, unwatched
     from forceid.files import write_result
 
     if output.resolve() == source.resolve():

@@ -25,8 +25,7 @@ def run(
     """
     from forceid.cli.progress import progress
     from forceid.config import load_settings
-    from forceid.estimation.inspection import inspect_recording
-    from forceid.estimation.long.out_of_core import read_recording
+    from forceid.estimation import inspect_recording, read_recording
 
     settings = load_settings(config)
     with naming(file):

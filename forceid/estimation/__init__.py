@@ -1,1 +1,36 @@
-"""Where the method is put together: a recording in, the applied wrench and a verdict out."""
+"""Where the method is put together: a recording in, the applied wrench and a verdict out.
+
+What may be used from outside; each name loads on first use.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forceid.face import on_first_use
+
+_HOMES = {
+    "estimate": "forceid.estimation.run",
+    "estimate_source": "forceid.estimation.long.out_of_core",
+    "read_recording": "forceid.estimation.long.out_of_core",
+    "inspect_recording": "forceid.estimation.inspection",
+    "Progress": "forceid.estimation.long.windows",
+    "unwatched": "forceid.estimation.long.windows",
+    "listed": "forceid.estimation.joints.null_space",
+    "open_components": "forceid.estimation.joints.null_space",
+    "trading_joints": "forceid.estimation.joints.null_space",
+}
+__all__ = [*_HOMES]
+
+if TYPE_CHECKING:
+    from forceid.estimation.inspection import inspect_recording as inspect_recording
+    from forceid.estimation.joints.null_space import listed as listed
+    from forceid.estimation.joints.null_space import open_components as open_components
+    from forceid.estimation.joints.null_space import trading_joints as trading_joints
+    from forceid.estimation.long.out_of_core import estimate_source as estimate_source
+    from forceid.estimation.long.out_of_core import read_recording as read_recording
+    from forceid.estimation.long.windows import Progress as Progress
+    from forceid.estimation.long.windows import unwatched as unwatched
+    from forceid.estimation.run import estimate as estimate
+
+__getattr__ = on_first_use(__name__, _HOMES)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.joints.null_space import listed, open_components, trading_joints
+from forceid.estimation import listed, open_components, trading_joints
 from forceid.records import Array, Estimate, Interface
 from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
