@@ -1,1 +1,1 @@
-"""Beside theory: first moments on affine bodies, stiff bodies and their limit, a million unknowns."""
+"""Beside theory: first moments of force on affine bodies, and a million unknowns in parts."""
