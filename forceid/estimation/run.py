@@ -207,6 +207,7 @@ def assemble(
     rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
     wrench = np.concatenate([state.force, state.moment], 1)
     loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
+    wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
     affine, untold = told_first_moments(recording, settings, solution)
@@ -232,7 +233,6 @@ def assemble(
         *untold,
         *told,
     ]
-    wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     return Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=quaternion(rotation), angular_velocity=state.omega,

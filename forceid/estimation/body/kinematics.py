@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
+from forceid.estimation.body.deformation_shapes import deformation_shapes
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
 from forceid.estimation.body.mass_center import affine_center, with_center
-from forceid.estimation.body.shapes import deformation_shapes
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.motion.frames import Frames, fit_frames
@@ -101,16 +101,13 @@ def kinematics(
 def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     """Poses and deformation of marker tracks at the level that settings.model and settings.modes name."""
     thin, X, x, measured = markers.thin, markers.X, markers.tracks, markers.measured
-    if thin.on_line or thin.point:  # a shape would give it the inertia that it has not
-        settings = settings.model_copy(update={"model": "rigid"})
     if not markers.oriented:
         return without_rotation(markers)
     time, inertia, shape, weight = markers.time, markers.inertia, markers.shape, markers.weight
-    sigma, along, modes = markers.noise_std, share(markers.root), markers.modes
-    shapes, var, rest = deformation_shapes(
-        markers.body, inertia, modes, markers.residual, shape, weight, markers.seen, sigma, settings
-    )
-    model = settings.model
+    sigma, along = markers.noise_std, share(markers.root)
+    # of mass on a line a shape would give it the inertia that it has not
+    model = "rigid" if thin.on_line or thin.point else str(settings.model)
+    shapes, var, rest = deformation_shapes(markers, model, settings.modes)
     if model == "auto":
         model = "modal" if len(shapes) else "rigid"
     flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)

@@ -1,0 +1,72 @@
+"""The shapes in which a body deforms at a level: given, elastic, affine, or principal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.estimation.body.markers import MarkerSet
+from forceid.estimation.body.shapes import rank_of
+from forceid.motion.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
+from forceid.motion.telling import log_evidence, shown_by, telling_modes
+from forceid.principal import summation_operator
+from forceid.records import Array
+
+
+def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tuple[Array, Array, Array]:
+    """Unit shapes (mode, node, 3) of the model asked for, the variances of their amplitudes, and the rest.
+
+    The rest is the covariance (dof, dof) of what deforms beside them. A modal body deforms in the modes that
+    it brings with it, which take its unmarked masses along; in its principal deformations where it brings
+    none, or where all its masses carry markers that show them better. most: of them, None for all that show.
+    """
+    body, inertia, modes, residual = markers.body, markers.inertia, markers.modes, markers.residual
+    shape, weight, seen, sigma = markers.shape, markers.weight, markers.seen, markers.noise_std
+    none = np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size))
+    if model == "rigid" or rank_of(shape, weight > 0) < 6:
+        return none
+    hidden = bool((inertia.weight[~seen] > 0).any())
+    if model == "affine":
+        whole = hidden and inertia.nodal is not None  # what strains, strains everywhere
+        raw = strain_shapes(shape) if whole else strain_shapes(shape) * seen[:, None]
+        gauge = inertia.nodal if whole and inertia.nodal is not None else weight
+        flat = split_rigid(raw, shape, gauge)[1].reshape(len(raw), -1)
+        U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
+        shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
+        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
+        if not np.isfinite(q).any(0).all():  # in no frame are markers enough
+            return none
+        var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
+        return shapes, var, none[2]
+    principal, var, rest = none
+    if modes is None or not (hidden or body.mode_shape is not None):
+        on_seen, var = principal_deformations(residual[:, seen], sigma**2, most)
+        principal = np.zeros((len(on_seen), *shape.shape))
+        principal[:, seen] = on_seen
+    if modes is None:
+        return principal, var, rest
+    own = split_rigid(modes.shape, shape, weight if inertia.nodal is None else inertia.nodal)[1]
+    size = np.linalg.norm(own, axis=(1, 2))
+    own, size = own[size > 0] / size[size > 0, None, None], size[size > 0]
+    soft = None if modes.compliance is None else modes.compliance * size
+    shown = shown_by(seen, shape, np.concatenate([own, principal]))
+    samples = shown.of(residual)
+    samples = samples[np.isfinite(samples).all(1)]
+    frames = len(samples)
+    if frames < 2:
+        return none
+    scatter = samples.T @ samples / frames
+    noise = sigma**2 * np.eye(len(scatter))
+    D = shown.of(own)
+    kept, own_var, level = telling_modes(scatter, frames, D, soft, sigma**2, most)
+    if soft is not None:
+        flat, left = np.delete(own.reshape(len(own), shape.size), kept, axis=0), np.delete(soft, kept)
+        rest = flat.T @ (level * left[:, None] ** 2 * flat)
+    k, dim = len(principal), len(shown.rows) - 6
+    numbers = k * dim - k * (k - 1) / 2 - len(kept) - 1  # by which principal deformations cost more
+    alike = D.T @ (level * soft[:, None] ** 2 * D) if soft is not None else 0.0
+    gain = log_evidence(scatter, frames, shown.of(principal), var, noise) - log_evidence(
+        scatter, frames, D[kept], own_var, noise + alike
+    )
+    if k and gain > 0.5 * numbers * np.log(frames):
+        return principal, var, none[2]
+    return own[kept], own_var, rest
