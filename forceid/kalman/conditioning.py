@@ -16,10 +16,9 @@ import numpy as np
 
 from forceid.kalman import square_root as array_form
 from forceid.kalman.covariance import is_positive_definite, square_root
-from forceid.kalman.passes import of
+from forceid.kalman.passes import Runs, of
 from forceid.records import Array, Flags, Indices
 
-Runs = tuple[Indices, Array, Array, Array, Array, int]  # as passes.covariance_pass gives them
 ALIKE = 1e5  # condition of S from which the array form is used
 UNKNOWN = 1e7  # condition of a predicted covariance from which it is
 TAKEN = 1e4  # ratio of variances before and after samples below which a start is no matter

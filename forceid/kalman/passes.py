@@ -17,6 +17,8 @@ from forceid.kalman.covariance import combine as combine
 from forceid.kalman.scan import scan
 from forceid.records import Array, Flags, Indices
 
+Runs = tuple[Indices, Array, Array, Array, Array, int]  # as covariance_pass gives them
+
 LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
 LAG = 8  # samples between two looks at whether a covariance has come to rest
 REMAINING = 1e-12  # of a covariance, still to go by the rate at which it comes to rest
@@ -49,9 +51,7 @@ class Rest:
         return now < ROUNDING or (ratio < 1 and now * ratio < REMAINING * (1 - ratio))
 
 
-def covariance_pass(
-    F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool
-) -> tuple[Indices, Array, Array, Array, Array, int]:
+def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool) -> Runs:
     """Filter covariances of one model as runs of samples that share them.
 
     Returns start (run,), P_pred, P (run, state, state), gain K (run, state, channel), W (run, channel,

@@ -13,10 +13,8 @@ from scipy.linalg import lu
 
 from forceid.kalman import passes
 from forceid.kalman.covariance import is_positive_definite, square_root
-from forceid.kalman.passes import Rest, channel_changes, of
+from forceid.kalman.passes import Rest, Runs, channel_changes, of
 from forceid.records import Array, Flags, Indices
-
-Runs = tuple[Indices, Array, Array, Array, Array, int]  # as passes.covariance_pass gives them
 
 
 def triangle(W: Array) -> Array:

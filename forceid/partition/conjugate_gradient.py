@@ -6,16 +6,14 @@ section 11.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
 from forceid.errors import EstimationError
+from forceid.partition.blocks import Apply
 from forceid.records import Array
-
-Apply = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)

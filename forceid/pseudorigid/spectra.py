@@ -15,6 +15,7 @@ from scipy.linalg import null_space
 from forceid.errors import DataError
 from forceid.pseudorigid.ellipsoids import Ellipsoid
 from forceid.pseudorigid.gravity import SelfGravity
+from forceid.pseudorigid.invariants import hat
 from forceid.pseudorigid.validation import deformation, matrix, real_vector
 from forceid.records import Array
 
@@ -167,8 +168,3 @@ def checked_second_moment(second_moment: Array) -> Array:
             "is not symmetric positive definite", "second_moment", "a planar or thin body needs a thickness"
         )
     return E
-
-
-def hat(w: Array) -> Array:
-    """Matrix (3, 3) of the cross product with w (3,)."""
-    return np.asarray(np.cross(np.asarray(w, float), -np.eye(3)))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
+from pydantic import PositiveFloat
 
 from forceid.records import Array
 
-Positive = Annotated[float, Field(gt=0.0)]
-Frequencies = tuple[Positive, Positive, Positive]
+Frequencies = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
 
 
 def harmonic_flight(

@@ -8,10 +8,10 @@ equations of motion in `jointed_blocks`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
@@ -20,8 +20,7 @@ from forceid.scenes.drawn_loads import draw_periodic
 from forceid.scenes.jointed_blocks import Chain, ChainState, cross_matrices, solve_joints
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, solve_ode
 
-Positive = Annotated[float, Field(gt=0.0)]
-Size = tuple[Positive, Positive, Positive]
+Size = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
 BLOCK_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 CHAIN_TOLERANCE = 1e-13
 
@@ -37,7 +36,7 @@ class Parameters(Section):
     axes of the first block.
     """
 
-    mass: tuple[Positive, ...] = (0.4, 0.25)
+    mass: tuple[PositiveFloat, ...] = (0.4, 0.25)
     size: tuple[Size, ...] = ((0.24, 0.12, 0.08), (0.18, 0.1, 0.06))
     joint: tuple[Literal["hinge", "ball"], ...] = ("hinge",)
     axis: tuple[Vector, ...] = ((0.0, 0.0, 1.0),)

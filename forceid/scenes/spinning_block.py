@@ -6,17 +6,14 @@ swinging about that stretch, and nothing damps it.
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from forceid.config import Section, Vector
 from forceid.records import Array
 from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation_of
 from forceid.scenes.mechanics import KnownFlight
 
-Positive = Annotated[float, Field(gt=0.0)]
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
@@ -28,14 +25,14 @@ class Parameters(Section):
     t = 0: center m, velocity m/s, turn rad (rotation vector), spin rad/s in body axes.
     """
 
-    mass: Positive = 0.5
-    size: tuple[Positive, Positive, Positive] = (0.24, 0.18, 0.14)
-    a: Positive = 2.5
+    mass: PositiveFloat = 0.5
+    size: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (0.24, 0.18, 0.14)
+    a: PositiveFloat = 2.5
     b: float = Field(default=0.5, ge=0.0)
     c: float = Field(default=2.0, ge=0.0)
     force: float = Field(default=1.0, ge=0.0)
     first_moment: float = Field(default=0.25, ge=0.0)
-    drawn_frequency: Positive = 3.0
+    drawn_frequency: PositiveFloat = 3.0
     drawn_seed: int = Field(default=0, ge=0)
     gravity: Vector = (0.0, 0.0, -9.81)
     center: Vector = (0.0, 0.0, 1.5)

@@ -6,17 +6,14 @@ free. Twelve equal masses with markers, the corners of an icosahedron, make its 
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from forceid.config import Section, Vector
 from forceid.records import Array
 from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation_of
 from forceid.scenes.mechanics import KnownFlight
 
-Positive = Annotated[float, Field(gt=0.0)]
 GOLDEN = 0.5 * (1 + np.sqrt(5.0))
 CORNERS = np.array(
     [np.roll([0.0, s, t * GOLDEN], k) for k in range(3) for s in (-1, 1) for t in (-1, 1)]
@@ -33,14 +30,14 @@ class Parameters(Section):
     t = 0: center m, velocity m/s, turn rad (rotation vector), spin rad/s in body axes.
     """
 
-    mass: Positive = 0.3
-    radius: Positive = 0.1
-    tension: Positive = 4.0
-    bulk: Positive = 3.0
+    mass: PositiveFloat = 0.3
+    radius: PositiveFloat = 0.1
+    tension: PositiveFloat = 4.0
+    bulk: PositiveFloat = 3.0
     strike: float = 4.0
     force: float = Field(default=0.5, ge=0.0)
     first_moment: float = Field(default=0.03, ge=0.0)
-    drawn_frequency: Positive = 2.5
+    drawn_frequency: PositiveFloat = 2.5
     drawn_seed: int = Field(default=1, ge=0)
     gravity: Vector = (0.0, 0.0, -9.81)
     center: Vector = (0.0, 0.0, 1.5)
