@@ -94,7 +94,7 @@ class Settings(Section):
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
     load_axes: Literal["world", "body"] = "world"
-    load_prior: Literal["matern"] = "matern"
+    load_prior: Literal["matern", "periodic"] = "matern"
     internal_momentum: Vector | None = None
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)

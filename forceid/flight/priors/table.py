@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Protocol
 
+from forceid.flight.priors.periodic import tune_periodic
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import tune_loads
 
@@ -17,4 +18,4 @@ class Tuning(Protocol):
         """The kernel and the noise."""
 
 
-PRIORS: Mapping[str, Tuning] = MappingProxyType({"matern": tune_loads})
+PRIORS: Mapping[str, Tuning] = MappingProxyType({"matern": tune_loads, "periodic": tune_periodic})
