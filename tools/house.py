@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "forceid"
 EVIDENCE = ROOT / "evidence"
 ESTIMATORS = ("estimation", "kalman", "flight")
+HOMES = ("rounding",)  # numbers that these rooms share
 
 
 def sources(*folders: Path) -> list[Path]:
@@ -139,7 +140,10 @@ def walked() -> dict[str, tuple[int, int, int]]:
 def main(walk: bool) -> None:
     """The counts, a line each."""
     own, shown = sources(PACKAGE), sources(EVIDENCE)
-    estimators = sources(*(PACKAGE / name for name in ESTIMATORS if (PACKAGE / name).exists()))
+    estimators = [
+        *sources(*(PACKAGE / name for name in ESTIMATORS)),
+        *(PACKAGE / f"{name}.py" for name in HOMES),
+    ]
     flat = Counter(path.parent for path in [*own, *shown])
     folder, most = flat.most_common(1)[0]
     shared, names = shared_names([*own, *shown])
@@ -150,7 +154,7 @@ def main(walk: bool) -> None:
     print(f"longest module: {lines([longest])} lines, {longest.relative_to(ROOT)}")
     share = f"{shared} of {names}, {100 * shared / names:.0f} %"
     print(f"top-level names defined in two or more modules: {share}")
-    print(f"chosen numbers in {', '.join(ESTIMATORS)}: {chosen_numbers(estimators)}")
+    print(f"chosen numbers in {', '.join((*ESTIMATORS, *HOMES))}: {chosen_numbers(estimators)}")
     print(f"modules in a circle of imports: {circles(own)}")
     if walk:
         found = walked()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import forceid
 
+HOMES = ("rounding",)  # of numbers that all rooms share
 ROOMS = ("motion", "kalman", "flight", "estimation")
 
 
@@ -25,7 +26,8 @@ class Number:
 def chosen_numbers() -> list[Number]:
     """Every number that the modules of the method choose, by module."""
     root = Path(forceid.__file__).parent
-    paths = sorted(path for room in ROOMS for path in (root / room).rglob("*.py"))
+    shared = [root / f"{home}.py" for home in HOMES]
+    paths = [*shared, *sorted(path for room in ROOMS for path in (root / room).rglob("*.py"))]
     return [number for path in paths for number in numbers_of(path.read_text("utf-8"), dotted(path, root))]
 
 

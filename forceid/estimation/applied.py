@@ -11,9 +11,9 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.principal import solve_loads, transport, transport_cov
 from forceid.records import Array, Body, Finding, Loads
+from forceid.rounding import SINGLE
 
 SPLIT = 0.06  # of unit loads, what is left of one beside the others: below, they are alike
-SAME = 1e-6  # below, they are the same
 
 
 def check_points(settings: Settings, body: Body) -> None:
@@ -81,7 +81,7 @@ def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]
         return ()
     _, s, V = np.linalg.svd(scaled / size, full_matrices=False)
     k = int(np.argsort(s[:, -1])[len(s) // 2])
-    if not SAME < s[k, -1] < SPLIT:
+    if not SINGLE < s[k, -1] < SPLIT:
         return ()
     pair = ", ".join(n for n, part in zip(name, np.abs(V[k, -1]), strict=True) if part > SPLIT)
     return (note("loads-alike", names=pair, times=1 / s[k, -1]),)

@@ -34,8 +34,8 @@ from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording
+from forceid.rounding import SOLVED
 
-ROUNDED = 1e-9  # percent that rounding leaves of nothing
 UNITS = {"orientation": "rad"} | {one.name: one.unit for one in INSTRUMENTS}
 
 
@@ -153,7 +153,7 @@ def leaking(found: Leakage | None) -> list[str]:
 
 def percent(value: float) -> str:
     """A part in percent, without what rounding leaves of nothing."""
-    return f"{value if value > ROUNDED else 0.0:.2g} %"
+    return f"{value if value > SOLVED else 0.0:.2g} %"
 
 
 def wording(identifiable: bool, bandwidth: float | None) -> str:

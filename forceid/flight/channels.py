@@ -10,8 +10,8 @@ import numpy as np
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize, integrate, superpose, with_mean
 from forceid.records import Array
+from forceid.rounding import SINGLE
 
-JITTER = 1e-6  # of a step: far less than any clock keeps, and more than rounding leaves
 LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
 
 
@@ -93,7 +93,7 @@ def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:
         return (time, *rows)
     tick = np.round((time - time[0]) / step.min()).astype(int)
     regular = np.linspace(time[0], time[-1], tick[-1] + 1)
-    if not len(time) <= tick[-1] < 2 * len(time) or np.abs(regular[tick] - time).max() > JITTER * step.min():
+    if not len(time) <= tick[-1] < 2 * len(time) or np.abs(regular[tick] - time).max() > SINGLE * step.min():
         return (time, *rows)
     wide = tuple(np.full((len(regular), *row.shape[1:]), np.nan) for row in rows)
     for out, row in zip(wide, rows, strict=True):

@@ -22,9 +22,9 @@ from forceid.kalman.covariance import square_root
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.square_root import eliminate, step_back, white_share
 from forceid.records import Array, Indices
+from forceid.rounding import SINGLE
 
 WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
-LOST = 1e-6  # of a variance that may be left of it, lest its digits go: as in flight.hpp
 STATES, SMOOTHED, FILTERED = 0, 1, 2  # what a run returns
 numpy_passes: Any = passes  # few samples
 
@@ -119,7 +119,7 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOO
         x[:head], P = smoothed_start(start, C, r, later if mode == SMOOTHED else None)
     if mode != STATES:
         out, before = (model.read @ a @ model.read.T for a in (P, f_P[-1]))
-        if (np.diagonal(out[-1]) < LOST * np.diagonal(before)).any():
+        if (np.diagonal(out[-1]) < SINGLE * np.diagonal(before)).any():
             return None
         wrench_cov[:head], pose_cov[:head] = out[:, :6, :6], out[:, 6:, 6:]
     white[:head] = start.innovation

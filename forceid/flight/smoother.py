@@ -34,12 +34,12 @@ from forceid.motion.free_turn import free_turn
 from forceid.motion.pose import exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
+from forceid.rounding import SINGLE
 
 ITERATIONS = 40  # Gauss-Newton steps at most; a path that settles takes 3 to 6
 LEFT = 0.1  # standard deviations: where sensors alone tell the rotation, a path that moves by less is at rest
 PATIENCE = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
-STANDSTILL = 1e-6  # of the standard deviation of a measured rotation
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
 
@@ -152,7 +152,7 @@ def settled(
     seen = np.isfinite(flight.rotation).all((1, 2))
     told = is_told(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
-    rest *= STANDSTILL if told else LEFT
+    rest *= SINGLE if told else LEFT
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
     size, share, steps = np.inf, 1.0, 0

@@ -14,9 +14,9 @@ from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.covariance import root
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
+from forceid.rounding import ROUNDED
 
 DOUBLINGS = 100  # 2^100 samples: what has not settled by then never will
-SETTLED = 1e-12  # change in units of the standard deviations
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def settle(F: Array, Q: Array, H: Array, R: Array, P0: Array) -> tuple[Array, Ar
             size = np.sqrt(np.maximum(np.diagonal(P), 1e-12 * np.diagonal(P0)))
             if not np.isfinite(P).all():
                 break
-            if np.all(np.abs(P - last) <= SETTLED * np.outer(size, size)):
+            if np.all(np.abs(P - last) <= ROUNDED * np.outer(size, size)):
                 return 0.5 * (P + P.T), Y, 2**k
             both = np.linalg.solve(one + X @ Y, np.hstack([X @ A.T, A]))
             X, Y, A = (

@@ -16,9 +16,8 @@ from forceid.kalman.gradient import NAMES, score_of
 from forceid.kalman.lines import PATIENCE
 from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
+from forceid.rounding import CENTRAL_STEP, COMPLEX_STEP
 
-TINY = 1e-30  # imaginary step: its square is lost beside any real part
-STEP = 6e-6  # relative central step where the model is not analytic: cube root of rounding
 PROBE = 1e-3  # of a parameter's size: step at which the score is differenced for the information
 APART = 3.0  # standard deviations between two maxima that are not one
 
@@ -122,17 +121,19 @@ def by_complex_step(build: Build, theta: Array, step: Array) -> StateSpace | Non
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
-            moved = build(theta + 1j * TINY * step)
+            moved = build(theta + 1j * COMPLEX_STEP * step)
     except (TypeError, ValueError, np.exceptions.ComplexWarning, np.linalg.LinAlgError):
         return None
     if not any(np.iscomplexobj(getattr(moved, name)) for name in NAMES):
         return None
-    return change_of({n: None if (a := getattr(moved, n)) is None else np.imag(a) / TINY for n in NAMES})
+    return change_of(
+        {n: None if (a := getattr(moved, n)) is None else np.imag(a) / COMPLEX_STEP for n in NAMES}
+    )
 
 
 def by_difference(build: Build, theta: Array, step: Array) -> StateSpace:
     """Derivative along a step, by central difference."""
-    h = STEP * max(1.0, float(np.abs(theta @ step)))
+    h = CENTRAL_STEP * max(1.0, float(np.abs(theta @ step)))
     ahead, behind = build(theta + h * step), build(theta - h * step)
     change: dict[str, Array | None] = {}
     for name in NAMES:

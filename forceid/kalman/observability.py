@@ -12,9 +12,9 @@ from forceid.kalman.covariance import root
 from forceid.kalman.engines import engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags
+from forceid.rounding import SOLVED
 
 Complex = NDArray[np.complex128]
-TOLERANCE = 1e-9  # of the largest, after scaling: what is smaller counts as zero
 PRIOR_ONLY = 0.99  # posterior over prior variance from which a state is known by its prior alone
 BLOCK = 256  # samples of a Gramian at a time
 
@@ -55,12 +55,12 @@ def pbh(A: Array, C: Array) -> Observability:
     """
     A, C, size = balanced_system(np.asarray(A, float), np.asarray(C, float))
     reach = max(float(np.linalg.norm(A, 2)), 1e-300)
-    hidden = null_space(C, rcond=TOLERANCE) if np.any(C) else np.eye(len(A))
+    hidden = null_space(C, rcond=SOLVED) if np.any(C) else np.eye(len(A))
     while hidden.shape[1]:
         onward = A @ hidden
         leak = onward - hidden @ (hidden.T @ onward)
         _, s, Vt = np.linalg.svd(leak)
-        keep = Vt[np.count_nonzero(s > TOLERANCE * reach) :].T
+        keep = Vt[np.count_nonzero(s > SOLVED * reach) :].T
         if keep.shape[1] == hidden.shape[1]:
             break
         hidden = hidden @ keep
@@ -186,7 +186,7 @@ def invariant_zeros(A: Array, B: Array, C: Array, D: Array) -> InvariantZeros:
         C, D = np.asarray(C / row, float), np.asarray(D / row, float)
         column = np.maximum(np.linalg.norm(np.vstack([B, D]), axis=0), 1e-300)
         B, D = np.asarray(B / column, float), np.asarray(D / column, float)
-    small = TOLERANCE * max(float(np.linalg.norm(A, 2)), 1.0)
+    small = SOLVED * max(float(np.linalg.norm(A, 2)), 1.0)
     A, B, C, D = full_row_rank(A, B, C, D, small)
     A, C, B, D = (np.asarray(a.T, float) for a in full_row_rank(A.T, C.T, B.T, D.T, small))
     n, rank = len(A), len(D)

@@ -8,9 +8,7 @@ import numpy as np
 
 from forceid.kalman.square_root import eliminate
 from forceid.records import Array, Flags
-
-RANK = 1e-9  # smallest singular value, of columns brought to one size; what is below counts as zero
-MARK = 1e-7  # share in a direction that no sample has shown from which an entry counts as unknown
+from forceid.rounding import SINGLE, SOLVED
 
 
 @dataclass(frozen=True)
@@ -52,13 +50,13 @@ def least_squares(G: Array, size: Array) -> tuple[Array, Array, Array, Array]:
     they cancel to rounding, the column is zero.
     """
     length = np.linalg.norm(G, axis=0)
-    zero = length <= RANK * size
+    zero = length <= SOLVED * size
     scale = np.where(zero, np.where(size > 0, size, 1.0), length)
     U, s, Vt = np.linalg.svd(np.where(zero, 0.0, G / scale))
-    rank = int(np.count_nonzero(s > RANK))
+    rank = int(np.count_nonzero(s > SOLVED))
     null = Vt[rank:].T
     fit = (Vt[:rank].T / s[:rank]) @ U[:, :rank].T / scale[:, None]
-    loose = np.where(np.abs(null) > MARK, null, 0.0)
+    loose = np.where(np.abs(null) > SINGLE, null, 0.0)
     return fit, U[:, rank:].T, null / scale[:, None], loose / scale[:, None]
 
 
@@ -67,7 +65,7 @@ def independent(E: Array) -> Array:
     row = np.abs(E).max(1, initial=0.0)
     row = np.where(row > 0, row, 1.0)[:, None]
     U, s, _ = np.linalg.svd(E / row, full_matrices=False)
-    return np.asarray(row * U[:, s > RANK])
+    return np.asarray(row * U[:, s > SOLVED])
 
 
 def mask_lost(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
@@ -77,7 +75,7 @@ def mask_lost(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
 
 def open_rows(reach: Array, loose: Array) -> Flags:
     """States (state,) that change with the unknowns (unknown, free) along the directions reach."""
-    return any_row(np.where(np.abs(reach @ loose) > MARK * (np.abs(reach) @ np.abs(loose)), 1.0, 0.0))
+    return any_row(np.where(np.abs(reach @ loose) > SINGLE * (np.abs(reach) @ np.abs(loose)), 1.0, 0.0))
 
 
 def any_row(loose: Array) -> Flags:

@@ -16,12 +16,12 @@ import numpy as np
 from forceid.kalman.covariance import combine as combine
 from forceid.kalman.scan import scan
 from forceid.records import Array, Flags, Indices
+from forceid.rounding import ROUNDED
 
 Runs = tuple[Indices, Array, Array, Array, Array, int]  # as covariance_pass gives them
 
 LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
 LAG = 8  # samples between two looks at whether a covariance has come to rest
-REMAINING = 1e-12  # of a covariance, still to go by the rate at which it comes to rest
 ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes
 MOST = 0.99  # of a variance that an update may take without Joseph's form
 
@@ -48,7 +48,7 @@ class Rest:
         # no rate tells that while it still falls from a start as good as unknown
         ratio = now / self.change if 0 < self.change < 1 else 1.0
         self.before, self.change, self.since = P.copy(), now, 0
-        return now < ROUNDING or (ratio < 1 and now * ratio < REMAINING * (1 - ratio))
+        return now < ROUNDING or (ratio < 1 and now * ratio < ROUNDED * (1 - ratio))
 
 
 def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool) -> Runs:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.records import Array
+from forceid.rounding import COMPLEX_STEP
 
 TERMS = 24  # of the series of a step, in which the fastest rate turns by 1/8 at most
-TINY = 1e-30  # imaginary step of a derivative: its square is lost to rounding beside any real part
 
 
 class Diffusion(Protocol):
@@ -215,14 +215,16 @@ def sensitivity(process_of: Callable[[Array], Diffusion], theta: ArrayLike, step
     each = []
     for i in range(len(theta)):
         nudged = theta.astype(complex)
-        nudged[i] += 1j * TINY
+        nudged[i] += 1j * COMPLEX_STEP
         each.append(process_of(nudged))
     A, Qc, P0 = (np.stack([getattr(p, name) for p in each]) for name in ("A", "Qc", "P0"))
     # the axis of parameters before those of the step
     lead = (len(theta), *[1] * (step.ndim - A.ndim + 3))
     A, Qc = (a.reshape(*lead, *a.shape[1:]) for a in (A, Qc))
     F, Q = discretize(Process(A, Qc, P0, np.zeros(A.shape[-1])), step)
-    return Sensitivity(F[0].real, Q[0].real, P0[0].real, F.imag / TINY, Q.imag / TINY, P0.imag / TINY)
+    return Sensitivity(
+        F[0].real, Q[0].real, P0[0].real, F.imag / COMPLEX_STEP, Q.imag / COMPLEX_STEP, P0.imag / COMPLEX_STEP
+    )
 
 
 def block_diagonal(*blocks: Array) -> Array:

@@ -27,8 +27,7 @@ from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Diffusion, Process, block_diagonal, discretize, random_walk, superpose
 from forceid.kalman.structure import Structure, System
 from forceid.records import Array
-
-REGULAR = 1e-8  # of a step: what a clock may differ by and still be regular
+from forceid.rounding import SINGLE
 
 
 def position(system: System, shape: ArrayLike) -> Array:
@@ -201,12 +200,12 @@ def transitions(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
         raise ConfigError(
             f"holds {h.min():.3g} s, expected none negative", "step", "sort the samples by time"
         )
-    if h.ndim and (not h.size or np.ptp(h) <= REGULAR * h.mean()):
+    if h.ndim and (not h.size or np.ptp(h) <= SINGLE * h.mean()):
         h = np.asarray(h.mean() if h.size else 0.0)
     if not h.ndim:
         F, Q = discretize(process, h)
         return (F[None], Q[None]) if many else (F, Q)
-    _, which = np.unique(np.round(h / (REGULAR * h.mean())), return_inverse=True)
+    _, which = np.unique(np.round(h / (SINGLE * h.mean())), return_inverse=True)
     # the mean of those that share a tick: a step by itself is not rounded
     each = np.bincount(which, h) / np.bincount(which)
     F, Q = discretize(process, each[:, None] if many else each)

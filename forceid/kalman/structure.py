@@ -26,8 +26,7 @@ from scipy.sparse.csgraph import connected_components
 from forceid.errors import ConfigError
 from forceid.kalman.process import Process, block_diagonal, values
 from forceid.records import Array, Flags
-
-STATIONARY = 1e-9  # of a covariance's own rate of change: less is rounding
+from forceid.rounding import SOLVED
 
 
 @dataclass(frozen=True)
@@ -215,7 +214,7 @@ def stationary(A: Array, Qc: Array, P0: Array) -> Flags:
     size = np.sqrt(np.diagonal(P0))
     scale = np.abs(A) @ np.outer(size, size)
     change, scale = A @ P0 + P0 @ A.T + Qc, scale + scale.T + np.abs(Qc)
-    moves = (np.abs(change) > STATIONARY * scale).any(1)
+    moves = (np.abs(change) > SOLVED * scale).any(1)
     _, group = connected_components((A != 0) | (Qc != 0) | (P0 != 0), directed=False)
     return ~np.isin(group, group[moves])
 

@@ -10,8 +10,7 @@ from forceid.motion.noise_axes import through_fit
 from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
-
-BLIND = 1e-8  # of the information on the amplitude known best: less is none
+from forceid.rounding import SOLVED
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def fit_frames(
         weighed = flat[seen].T @ V_inv
         information = weighed @ (flat[seen] - S[seen] @ (K @ flat[seen]))
         size, axes = np.linalg.eigh(0.5 * (information + information.T))
-        known = size > BLIND * size.max(initial=0.0)
+        known = size > SOLVED * size.max(initial=0.0)
         root = axes[:, known] / np.sqrt(size[known])
         rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
         told[at, : known.sum()] = left() @ (weighed.T @ root)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.records import Array, Flags, Motion
+from forceid.rounding import SOLVED
 
 ROUNDING = 16  # of the last place, in sums of a few products
-ALIKE = 1e-9  # of a variance: less is rounding
 NONE = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
 
 
@@ -65,7 +65,7 @@ def floored(root: Array, least: float) -> Array:
 def uneven(root: Array) -> Array | None:
     """What the covariance (3, 3) of a noise has beyond its mean variance on every axis; None for nothing."""
     more = (share(root) - np.eye(3)) * rms_noise(root) ** 2
-    return more if np.abs(more).max() > ALIKE * rms_noise(root) ** 2 else None
+    return more if np.abs(more).max() > SOLVED * rms_noise(root) ** 2 else None
 
 
 def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:

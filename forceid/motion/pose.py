@@ -12,8 +12,7 @@ from forceid.compiled import engine as compiled
 from forceid.motion.noise_axes import through_fit
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
-
-RANK_TOLERANCE = 1e-6  # of the scaled operator; two millimeters off a 20 cm line give 1e-2
+from forceid.rounding import SINGLE
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ def pose_rank(S: Array) -> int:
     size = np.sqrt((lever**2).sum((1, 2)).mean())
     scaled = np.concatenate([blocks[..., :3], lever / size if size > 0 else lever], -1).reshape(-1, 6)
     s = np.linalg.svd(scaled, compute_uv=False)
-    return int((s > RANK_TOLERANCE * s[0]).sum())
+    return int((s > SINGLE * s[0]).sum())
 
 
 def center_of_mass(position: Array, shape: Array, weight: Array, noise_var: float) -> tuple[Array, Array]:

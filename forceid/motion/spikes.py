@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.records import Array, Flags
+from forceid.rounding import SOLVED
 
 PARTNERS = 8  # markers whose distance is looked at, of each
 AROUND = (-3, -2, -1, 1, 2, 3)  # frames beside: a burst of up to two leaves their median alone
@@ -12,7 +13,6 @@ SEVERAL = 2  # distances that must agree on it: to a marker that is right, one o
 FAR = 6.0  # standard deviations by which a distance leaves that median
 NORMAL = 1.4826  # standard deviations of a normal in its median absolute deviation
 ROUNDS = 8  # readings of one frame that may be dropped one after the other
-ROUNDOFF = 1e-9  # of the size of the body
 FEWEST = 4  # markers that tell which one is off
 SHARE, MOST = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
 
@@ -53,7 +53,7 @@ def spikes_once(position: Array) -> Flags:
         return found
     d = np.linalg.norm(position[:, :, None] - position[:, (np.arange(n)[:, None] + partners) % n], axis=3)
     jump = np.abs(d[1:-1] - 0.5 * (d[2:] + d[:-2]))
-    scale = np.maximum(NORMAL * median(jump[None])[0], ROUNDOFF * np.nan_to_num(d).max(initial=0.0))
+    scale = np.maximum(NORMAL * median(jump[None])[0], SOLVED * np.nan_to_num(d).max(initial=0.0))
     at = np.flatnonzero((np.nan_to_num(jump) > 0.5 * FAR * scale).any((1, 2))) + 1
     at = np.unique(np.concatenate([at - 1, at, at + 1]).clip(0, T - 1))
     if not len(at):

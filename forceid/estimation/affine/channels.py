@@ -15,7 +15,7 @@ from scipy.linalg import null_space, qr
 
 from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
-from forceid.estimation.body.affine_fit import AffineFit, fit_affine
+from forceid.estimation.body.affine_fit import FLAT, AffineFit, fit_affine
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.markers import marker_noise
 from forceid.estimation.verdict.catalogue import note
@@ -23,10 +23,9 @@ from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.pseudorigid import polar
 from forceid.records import Array, Finding, Flags, Recording
+from forceid.rounding import SOLVED
 
 FEWEST = 12  # frames that a load on a turning body needs
-THIN = 1e-8  # of the largest: a second moment so small is none
-LEVEL = 1e-9  # cosine below which a direction is off an axis
 STIFFNESSES = 14  # of a spline that are tried
 
 
@@ -124,10 +123,10 @@ def shown_arms(E: Array, span: Array) -> tuple[Array, bool]:
     (3, 2)
     """
     size, axes = np.linalg.eigh(E)
-    wide = size > THIN * size[-1]
+    wide = size > FLAT**2 * size[-1]
     none = axes[:, ~wide].T
     across = null_space(span.T).T @ E
-    across = across[np.linalg.norm(across, axis=1) > np.sqrt(THIN) * size[-1]]
+    across = across[np.linalg.norm(across, axis=1) > FLAT * size[-1]]
     closed = np.concatenate([none, across / np.linalg.norm(across, axis=1, keepdims=True)])
     shown = aligned(null_space(closed)) if len(closed) else np.eye(3)
     return shown, shown.shape[1] == int(wide.sum())
@@ -145,7 +144,7 @@ def aligned(directions: Array) -> Array:
 
 def along_axes(span: Array) -> Flags:
     """Which reference axes (3,) lie in a space with orthonormal basis span (3, n)."""
-    return np.asarray(np.linalg.norm(np.eye(3) - span @ span.T, axis=0) < LEVEL)
+    return np.asarray(np.linalg.norm(np.eye(3) - span @ span.T, axis=0) < SOLVED)
 
 
 def judge_open(fit: AffineFit, shown: int, whole: bool) -> tuple[Finding, ...]:

@@ -13,8 +13,7 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import block_diagonal
 from forceid.records import Array
-
-APART = 1e-6  # correlation of two groups of channels that is none
+from forceid.rounding import SINGLE
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) 
     ]
     T, n = len(channels.time), len(models)
     offset = np.stack([g.z[np.isfinite(g.z).all(1)][0] for g in channels.groups])  # (group, 3)
-    if channels.linked < APART:
+    if channels.linked < SINGLE:
         paths = [chosen.smooth(m, g.moved) for m, g in zip(models, channels.groups, strict=True)]
         total = sum(p.filtered.log_likelihood for p in paths)
     else:

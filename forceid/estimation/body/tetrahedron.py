@@ -15,9 +15,9 @@ import numpy as np
 
 from forceid.estimation.body.inertia import Inertia
 from forceid.records import Array, Body
+from forceid.rounding import ROUNDED
 
 SEEN = 0.25  # of every second moment of the nodes that a frame has to see: its noise is twice that of others
-FLAT = 1e-12  # second moment over the largest below which a body is a plane or a line
 CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])  # sum 0, sum of squares 4
 
 
@@ -49,7 +49,7 @@ def whitened(S: Array) -> Array:
     """Q (4, rank) with Q^T S Q = 1, over the directions in which the nodes have any width."""
     scale = np.sqrt(np.append(S[0, 0], np.full(3, max(np.trace(S[1:, 1:]) / 3, np.finfo(float).tiny))))
     size, axes = np.linalg.eigh(S / np.outer(scale, scale))
-    wide = size > FLAT * size[-1]
+    wide = size > ROUNDED * size[-1]
     return np.asarray(axes[:, wide] / np.sqrt(size[wide]) / scale[:, None])
 
 

@@ -19,15 +19,15 @@ from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.body.spin import Spin, spin_about, spun
 from forceid.flight.smoother import FlightState
 from forceid.motion.line_motion import directions, without_spin
-from forceid.motion.pose import RANK_TOLERANCE, Pose, body_axes
+from forceid.motion.pose import Pose, body_axes
 from forceid.records import Array, Flags
+from forceid.rounding import ROUNDED, SINGLE
 
 # width over length, both rms: poses err by about 1e-3 rad, and the momentum that such an error of the line
 # makes along it is that of a spin near half as fast as the turn itself: such a state does not settle
 SLENDER = 0.05
 NARROW = 0.01  # width over length at which the momentum of a spin is 1e-4 of that of a turn as fast
 NOMINAL = 0.1  # m: radius of gyration of a point where its turn is reckoned; no moment is read from it
-NOTHING = 1e-12  # m: no body is so small
 UNSEEN = 3.0  # sigma: markers nearer to a line say of a turn about it less than 1/3 rad, which no fit can use
 
 
@@ -45,13 +45,13 @@ def thinned(inertia: Inertia, X: Array) -> Inertia:
     second, axes = second_moments(inertia.tensor)
     _, width, length = np.sqrt(np.maximum(second, 0.0) / inertia.mass)
     size = float(np.sqrt((X**2).sum(1).max(initial=0.0)))
-    if length <= max(RANK_TOLERANCE * size, NOTHING):
+    if length <= max(SINGLE * size, ROUNDED):
         return replace(inertia, point=True)
     if width > SLENDER * length:
         return inertia
     along = axes[:, 2] * np.sign(axes[np.abs(axes[:, 2]).argmax(), 2])
     across = 0.5 * (np.trace(inertia.tensor) - along @ inertia.tensor @ along)
-    beside = inertia.tensor - across * np.eye(3) if width > RANK_TOLERANCE * length else None
+    beside = inertia.tensor - across * np.eye(3) if width > SINGLE * length else None
     return replace(inertia, line=along, tensor=across * np.eye(3), beside=beside, affine=None)
 
 
@@ -85,7 +85,7 @@ def shown_rank(X: Array, seen: Flags, noise_std: float) -> int:
     if not seen.any():
         return 0
     size = np.linalg.svd(X[seen] - X[seen].mean(0), compute_uv=False)
-    return (3, 5, 6, 6)[int((size > max(RANK_TOLERANCE * size[0], UNSEEN * noise_std)).sum())]
+    return (3, 5, 6, 6)[int((size > max(SINGLE * size[0], UNSEEN * noise_std)).sum())]
 
 
 def followed_line(
@@ -130,7 +130,7 @@ def seen_line(position: Array, X: Array, inertia: Inertia, noise_std: float) -> 
     assert inertia.line is not None
     along = X @ inertia.line
     off = np.linalg.norm(X - along[:, None] * inertia.line, axis=1)
-    near = max(RANK_TOLERANCE * float(np.abs(along).max(initial=0.0)), noise_std)
+    near = max(SINGLE * float(np.abs(along).max(initial=0.0)), noise_std)
     usable: Flags = np.asarray(off <= near)
     weight = None
     if inertia.nodal is not None:

@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from forceid.estimation.joints.constraints import Ties, kept
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.records import Array
-
-STEP = 1e-5  # relative, of central differences
+from forceid.rounding import CENTRAL_STEP
 
 
 @dataclass(frozen=True)
@@ -86,12 +85,12 @@ def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[Motion], 
         columns = (on_motion, 3), (on_motion, 6), (on_wrench, 0), (on_wrench, 3)
         for i, (size, (rows, first)) in enumerate(zip(sizes, columns, strict=True)):
             for axis in range(3):
-                step = STEP * size * np.eye(3)[axis]
+                step = CENTRAL_STEP * size * np.eye(3)[axis]
                 beyond, before = (
                     value({**base, k: tuple(v + sign * step * (i == j) for j, v in enumerate(base[k]))})
                     for sign in (1, -1)
                 )
-                slope = (beyond - before) / (2 * STEP * size)
+                slope = (beyond - before) / (2 * CENTRAL_STEP * size)
                 rows[:, :, k, first + axis] = slope
                 gap += slope * base[k][i][:, axis, None]
     return Ties(

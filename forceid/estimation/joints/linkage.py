@@ -15,8 +15,7 @@ from forceid.estimation.methods.solution import Solution
 from forceid.partition.resultants import GROUND, incidence, transmitted
 from forceid.principal import cross_matrix, transport, transport_cov, transport_matrix
 from forceid.records import Array, Estimate
-
-RANK = 1e-6  # of the largest singular value, with moments over the length of the joints' arms
+from forceid.rounding import SINGLE
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def split(linkage: Linkage) -> Array:
     A, E, length = balances(linkage)
     known = np.asarray(np.isfinite(A).all((1, 2)))
     back = np.full((len(A), E.shape[1], A.shape[1]), np.nan)
-    back[known] = E[known] @ np.linalg.pinv(A[known], rcond=RANK)
+    back[known] = E[known] @ np.linalg.pinv(A[known], rcond=SINGLE)
     return np.asarray(back / np.tile(np.repeat([1.0, length], 3), linkage.arms.shape[1]))
 
 

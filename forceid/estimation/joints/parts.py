@@ -14,8 +14,7 @@ from forceid.estimation.body.inertia import inertia_of
 from forceid.motion.pose import pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Indices, Motion, Recording
-
-BESIDE = 1e-9  # of the largest entry of a mass matrix: what couples two parts beyond it
+from forceid.rounding import SOLVED
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def with_mass(own: Body, setting: PartSetting, nodes: Indices, body: Body, where
     if body.mass_matrix is not None:
         dof = (3 * nodes[:, None] + np.arange(3)).ravel()
         beside = np.delete(body.mass_matrix[dof], dof, axis=1)
-        if np.abs(beside).max(initial=0.0) > BESIDE * np.abs(body.mass_matrix).max():
+        if np.abs(beside).max(initial=0.0) > SOLVED * np.abs(body.mass_matrix).max():
             what = "is coupled by the mass matrix to nodes of other parts"
             raise ConfigError(what, where, "give its mass, center and inertia")
         return replace(own, mass_matrix=body.mass_matrix[np.ix_(dof, dof)])

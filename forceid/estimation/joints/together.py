@@ -12,7 +12,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import Motion, accelerated
 from forceid.estimation.joints.constraints import Ties, balanced, beside, held
-from forceid.estimation.joints.linkage import RANK, Linkage, balances, pose_cov
+from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
     Priors,
@@ -26,10 +26,10 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.kalman.engines import engine
 from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
+from forceid.rounding import SINGLE
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
-SHARP = 1e-6  # of the arms, that the noise of frames is to exceed
 TURNED = 3.0  # times its noise, by which what a joint keeps may change and the joint be believed
 ASIDE = 9.0  # times its variance, by which a part smoothed with the others may move and be believed
 
@@ -94,7 +94,7 @@ def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
     """Whether frames show the poses to rounding: parts by themselves do, and ties would lose digits."""
     frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
     noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
-    return max(noise, default=0.0) < SHARP * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
+    return max(noise, default=0.0) < SINGLE * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
 
 
 def orders_of(solutions: list[Solution | None]) -> list[int]:
@@ -139,7 +139,7 @@ def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Ties, int] | N
     if not known.any():
         return None
     U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
-    rank = int((s > RANK * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
+    rank = int((s > SINGLE * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
     count = linkage.arms.shape[1]
     carry = np.zeros((T, size, size))
     for k in range(count):

@@ -16,9 +16,9 @@ from forceid.motion.modes import split_rigid, strain_shapes
 from forceid.motion.pose import pose_gain, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
+from forceid.rounding import SOLVED
 
 PATTERNS = 64  # sets of markers seen, the commonest ones, that are looked at
-ROUNDING = 1e-9  # percent
 PRESENT = 1e-3  # of the noise variance: an amplitude that is given at least this much
 
 
@@ -170,7 +170,7 @@ def crossed(S: Array, flat: Array, kin: Kinematics, seen: Flags, weight: Array) 
     unit = np.sqrt(np.repeat(weight, 3))[:, None]
     _, s, Vt = np.linalg.svd(unit * S, full_matrices=False)
     percent = float(100 * np.linalg.norm(unit * taken @ Vt.T / s, 2))
-    return to_rigid, percent if percent > ROUNDING else 0.0
+    return to_rigid, percent if percent > SOLVED else 0.0
 
 
 def size(u: Array, weight: Array) -> Array:

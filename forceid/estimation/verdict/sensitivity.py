@@ -27,9 +27,9 @@ from forceid.estimation.verdict.body_errors import (
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.records import Array
+from forceid.rounding import ROUNDED
 
 PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
-ROUNDING = 1e-12  # N or N m: what is smaller is none
 SAMPLES = 4000  # at most, that a budget is averaged over
 
 
@@ -73,7 +73,7 @@ class Budget:
         """The same for people, a line each."""
 
         def digits(v: float) -> str:
-            return f"{v:.2g}" if v > ROUNDING else "0"
+            return f"{v:.2g}" if v > ROUNDED else "0"
 
         lines = []
         for name, (_, words) in UNITS.items():
