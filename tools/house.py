@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "forceid"
 EVIDENCE = ROOT / "evidence"
 ESTIMATORS = ("estimation", "kalman", "flight")
-HOMES = ("rounding",)  # numbers that these rooms share
+HOMES = ("rounding", "significance")  # numbers that these rooms share
 
 
 def sources(*folders: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import forceid
 
-HOMES = ("rounding",)  # of numbers that all rooms share
+HOMES = ("rounding", "significance")  # of numbers that all rooms share
 ROOMS = ("motion", "kalman", "flight", "estimation")
 
 

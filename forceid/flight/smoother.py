@@ -35,9 +35,9 @@ from forceid.motion.pose import exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 from forceid.rounding import SINGLE
+from forceid.significance import TENTH
 
 ITERATIONS = 40  # Gauss-Newton steps at most; a path that settles takes 3 to 6
-LEFT = 0.1  # standard deviations: where sensors alone tell the rotation, a path that moves by less is at rest
 PATIENCE = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
@@ -152,7 +152,7 @@ def settled(
     seen = np.isfinite(flight.rotation).all((1, 2))
     told = is_told(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
-    rest *= SINGLE if told else LEFT
+    rest *= SINGLE if told else TENTH
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
     size, share, steps = np.inf, 1.0, 0
@@ -177,7 +177,7 @@ def settled(
         steps += 1
         if steps == PATIENCE and not told:  # far is then what the sensors cannot tell
             var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
-            rest = max(rest, LEFT * float(np.sqrt(var.max())))
+            rest = max(rest, TENTH * float(np.sqrt(var.max())))
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
     assert found is not None

@@ -19,18 +19,17 @@ from forceid.flight.channels import (
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.lines import PATIENCE, Line
+from forceid.kalman.lines import Line
 from forceid.kalman.process import matern
 from forceid.kalman.search import maximize
 from forceid.records import Array, Flags
+from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 Peak = tuple[Array, Array, Array]  # search points (axis, 2), logarithms of the noise, values (axis,)
 ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
-ASKED = 1.0  # log-likelihood by which a record asks for an order above that
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis
-OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a rough load
 
 
 def tune_loads(
@@ -100,7 +99,7 @@ def tune_loads(
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         found[order] = search(order, (level, level), first)
-        pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - ASKED
+        pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)
         if worse == MISSED:
             break
@@ -180,6 +179,6 @@ def smoothest(evidence: dict[int, float]) -> int:
     """
     free = {order: value for order, value in evidence.items() if order <= FREE}
     top = max(evidence, key=lambda order: evidence[order])
-    if top > FREE and evidence[top] > max(free.values(), default=-np.inf) + ASKED:
+    if top > FREE and evidence[top] > max(free.values(), default=-np.inf) + NUMBER:
         return top
     return max(order for order, value in free.items() if value > max(free.values()) - PATIENCE)

@@ -13,9 +13,9 @@ from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process
 from forceid.kalman.search import maximize
 from forceid.records import Array
+from forceid.significance import OUTLIER
 
 STATES = 3  # of a mode: amplitude, rate, load
-OUTLIER = 4.0  # standard deviations: one wild sample must not pass for a vibration
 FREQUENCIES, LINES = 16, 4  # looked at first: evenly spread, and the tallest of the periodogram
 DAMPED, REMEMBERED = (0.01, 0.1, 1.0), (0.003, 0.1, 3.0)  # rates over the frequency, looked at first
 REACH = 0.3  # of a logarithm: how far the frequency may move from the best of these

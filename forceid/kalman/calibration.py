@@ -9,8 +9,8 @@ from scipy.special import chdtri
 
 from forceid.kalman.model import Filtered
 from forceid.records import Array
+from forceid.significance import CHANCE
 
-CHANCE = 0.01  # that a true model falls out of a band
 LAGS = 20  # samples up to which innovations are looked at for correlation
 
 

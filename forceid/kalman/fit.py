@@ -13,13 +13,12 @@ from scipy.optimize import minimize
 from forceid.errors import EstimationError
 from forceid.kalman.engines import engine as engine_called
 from forceid.kalman.gradient import NAMES, score_of
-from forceid.kalman.lines import PATIENCE
 from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
 from forceid.rounding import CENTRAL_STEP, COMPLEX_STEP
+from forceid.significance import PATIENCE, SIGMAS
 
 PROBE = 1e-3  # of a parameter's size: step at which the score is differenced for the information
-APART = 3.0  # standard deviations between two maxima that are not one
 
 Build = Callable[[Array], StateSpace]
 
@@ -182,4 +181,4 @@ def maxima_differ(difference: Array, covariance: Array) -> bool:
     known = np.isfinite(var) & (var > 0)
     if not known.any():
         return bool(np.abs(difference).max() > PROBE)
-    return bool((np.abs(difference[known]) > APART * np.sqrt(var[known])).any())
+    return bool((np.abs(difference[known]) > SIGMAS * np.sqrt(var[known])).any())

@@ -19,12 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.kalman.process import Process, resonator
 from forceid.records import Array
+from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
-PATIENCE = 7.0  # a load goes without a line, or with fewer, until one more is e^7 times as likely
-OUTLIER = 4.0  # standard deviations: what a whitened innovation counts for at most
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
-FREED = 2.0  # a line keeps its phase until one that drifts is e^2 times as likely: one more number to fit
 REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
 STEPS = 8  # frequencies per cycle a record at which the evidence is computed
 ROOM = 2_000_000  # samples times frequencies that are whitened at a time, 18 numbers each
@@ -211,7 +209,8 @@ def find_line(
         told = np.einsum("tcafi,tc->fai", white, v)
         gained, std = np.moveaxis(np.array([line_evidence(information, told, s) for s in subsets]), 0, -1)
         price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
-        price = price + np.where(decay * span > COHERENT, FREED, 0.0)
+        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
+        price = price + np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
         return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std
 
     def best_of(frequency: Array, decay: Array) -> tuple[float, float, Array, Array]:
@@ -238,8 +237,8 @@ def find_line(
 
 
 def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
-    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^FREED."""
+    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^2."""
     tried = [line, *(replace(line, bandwidth=b / span, driven=True) for b in DRIFTS)]
     value = [likelihood(t) for t in tried]
     best = int(np.argmax(value))
-    return tried[best] if value[best] > value[0] + FREED else line
+    return tried[best] if value[best] > value[0] + 2 * NUMBER else line

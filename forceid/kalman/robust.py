@@ -18,8 +18,8 @@ import numpy as np
 from forceid.kalman.engines import engine as engine_called
 from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
+from forceid.significance import WILD
 
-WILD = 5.0  # whitened innovation, in standard deviations
 MOST = 0.02  # part of a record that may be wild
 MEMORY = 10  # samples after a wild one that may be wild for its sake alone
 LONGEST_BURST = 8  # samples: what is off for longer has moved

@@ -9,12 +9,13 @@ from evidence.drawn.thrown_box import draw, judge, settings_of, write
 from forceid.config import load_settings
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics
-from forceid.estimation.methods.left_over import LEFT, with_left_over
+from forceid.estimation.methods.left_over import with_left_over
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 from forceid.flight.model import unsettled
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman import engine
+from forceid.significance import TENTH
 
 # seed and number of a draw of a short record: what pushes, how often it is sampled, how fast it turns
 BODY_55 = 1, 31  # 55 Hz, 3.6 rev/s
@@ -48,7 +49,7 @@ def test_the_path_of_a_thrown_box_comes_to_rest_under_any_prior_with_biases_unkn
     force, moment = (replace(prior, carried=carried) for prior in rough_priors(flight))
     state = smooth_flight(flight, force, moment, engine())
     _, left = with_left_over(flight, force, moment, engine(), state)
-    assert left < LEFT
+    assert left < TENTH
     assert "add a gyro" not in " ".join(unsettled(flight))
 
 

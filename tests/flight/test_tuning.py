@@ -7,8 +7,8 @@ from scipy.stats import chi2
 from forceid.flight.channels import Start, load_chain, search_box, start_of, stretch
 from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
-from forceid.kalman.lines import PATIENCE
 from forceid.kalman.search import maximize
+from forceid.significance import PATIENCE
 
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
 

@@ -8,7 +8,8 @@ from linear_models import draw
 
 from forceid.kalman import StateSpace, discretize, smooth
 from forceid.kalman.process import integrate, matern
-from forceid.kalman.robust import MOST, WILD, counted, drop_wild, reject, runs, unswap
+from forceid.kalman.robust import MOST, counted, drop_wild, reject, runs, unswap
+from forceid.significance import WILD
 
 NOISE, STEP, TIME = 1e-3, 0.01, 300
 

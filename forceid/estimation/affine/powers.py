@@ -9,11 +9,11 @@ import numpy as np
 
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
-from forceid.flight.tuning import OUTLIER
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, resonator
 from forceid.records import Array
+from forceid.significance import OUTLIER
 
 LONGEST = 4096  # samples that are looked at
 

@@ -19,10 +19,10 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Kernel, LoadPrior, Tuned
 from forceid.flight.tuning import ORDERS, tune_loads
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import PATIENCE, Line
+from forceid.kalman.lines import Line
 from forceid.records import Array
+from forceid.significance import NUMBER, PATIENCE
 
-SURE = 1.0  # log-likelihood by which a smoother prior must be likelier: too smooth a one claims too little
 SHOWN = 0.2  # power of a load over that of the noise below which a frequency says nothing of it
 SLOWER = (1.0, 0.5, 0.25)  # rates tried, of the frequency where load and noise are alike
 SCALES = np.linspace(-3.0, 3.0, 121)  # levels tried, logarithms
@@ -83,7 +83,7 @@ def likeliest(seen: Axes, engine: Engine) -> Kernel:
         if tuned.log_likelihood < max(t.log_likelihood for t in found) - PATIENCE:
             break  # rougher ones are less likely still
     top = max(t.log_likelihood for t in found)
-    return next(t.kernel for t in reversed(found) if t.log_likelihood > top - SURE)
+    return next(t.kernel for t in reversed(found) if t.log_likelihood > top - NUMBER)
 
 
 def least_error(kernel: Kernel, seen: Axes, engine: Engine) -> Kernel:

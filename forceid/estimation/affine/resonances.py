@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike
 from forceid.estimation.affine.powers import Axes, Swing, powers
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
-from forceid.flight.tuning import OUTLIER
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.process import resonator
 from forceid.records import Array, Indices
+from forceid.significance import OUTLIER, PATIENCE
 
 MOST = 3  # swings of a body that are looked for
-PATIENCE = 7.0  # log-likelihood that a swing must gain beside that of the choice among all frequencies
 ASIDE = np.linspace(-1.0, 1.0, 5)  # bins that a line may be off its ordinate
 WIDTHS = np.array([0.3, 1.0, 3.0, 10.0])  # bandwidths tried, times the length of the record
 SIZES = np.geomspace(0.1, 3.0, 7)  # std tried, of that which the ordinate asks for

@@ -19,8 +19,8 @@ from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
+from forceid.significance import CHANCE
 
-CHANCE = 0.01  # of a veto where the level is right
 LAGS = 10  # of the autocorrelation of what a level leaves
 
 

@@ -18,9 +18,7 @@ from forceid.motion.pose import (
 )
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
-
-SHIFT = 4.0  # standard errors by which a mean shape must leave the reference shape to replace it
-
+from forceid.significance import WILD
 
 SIZE = 3.0  # times the reference shape, or its third, that no body stretches to
 
@@ -64,7 +62,7 @@ def spinning_shape(
     shape = mean_shape(x, X, weight)
     frames = np.isfinite(x).all(2).sum(0)
     error = sigma / np.sqrt(frames.clip(1))
-    if not (np.abs(shape - X).max(1) > SHIFT * error).any():
+    if not (np.abs(shape - X).max(1) > WILD * error).any():
         return X
     hidden = (inertia.weight > 0) & (frames == 0)
     if modes is None or inertia.nodal is None or not hidden.any():

@@ -22,13 +22,13 @@ from forceid.motion.line_motion import directions, without_spin
 from forceid.motion.pose import Pose, body_axes
 from forceid.records import Array, Flags
 from forceid.rounding import ROUNDED, SINGLE
+from forceid.significance import SIGMAS
 
 # width over length, both rms: poses err by about 1e-3 rad, and the momentum that such an error of the line
 # makes along it is that of a spin near half as fast as the turn itself: such a state does not settle
 SLENDER = 0.05
 NARROW = 0.01  # width over length at which the momentum of a spin is 1e-4 of that of a turn as fast
 NOMINAL = 0.1  # m: radius of gyration of a point where its turn is reckoned; no moment is read from it
-UNSEEN = 3.0  # sigma: markers nearer to a line say of a turn about it less than 1/3 rad, which no fit can use
 
 
 def thinned(inertia: Inertia, X: Array) -> Inertia:
@@ -85,7 +85,7 @@ def shown_rank(X: Array, seen: Flags, noise_std: float) -> int:
     if not seen.any():
         return 0
     size = np.linalg.svd(X[seen] - X[seen].mean(0), compute_uv=False)
-    return (3, 5, 6, 6)[int((size > max(SINGLE * size[0], UNSEEN * noise_std)).sum())]
+    return (3, 5, 6, 6)[int((size > max(SINGLE * size[0], SIGMAS * noise_std)).sum())]
 
 
 def followed_line(

@@ -20,6 +20,8 @@ from forceid.estimation.instruments.clock_offset import aligned
 from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import FAST
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.instruments.turn_count import rate_read
@@ -33,11 +35,9 @@ from forceid.motion.pose import exp
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Finding, Motion
+from forceid.significance import SIGMAS
 
-AMISS = 1.3  # mean squared innovation of the sensors of an instrument, over its covariance
 FAR = 1.0  # rad between frames: beyond, the first moment is a poor channel to tune the moment on
-SENSE = 0.8 * np.pi  # rad between frames: beyond, frames alone may have the wrong sense
-SURE = 3.0  # standard errors beyond which a clock is off
 EARLY = 0.1  # of a step: less than that of an offset is not worth a word
 
 
@@ -96,7 +96,7 @@ def fused(
     if not kin.attitude or (flight.sensors is None and turn < FAR):
         return flight, priors
     force, moment = priors["force"], priors["moment"]
-    if turn < SENSE:
+    if turn < FAST:
         flight = aligned(flight, force, moment, engine)
     elif rate_read(flight.time, flight.rotation, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
@@ -133,7 +133,7 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
         white, name = state.sensor_innovation[:, sensors.family == i], one.plural
         level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
         off, error = float(sensors.shifted[i] + late[i]), float(late_std[i])
-        if i in sensors.clocked and abs(off) > max(SURE * error, EARLY * step):
+        if i in sensors.clocked and abs(off) > max(SIGMAS * error, EARLY * step):
             sense = "later" if off > 0 else "earlier"
             ms, error_ms = 1e3 * abs(off), 1e3 * error
             found.append(note("clock-off", sensors=name, offset_ms=ms, sense=sense, error_ms=error_ms))
@@ -141,7 +141,7 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
             walk, unit = sensors.bias_walk[i], one.unit
             found.append(note("bias-wanders", sensors=name, walk=walk, unit=unit, variable=one.name))
     worst = max(level, key=level.__getitem__)
-    if level[worst] > AMISS:
+    if level[worst] > NIS_BAND[1]:
         found.append(note("sensor-innovations", sensors=worst, times=np.sqrt(level[worst])))
     return tuple(found)
 

@@ -9,8 +9,9 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.markers import ROUNDOFF
-from forceid.estimation.instruments.on_flight import AMISS, sensor_noise
+from forceid.estimation.instruments.on_flight import sensor_noise
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.model import Flight
 from forceid.flight.modes import Gauges
 from forceid.flight.smoother import FlightState
@@ -53,4 +54,4 @@ def judge_gauges(flight: Flight, state: FlightState, body: Body, motion: Motion)
     if flight.modes is None:
         return (note("strain-without-modes"),)
     level = float(np.nanmean(state.gauge_innovation**2))
-    return () if level < AMISS else (note("strain-innovations", times=np.sqrt(level)),)
+    return () if level < NIS_BAND[1] else (note("strain-innovations", times=np.sqrt(level)),)

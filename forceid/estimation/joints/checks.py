@@ -11,10 +11,7 @@ from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
 from forceid.records import Array, Finding, Interface, Level, Recording
-
-SURE = 0.001  # chance that noise alone leaves as much of the balances
-GROSS = 25.0  # times the claims, that balances may be off and the joint forces still be worth a number
-APART = 2.0  # times its noise, by which two parts may be apart at their joint
+from forceid.significance import DENIED, SIGMAS, WILD
 
 
 def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Finding]:
@@ -33,14 +30,14 @@ def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Findin
     if found.dof and seen.any():
         turns = wrench[seen].reshape(seen.sum(), -1) - wrench[seen].reshape(seen.sum(), -1).mean(0)
         independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
-        limit = chdtri(found.dof * independent, SURE) / (found.dof * independent)
+        limit = chdtri(found.dof * independent, DENIED) / (found.dof * independent)
         if found.consistency > limit:
-            level: Level = "refused" if found.consistency > GROSS else "degraded"
+            level: Level = "refused" if found.consistency > WILD**2 else "degraded"
             findings.append(note("balances-open", level, left=found.consistency, limit=float(limit)))
     apart = np.sqrt((found.gap**2).sum(2).mean(0))
     noise = np.sqrt(np.einsum("tjaa->tj", gap_cov).mean(0))
     for name, off, size in zip(found.name, apart, noise, strict=True):
-        if off > APART * size:
+        if off > SIGMAS * size:
             findings.append(note("joint-apart", joint=name, off_mm=1e3 * off, noise_mm=1e3 * size))
     return findings
 

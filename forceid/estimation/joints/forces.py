@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.checks import GROSS, judge_joints, of_part, refused
+from forceid.estimation.joints.checks import judge_joints, of_part, refused
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.joints.together import together
@@ -23,6 +23,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
 from forceid.records import Estimate, Interface, Recording
+from forceid.significance import WILD
 
 Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
 
@@ -52,7 +53,7 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
     assert C is not None
     smoothed = None
     misfit = found.chi_square[np.isfinite(found.chi_square)]
-    if not found.dof or not misfit.size or misfit.mean() < GROSS * found.dof:  # else they contradict
+    if not found.dof or not misfit.size or misfit.mean() < WILD**2 * found.dof:  # else they contradict
         smoothed = together(linkage, parts, joints, estimates, [solution for _, solution in solved], settings)
     if smoothed is not None:
         to_joints = -split(linkage)

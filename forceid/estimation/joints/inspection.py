@@ -25,9 +25,9 @@ from forceid.partition.resultants import GROUND, incidence, loop_count, transmit
 from forceid.principal import cross_matrix, transport_matrix
 from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 from forceid.rounding import SINGLE
+from forceid.significance import WILD
 
 FRAMES = 40  # looked at
-SURE = 5.0  # times the noise of the poses, at which what they say of a balance counts as told
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def open_wrenches(joints: tuple[Joint, ...], parts: tuple[Part, ...], frame: Pos
     _, s, Vt = np.linalg.svd(np.kron(incidence(links, len(parts)), np.eye(6)) @ E)
     turn = scale[::-1]  # what poses are off by, arms over the same length
     noise = np.trace(turn * frame.cov[0] * turn.T, axis1=1, axis2=2).max() / 6
-    rank = int((s > max(SURE * np.sqrt(noise), SINGLE)).sum())
+    rank = int((s > max(WILD * np.sqrt(noise), SINGLE)).sum())
     open_ = (E @ Vt[rank:].T).reshape(len(links), 6, -1) / scale
     return open_[: len(joints)], rank
 

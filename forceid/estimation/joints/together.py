@@ -27,11 +27,10 @@ from forceid.kalman.engines import engine
 from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
+from forceid.significance import SIGMAS
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
-TURNED = 3.0  # times its noise, by which what a joint keeps may change and the joint be believed
-ASIDE = 9.0  # times its variance, by which a part smoothed with the others may move and be believed
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def together(
     C *= np.mean(growth or [1.0]) ** 2
     moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
     claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
-    if np.nanmean(moved**2 / claimed) > ASIDE:
+    if np.nanmean(moved**2 / claimed) > SIGMAS**2:
         return None  # parts that contradict each other are for the test of consistency
     return Together(transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings)
 
@@ -121,7 +120,7 @@ def ties_of(
         if not all(rigid(linked[k]) for k in (joint.before, joint.behind)):
             continue
         kept = held(joint, parts, rotation, frame)
-        if (off := changed(kept, centers, spread)) > TURNED:
+        if (off := changed(kept, centers, spread)) > SIGMAS:
             findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
         ties += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]

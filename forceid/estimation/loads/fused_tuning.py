@@ -19,8 +19,8 @@ from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, settled
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import OUTLIER
 from forceid.records import Array
+from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 LONGEST = 400  # samples that tuning looks at: the middle of a longer record
 PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
@@ -31,9 +31,7 @@ ROUNDS = 4  # of searches, each about the path that the last one leads to
 LEAK = 0.02  # of the load on its strongest axis, as little as a quiet one is ever taken to have
 LEAST = 0.1  # of a log-likelihood: a step that promises less is no gain
 SHARE = 0.1  # of what its slope promises that a step has to gain
-UNEVEN = 5.0  # of a log-likelihood: by which axes and proportions, five numbers, have to be likelier
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
-FACTOR = 7.0  # of a log-likelihood: by which a bias that wanders has to be likelier than one that stays
 
 
 def tune_together(
@@ -82,13 +80,13 @@ def tune_together(
     for load in () if even else ("moment",) if alone else ("force", "moment"):
         pair, turned = uneven(load, force, moment, about)
         model, z, _, reached = settled(flight, *pair, engine, turned)
-        if (likely := float(engine.log_likelihood(model, z))) > level + UNEVEN:
+        if (likely := float(engine.log_likelihood(model, z))) > level + 5 * NUMBER:  # axes and proportions
             level, about, (force, moment) = likely, reached, pair
     for _ in range(ROUNDS):
         flight, force, moment = searched(about)
         model, z, _, about = settled(flight, force, moment, engine, about)
         before, level = level, float(engine.log_likelihood(model, z))
-        if not level > before + UNEVEN:
+        if not level > before + 5 * NUMBER:
             break
     return flight, force, moment
 
@@ -126,7 +124,7 @@ def wandering(
         sensors = flight.sensors
         assert sensors is not None
         unit = float(sensors.noise_std[i].min()) / np.sqrt(len(flight.time) * np.ptp(flight.time))
-        best, likely = (stays + FACTOR, flight), stays
+        best, likely = (stays + PATIENCE, flight), stays
         for size in WANDER:
             walk = sensors.bias_walk.copy()
             walk[i] = size * unit

@@ -17,13 +17,12 @@ from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.lines import PATIENCE, REACH, near
+from forceid.kalman.lines import REACH, near
 from forceid.records import Array, Finding, HiddenLoad, deviation
+from forceid.significance import PATIENCE, WILD
 
 POINTS = 64  # frequencies of the curve
 FINE = 512  # frequencies at which the edge of the band is looked for
-SLOWEST = 2 * REACH  # cycles a record below which a load is found as a slow one, and not as a line
-SHOWN = 5.0  # times its claim, that a load is larger than which shows
 MUCH, PART = 10.0, 0.1  # times the claim, and part of the load, that a line is which matters
 ORDINATES = 256  # of a record, at which few cycles are told from a parabola
 
@@ -94,7 +93,7 @@ def lines_at_spin(
     for name, channel in channels.items():
         load, claim, whole, unit = scales[name]
         size, claimed = length(load), length(claim)
-        scale = size if size > SHOWN * claimed else max(size, whole)
+        scale = size if size > WILD * claimed else max(size, whole)
         slow, fast = 2 / np.ptp(channel.time), 0.5 / np.median(np.diff(channel.time))
         taken = [line.frequency for line in priors[name].lines]
         for times, frequency in (("once", spin), ("twice", 2 * spin)):
@@ -142,12 +141,12 @@ def asked(cycles: Array, samples: int, named: bool = False) -> Array:
     slow a load as is no line must be likelier than a constant on every axis.
     """
     price = np.full(len(cycles), PATIENCE if named else 2 * PATIENCE)
-    price[cycles < SLOWEST] = 3 * PATIENCE
+    price[cycles < 2 * REACH] = 3 * PATIENCE
     gained = price
     for _ in range(20):  # two amplitudes that nobody knows cost the logarithm of what they gain
         gained = price + np.log1p(gained)
     stands = PATIENCE + (0.0 if named else np.log(2 * samples))
-    return np.where(cycles < SLOWEST, gained, np.maximum(gained, stands))
+    return np.where(cycles < 2 * REACH, gained, np.maximum(gained, stands))
 
 
 def beside_parabola(cycles: Array) -> Array:

@@ -18,12 +18,10 @@ from forceid.estimation.loads.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
-from forceid.kalman.lines import PATIENCE
 from forceid.records import Array, Finding
+from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
-LEAST = 0.1  # times the claim, of the moment of a wheel: a smaller one widens it by half a percent
-BEYOND = 3.0  # times the claim, that a moment is larger than which shows: a wheel that makes more is said
 STRONG = 10.0  # odds against it by which a record excludes a wheel (Jeffreys, Theory of Probability, app. B)
 
 
@@ -57,10 +55,10 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
     inner = slice(edge, len(state.wrench_cov) - edge)
     cov = np.nanmean(growth @ state.wrench_cov[inner] @ growth.T, axis=0)[3:, 3:]
     claimed = np.sqrt(np.einsum("ai,ab,bi->i", axes, cov, axes))
-    found = wheels(look, largest(state), LEAST * float(np.linalg.norm(claimed)))
+    found = wheels(look, largest(state), TENTH * float(np.linalg.norm(claimed)))
     total = 1 + sum(wheel.odds for wheel in found)
-    beyond = [wheel for wheel in found if (wheel.off > BEYOND * claimed).any()]
-    within = [wheel for wheel in found if (wheel.off <= BEYOND * claimed).all()]
+    beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
+    within = [wheel for wheel in found if (wheel.off <= SIGMAS * claimed).all()]
     own = np.eye(6)
     own[3:, 3:] = axes * np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within)) @ axes.T
     growth = np.asarray(own @ growth)

@@ -14,19 +14,19 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.innovations import colored
+from forceid.estimation.verdict.innovations import NIS_BAND, colored
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import PATIENCE
 from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
 from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array, Finding
+from forceid.significance import PATIENCE
 
-SMALL, CORRELATED = 0.6, 0.5  # innovations: mean square, and correlation from frame to frame
+CORRELATED = 0.5  # innovations, from frame to frame
 OFF = 0.01  # m: the unit in which a wrong lever is told
 
 
@@ -51,7 +51,7 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
 
 def slow_and_small(innovation: Array, nis: Array) -> bool:
     """Whether innovations (time, channel) are far smaller than predicted and follow each other."""
-    return bool(np.nanmean(nis) < SMALL and colored(innovation)[0] > CORRELATED)
+    return bool(np.nanmean(nis) < NIS_BAND[0] and colored(innovation)[0] > CORRELATED)
 
 
 def noise_beyond_motion(channel: Channel, stated: bool = False) -> float:

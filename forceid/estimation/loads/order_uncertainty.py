@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.loads.hidden import SLOWEST, band_of, densities
+from forceid.estimation.loads.hidden import band_of, densities
 from forceid.estimation.loads.whitened import Whitened
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
+from forceid.kalman.lines import REACH
 from forceid.records import Array
 
-LEAKED = 2 * LEAK  # of the load on the strongest axis: one so small was not found
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
 
 
@@ -59,9 +59,9 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     growth = np.ones(3)
     for axis, candidates in enumerate(found.candidates):
         counted = width
-        if not prior.kernel.std[axis] > LEAKED * prior.kernel.std.max():
+        if not prior.kernel.std[axis] > 2 * LEAK * prior.kernel.std.max():
             # what is faster than the band of the load is no part of the claim, but of what may hide
-            counted = np.where(wide < max(band, SLOWEST / span), width, 0.0)
+            counted = np.where(wide < max(band, 2 * REACH / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2
         likelihood, error = candidates.log_likelihood(powers[:, axis]), candidates.density(wide, counted)
         weight = np.exp(likelihood - likelihood.max())

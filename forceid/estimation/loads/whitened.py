@@ -16,16 +16,15 @@ from forceid.estimation.loads.hidden import beside_parabola, densities
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import OUTLIER
 from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
+from forceid.significance import OUTLIER
 
 LONGEST = 2048  # samples that are looked at: the middle of a longer record
 ORDERS = (2, 3, 4, 6)  # of the priors that are candidates
 RATES = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 LEAST, MOST = 1e-2, 1e2  # load over noise where it shows most: from next to none, to more than would not show
-FREE = 7.0  # odds of no load: where none of six components has one, by the rule of succession (Laplace)
 SINGLE = 16  # ordinates from the slowest on that stand for themselves; faster ones in groups
 GROUPS = 8  # an octave
 
@@ -157,7 +156,8 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     each = RATES * len(size)
     ratio = np.concatenate(ratios)
     cost = np.log(ratio) @ count
-    cost[0] -= np.log(FREE * len(ORDERS) * each)
+    # none of six components may have a load: by the rule of succession (Laplace), at odds of 7
+    cost[0] -= np.log((6 + 1) * len(ORDERS) * each)
     return Candidates(
         np.repeat((ORDERS[0], *ORDERS), (1, *[each] * len(ORDERS))),
         np.concatenate([rate[:1], np.tile(rate, len(size) * len(ORDERS))]),

@@ -27,7 +27,7 @@ from forceid.estimation.instruments.fine_clock import (
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
 from forceid.estimation.loads.initial_guess import rough_priors
-from forceid.estimation.methods.left_over import LEFT, mixed
+from forceid.estimation.methods.left_over import mixed
 from forceid.estimation.methods.solution import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note
@@ -38,6 +38,7 @@ from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Finding, Motion
+from forceid.significance import TENTH
 
 SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
@@ -94,7 +95,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     turn = largest_step(flight, fine.time)
     if turn > (1 + 1e-9) * TURN:
         findings.append(note("turn-not-resolved", turn_rad=turn))
-    if best.left > LEFT:
+    if best.left > TENTH:
         findings.append(note("path-not-at-rest", left=best.left))
     if flight.sensors is None or flight.sensors.of(ACCELEROMETER) is None:
         gone = np.full_like(state.force, np.nan)

@@ -12,8 +12,7 @@ from forceid.flight.smoother import FlightState, smoothed_once_more
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import log
 from forceid.records import Array
-
-LEFT = 0.1  # of a standard deviation: a path that moves by less is at rest
+from forceid.significance import TENTH
 
 
 def mixed(states: list[FlightState], share: Array) -> FlightState:
@@ -41,7 +40,7 @@ def with_left_over(
     left = float((np.abs(step) / before).max())
     pose = np.concatenate([np.zeros_like(step), step], 1)
     offs = [np.concatenate([np.cross(step, state.force), np.cross(step, state.moment)], 1)]
-    if left > LEFT:
+    if left > TENTH:
         on = smoothed_once_more(flight, force, moment, engine, state.reference)
         offs.append(np.concatenate([on.force - state.force, on.moment - state.moment], 1))
     wrench_cov = state.wrench_cov + sum(off[:, :, None] * off[:, None] for off in offs)

@@ -35,8 +35,8 @@ from forceid.estimation.methods.tuning import (
     tune_moment,
 )
 from forceid.kalman.engines import Engine
-from forceid.kalman.robust import WILD
 from forceid.records import Body, Motion
+from forceid.significance import WILD
 
 Stage = Callable[[Problem], Problem]
 

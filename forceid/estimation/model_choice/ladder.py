@@ -20,10 +20,10 @@ from scipy.special import chdtri
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.affine_lever import speaks_for_mass
-from forceid.estimation.body.deformation_residual import CHANCE, Beyond, beyond_rigid, principal_axes
+from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid, principal_axes
 from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
 from forceid.estimation.methods.solution import Solution
-from forceid.estimation.model_choice.levels import FOUND, Level, Step, brings_modes, explaining, levels, weigh
+from forceid.estimation.model_choice.levels import Level, Step, brings_modes, explaining, levels, weigh
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
     WORSE,
@@ -38,8 +38,10 @@ from forceid.estimation.model_choice.load_seen import (
     worse,
 )
 from forceid.estimation.model_choice.words import Choice, sentence_of, without_choice
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
+from forceid.significance import CHANCE
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 FEW = 20  # frames below which nothing is told apart
@@ -98,7 +100,7 @@ def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
     dof = q.shape[1] * beyond.frames
     limit = float(chdtri(dof, CHANCE) / dof)
     return float(np.nansum(q**2) / beyond.var / dof) < (
-        limit if all(kin.stated.values()) else max(limit, FOUND)
+        limit if all(kin.stated.values()) else max(limit, NIS_BAND[1])
     )
 
 

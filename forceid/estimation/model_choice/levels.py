@@ -9,7 +9,6 @@ from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.estimation.body.deformation_residual import (
-    CHANCE,
     Beyond,
     correlation,
     dynamic_gain,
@@ -17,11 +16,12 @@ from forceid.estimation.body.deformation_residual import (
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level
 from forceid.estimation.body.markers import MarkerSet
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Body
+from forceid.significance import CHANCE
 
 RUNGS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32)  # modes tried
-FOUND = 1.3  # chi-square per degree of freedom that the error of a noise found in the record may make
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def weigh(beyond: Beyond, rungs: list[Level], free: bool, stated: bool, engine: 
 
     def beyond_chance(ratio: float, dof: int) -> bool:
         limit = float(chdtri(dof, CHANCE) / dof) if dof else np.inf
-        return ratio > (limit if stated else max(limit, FOUND))
+        return ratio > (limit if stated else max(limit, NIS_BAND[1]))
 
     for rung, span in zip(rungs, spans, strict=True):
         left = beyond.y - beyond.y @ span.axes @ span.axes.T

@@ -16,8 +16,8 @@ from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import PATIENCE
 from forceid.records import Array
+from forceid.significance import PATIENCE
 
 WORSE = 1.1  # times the error of the best level: an rms of a hundred samples is known to 7 % itself
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none

@@ -7,12 +7,11 @@ from scipy.special import ndtri
 
 from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding
+from forceid.significance import CHANCE, SIGMAS
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
-RARE = 0.01  # records in which the largest innovation is called wild by chance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
-MISSED = 3.0  # claimed standard deviations of the load that a line must hide to count
 
 
 def judge_innovations(
@@ -53,7 +52,7 @@ def wildest(time: Array, innovation: Array) -> tuple[float, float]:
 
 def chance_limit(innovation: Array) -> float:
     """What the largest of so many whitened innovations exceeds in one record of a hundred."""
-    return float(ndtri(1 - 0.5 * RARE / max(np.isfinite(innovation).sum(), 1)))
+    return float(ndtri(1 - 0.5 * CHANCE / max(np.isfinite(innovation).sum(), 1)))
 
 
 def colored(innovation: Array) -> tuple[float, str]:
@@ -76,7 +75,7 @@ def colored(innovation: Array) -> tuple[float, str]:
 
 def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float, str]:
     """Frequency Hz and channel of the line in the innovations that hides most load, zero where none does."""
-    most, at, where = MISSED, 0.0, ""
+    most, at, where = SIGMAS, 0.0, ""
     frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
     for j, v in enumerate(np.nan_to_num(innovation).T):
         power = np.abs(np.fft.rfft(v)[1:-1]) ** 2

@@ -16,11 +16,11 @@ from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
 from forceid.principal import summation_operator, undetermined
 from forceid.records import Array, Finding, Loads
+from forceid.significance import DENIED
 
 COARSE = 0.5  # rad a frame, of a body that spins fast
 KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
 HASTE = 3000.0  # m/s2 that half of a record exceeds: meters where millimeters are meant fall at 9810
-CHANCE = 1e-4  # of a misfit this large where the loads asked for are the ones that act
 
 
 def judge_overlap(
@@ -74,7 +74,7 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
     if hidden := undetermined(loads):
         found.append(note("loads-in-combination", names=", ".join(hidden)))
     misfit = float(np.nanmean(loads.chi_square))
-    if loads.dof and misfit > chdtri(loads.dof, CHANCE):
+    if loads.dof and misfit > chdtri(loads.dof, DENIED):
         found.append(note("loads-unexplained", chi_square=misfit / loads.dof))
     return found
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
-from forceid.kalman.lines import PATIENCE
 from forceid.records import Array, Finding
+from forceid.significance import PATIENCE
 
 FLOATS = 4.0  # roundings of a float, at most, that a difference of two intervals holds
 

@@ -11,12 +11,13 @@ from scipy.special import chdtri
 from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.records import Body, Finding, Motion
+from forceid.significance import WILD
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
-AGREE, SURE = 0.85, 5.0  # chi-square of a shape quieter than stated, and standard deviations below one
+AGREE = 0.85  # chi-square per degree of freedom of a shape quieter than stated
 AIRY = 1e-5  # kg/m3 in a cube of the length of the body; the long wires of a satellite come near
-LIMIT = 1.3  # chi-square per degree of freedom of what a model leaves
 
 
 def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
@@ -63,7 +64,7 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
     else:
         ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
         size = float(np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)))
-    if ratio < LIMIT:
+    if ratio < NIS_BAND[1]:
         return []
     return [note("shape-left", model=kin.model, off_mm=1e3 * size, chi_square=ratio)]
 
@@ -72,7 +73,7 @@ def judge_whole(kin: Kinematics, motion: Motion, left: float | None) -> list[Fin
     """What markers of a body known as a whole do beside the rigid motion: what its mass does is open."""
     ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]), motion)
     ratio = max(ratio, left or 0.0)
-    if ratio < LIMIT:
+    if ratio < NIS_BAND[1]:
         return []
     return [note("rigid-shape-left", off_mm=1e3 * size, chi_square=ratio)]
 
@@ -90,7 +91,7 @@ def judge_common(kin: Kinematics) -> list[Finding]:
     if not count:
         return []
     ratio = float(np.nansum(kin.pose.chi_square[dof])) / count
-    if ratio > min(AGREE, 1 - SURE * np.sqrt(2 / count)):
+    if ratio > min(AGREE, 1 - WILD * np.sqrt(2 / count)):
         return []
     noise = 1e3 * kin.noise["position"]
     return [note("errors-shared", agree_mm=noise * np.sqrt(ratio), noise_mm=noise)]

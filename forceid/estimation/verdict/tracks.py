@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from forceid.estimation.body.cleaning import Mended, Wild
 from forceid.estimation.verdict.catalogue import note
-from forceid.kalman.robust import WILD, runs
+from forceid.kalman.robust import runs
 from forceid.records import Finding
+from forceid.significance import WILD
 
 NAMED = 4  # markers in a sentence: as many as a reader takes in at a look
 

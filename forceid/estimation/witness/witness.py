@@ -28,8 +28,8 @@ from forceid.motion.plain_cut import (
 )
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
+from forceid.significance import DENIED
 
-CHANCE = 1e-4  # of saying of an honest recording that both differ: one in ten thousand loses its `ok`
 LOWEST = 3  # bin up to which the lowest band goes: the taper spreads a constant so far
 CENTRAL = 0.75  # part of the record compared: ends say little
 BIASED = 2.0  # variance over that of the noise: at the best cut the squared bias is 5/12 to 5/3 of it
@@ -146,14 +146,14 @@ def off_by_fit(channel: Channel, bent: Array) -> Array:
 
 
 def allowed(moved: Array, ends: Indices, dof: float, known_by: float) -> Array:
-    """Variances over variance (band,) that chance passes by CHANCE, of six components in all bands together.
+    """Variances over variance (band,) that chance passes by DENIED, of six components in all bands together.
 
     moved (bin,): weights of the bins that a mean square sums, each of `dof`, in bands of the first `ends`
     (band,); known_by: those of its level.
     """
     total, squares = np.cumsum(moved), np.cumsum(moved**2)
     samples = np.maximum(dof * total[ends - 1] ** 2 / squares[ends - 1], 1.0)
-    return np.asarray(fdtri(samples, known_by, 1 - CHANCE / (6 * len(ends))))
+    return np.asarray(fdtri(samples, known_by, 1 - DENIED / (6 * len(ends))))
 
 
 def integrated_twice(time: Array, load: Array) -> Array:

@@ -1,0 +1,12 @@
+"""From where on something counts as real, and not as chance: one number for each kind of claim."""
+
+from __future__ import annotations
+
+CHANCE = 0.01  # that a test doubts an honest record: one in a hundred is looked at in vain
+DENIED = 1e-4  # that a test denies what an honest record says: one in ten thousand loses its `ok`
+SIGMAS = 3.0  # standard errors beyond which a number is no error: one in 370
+WILD = 5.0  # standard deviations that no sample of a record of a million has by chance
+OUTLIER = 4.0  # standard deviations that an innovation counts for at most: one wild sample is no load
+TENTH = 0.1  # of a standard deviation: what adds in squares widens a claim by half a percent
+NUMBER = 1.0  # log-likelihood that one more number to fit has to gain (Akaike)
+PATIENCE = 7.0  # log-likelihood that something more in a record has to gain: e^7 times as likely
