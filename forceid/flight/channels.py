@@ -12,7 +12,8 @@ from forceid.kalman.process import Process, discretize, integrate, superpose, wi
 from forceid.records import Array
 from forceid.rounding import SINGLE
 
-LONGEST = 2048  # samples that tuning looks at: of a longer record, a stretch of each quarter
+CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
+FLIGHT_SAMPLES = 400  # that a search on a whole flight looks at, as each try filters all its states: to 5 %
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,9 @@ def stretch(z: Array) -> list[slice]:
     """Stretches of a record (time, axis) that tuning looks at, each with enough samples present."""
     n = len(z)
     quarters = [slice(0, n)]
-    if n > LONGEST:
-        quarters = [slice(a, a + LONGEST // 4) for a in np.linspace(0, n - LONGEST // 4, 4).astype(int)]
+    if n > CHANNEL_SAMPLES:
+        quarter = CHANNEL_SAMPLES // 4
+        quarters = [slice(a, a + quarter) for a in np.linspace(0, n - quarter, 4).astype(int)]
     enough = [s for s in quarters if np.isfinite(z[s]).all(1).sum() >= 8]
     return enough or [slice(0, n)]
 
@@ -118,6 +120,16 @@ def runs_of(time: Array, z: Array, noise_var: Array) -> list[tuple[Array, Array,
         t, y, var = on_clock(time[run], z[run] - z[run][np.isfinite(z[run]).all(1)][0], noise_var[run])
         runs.append((t, y, np.where(np.isfinite(var), var, 1.0)))
     return runs
+
+
+def middle(samples: int, most: int = CHANNEL_SAMPLES) -> slice:
+    """The middle of a record, of at most so many samples.
+
+    >>> middle(10, most=4), middle(3, most=4)
+    (slice(3, 7, None), slice(0, 3, None))
+    """
+    first = max((samples - most) // 2, 0)
+    return slice(first, min(first + most, samples))
 
 
 def second_difference(time: Array, z: Array, lag: int) -> Array:

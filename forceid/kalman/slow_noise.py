@@ -16,7 +16,6 @@ from forceid.kalman.model import Smoothed, StateSpace
 from forceid.records import Array
 
 RATES = np.geomspace(0.3, 300.0, 31)  # 1/s, of the correlation of errors that are tried
-LONGEST = 801  # samples about the middle: by far longer than a smoother remembers
 
 
 def slow_noise_cov(

@@ -5,8 +5,8 @@ import numpy as np
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden import densities
 from forceid.estimation.loads.order_uncertainty import growth_of
-from forceid.estimation.loads.whitened import LONGEST, whitened
-from forceid.flight.channels import Channel
+from forceid.estimation.loads.whitened import whitened
+from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
 from forceid.kalman.process import discretize, integrate, matern
@@ -116,7 +116,7 @@ def test_evidence_gains_by_what_explains_the_channel():
 
 
 def test_long_records_are_looked_at_in_their_middle():
-    channel, _ = drawn(2, 1, LONGEST + 400)
+    channel, _ = drawn(2, 1, CHANNEL_SAMPLES + 400)
     prior = tune_channel(channel, (1.0, 1.0), ())
     growth = growth_of(whitened(channel, prior, engine()), np.ones(3))
     assert np.isfinite(growth).all()

@@ -21,11 +21,11 @@ from forceid.estimation.body.markers import marker_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.pseudorigid import polar
 from forceid.records import Array, Finding, Flags, Recording
 from forceid.rounding import SOLVED
 
-FEWEST = 12  # frames that a load on a turning body needs
 STIFFNESSES = 14  # of a spline that are tried
 
 
@@ -79,9 +79,9 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
             "give a marker off the line, or use --model modal or rigid",
         )
     known = np.asarray(np.isfinite(fit.columns).all((1, 2)))
-    if known.sum() < FEWEST:
+    if known.sum() < 2 * DIFFERENCES:
         raise EstimationError(
-            f"shows the affine map in {known.sum()} frames, fewer than {FEWEST}",
+            f"shows the affine map in {known.sum()} frames, fewer than {2 * DIFFERENCES}",
             "the recording",
             "restore the markers, or give a longer record",
         )

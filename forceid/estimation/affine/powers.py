@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.channels import CHANNEL_SAMPLES, driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, resonator
 from forceid.records import Array
 from forceid.significance import OUTLIER
-
-LONGEST = 4096  # samples that are looked at
 
 
 @dataclass(frozen=True)
@@ -38,12 +36,12 @@ class Swing:
 
 
 def richest(seen: Axes) -> Axes:
-    """Of a long record, the LONGEST samples in a row of which most are seen; a shorter one as it is."""
-    if len(seen.time) <= LONGEST:
+    """Of a long record, the CHANNEL_SAMPLES in a row of which most are seen; a shorter one as it is."""
+    if len(seen.time) <= CHANNEL_SAMPLES:
         return seen
     count = np.concatenate([[0], np.cumsum(np.isfinite(seen.z).all(1))])
-    first = int((count[LONGEST:] - count[:-LONGEST]).argmax())
-    part = slice(first, first + LONGEST)
+    first = int((count[CHANNEL_SAMPLES:] - count[:-CHANNEL_SAMPLES]).argmax())
+    part = slice(first, first + CHANNEL_SAMPLES)
     return Axes(seen.time[part], seen.z[part], seen.noise_var[part], seen.drift)
 
 

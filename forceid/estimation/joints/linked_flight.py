@@ -18,8 +18,9 @@ from scipy.linalg import block_diag
 from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Ties
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import LONGEST, climb
+from forceid.estimation.loads.fused_tuning import climb
 from forceid.estimation.methods.solution import Smoothing, Solution
+from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Reference, linear_flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
@@ -32,7 +33,6 @@ BEGINNING = 8  # samples that tell where parts begin
 ROOM = 8_000_000  # samples times states squared that are smoothed at a time
 WEAK = 0.1  # of the strongest axis of a load, which the others are taken to hold at least
 FAST = 3.0  # times its rate, where they are compared
-SHORTEST = 400  # samples of such a stretch, of which a quarter at either end only leads to it
 
 
 Priors = list[dict[str, LoadPrior]]  # of force and moment, of every part
@@ -93,8 +93,7 @@ def tuned_linked(
     """
     each = [{name: widened(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
     time = len(ties.gap)
-    middle = max((time - LONGEST) // 2, 0)
-    run = slice(middle, min(middle + LONGEST, time))
+    run = middle(time, FLIGHT_SAMPLES)
 
     def likely(by: Array) -> float:
         model, z, _ = linked_model(parts, both_moved(each, by), ties, run)
@@ -115,7 +114,7 @@ def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: E
     size = 6 * len(parts)
     wrench, cov = np.empty((time, size)), np.empty((time, size, size))
     states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
-    for run, kept in stretches(time, max(SHORTEST, ROOM // states**2)):
+    for run, kept in stretches(time, max(FLIGHT_SAMPLES, ROOM // states**2)):
         model, z, read = linked_model(parts, priors, ties, run)
         path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)

@@ -15,6 +15,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.estimation.verdict.innovations import NIS_BAND
+from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, settled
@@ -22,7 +23,6 @@ from forceid.kalman.engines import Engine
 from forceid.records import Array
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
-LONGEST = 400  # samples that tuning looks at: the middle of a longer record
 PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
 STEPS = 15  # of a search, at most
@@ -58,8 +58,7 @@ def tune_together(
     loud = [i for i in free if kinds[i].name not in stated]
 
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
-        middle = max((len(flight.time) - LONGEST) // 2, 0)
-        part = slice(middle, middle + LONGEST)
+        part = middle(len(flight.time), FLIGHT_SAMPLES)
         cut, near = stretched(flight, part), stretched_reference(about, part)
         if alone:
             by = climb(partial(of_rotation, cut, moment, near, engine), np.zeros(2))

@@ -15,12 +15,12 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, colored
-from forceid.flight.channels import Channel
+from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.slow_noise import LONGEST, slow_noise_cov
+from forceid.kalman.slow_noise import slow_noise_cov
 from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array, Finding
@@ -86,8 +86,7 @@ def widened(
         if other.tuned.log_likelihood > force.tuned.log_likelihood - PATIENCE:
             rival = other
             break
-    first = max(0, (len(flight.time) - LONGEST) // 2)
-    run = slice(first, first + LONGEST)
+    run = middle(len(flight.time), FLIGHT_SAMPLES)
     center = np.where(np.isfinite(flight.center[run]), flight.center[run], 0.0)
     part = replace(flight, time=flight.time[run], center=center, pose_cov=flight.pose_cov[run])
     model, _ = seen_part(part, rival)

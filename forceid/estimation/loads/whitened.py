@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.estimation.loads.hidden import beside_parabola, densities
-from forceid.flight.channels import Channel
+from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
 from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER
 
-LONGEST = 2048  # samples that are looked at: the middle of a longer record
 ORDERS = (2, 3, 4, 6)  # of the priors that are candidates
 RATES = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
@@ -119,8 +118,7 @@ class Whitened:
 
 def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array | None = None) -> Whitened:
     """The middle of a channel under its prior; beside (time, 3, column): what it may show beside a load."""
-    first = max(0, (len(channel.time) - LONGEST) // 2)
-    run = slice(first, first + LONGEST)
+    run = middle(len(channel.time))
     cov = channel.noise_cov
     part = replace(
         channel, time=channel.time[run], z=channel.z[run], noise_cov=cov[run] if cov.ndim == 3 else cov

@@ -38,13 +38,13 @@ from forceid.estimation.model_choice.load_seen import (
     worse,
 )
 from forceid.estimation.model_choice.words import Choice, sentence_of, without_choice
+from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import CHANCE
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
-FEW = 20  # frames below which nothing is told apart
 
 Solve = Callable[[Settings, Kinematics], Solution]
 

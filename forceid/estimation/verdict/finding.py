@@ -11,6 +11,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
+from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.noise_axes import at_rest
@@ -18,10 +19,9 @@ from forceid.motion.window import noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
-FEW = 60  # frames below which correlation of errors cannot be seen
+FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
 STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
-GRID = 2000  # frames looked at for it
-SHORT = 50  # frames below which they cannot tell how a load varies
+SHORT = 60  # frames below which they cannot tell how a load varies, nor whether errors are correlated
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NEARLY_RIGID = 0.15  # sine of its angle with rigid motion below which a shape passes for one
@@ -66,7 +66,7 @@ def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
     """Coordinates on a grid so coarse that its steps, and not the noise, are their error."""
     if motion.position is None or "position" not in noise:
         return []
-    x = motion.position[:: max(1, len(motion.position) // GRID)]
+    x = motion.position[:: max(1, len(motion.position) // CHANNEL_SAMPLES)]
     values = np.unique(x[np.isfinite(x)])
     step = float(np.diff(values).min(initial=np.inf)) if len(values) > 1 else 0.0
     if step / np.sqrt(12) < noise["position"] or len(values) > 0.5 * x.size:
@@ -148,7 +148,7 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
             found.append(note("noise-at-floor", variable=name, noise=kin.noise[name]))
         elif (growth := noise_growth(kin.time, kin.pose.center)) > GROWTH:
             found.append(note("noise-unresolved", variable=name, growth=growth))
-        elif len(kin.time) < FEW:
+        elif len(kin.time) < SHORT:
             found.append(note("noise-color-unseen", variable=name, frames=len(kin.time)))
     return found
 

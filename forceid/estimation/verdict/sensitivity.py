@@ -24,13 +24,13 @@ from forceid.estimation.verdict.body_errors import (
     turning,
     wrong_mass,
 )
+from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.records import Array
 from forceid.rounding import ROUNDED
 
 PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
-SAMPLES = 4000  # at most, that a budget is averaged over
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def sensitivity(
     moment is about to the mass center, None where it is the mass center. NaN where no rotation is known.
     """
     motion = turning(kin, deformation, state, arm)
-    every = slice(None, None, max(1, len(kin.time) // SAMPLES))
+    every = slice(None, None, max(1, len(kin.time) // CHANNEL_SAMPLES))
     few = Turning(
         kin, motion.rotation[every], motion.omega[every], motion.rate[every], motion.force[every],
         motion.moment[every], None if arm is None else arm[every],

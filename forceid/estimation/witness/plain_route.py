@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.thin_mass import SLENDER, thinned
+from forceid.estimation.verdict.finding import FEW, SCATTERED
 from forceid.motion.first_moment import angular_channel
 from forceid.motion.plain_cut import shows_motion, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
@@ -22,8 +23,6 @@ from forceid.principal import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 
 LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
-FEWEST = 24  # samples of a channel below which it has no spectrum to speak of
-BRIDGED = 0.1  # of the frames: with more, errors of a bridge add up in the momentum of a body that deforms
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
         J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
         if bends:
             own = turning(motion, rotation, whole, J, momentum + inside)
-            return Route(force, own if whole.mean() > 1 - BRIDGED else None)
+            return Route(force, own if whole.mean() > 1 - SCATTERED else None)
         known = np.asarray(np.isfinite(J).all((1, 2)))
         J = np.broadcast_to(J[known].mean(0) if known.any() else inertia.tensor, rotation.shape)
     return Route(force, None if bends else turning(motion, rotation, whole, J, h))
@@ -111,7 +110,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
 def bending_shows(time: Array, b: Array) -> bool:
     """Whether positions b (time, column) in the axes of a rigid fit move, and not by noise alone."""
     seen = np.asarray(np.isfinite(b).all(1))
-    return bool(seen.sum() >= FEWEST and shows_motion(spectrum_of(time[seen], b[seen])))
+    return bool(seen.sum() >= FEW and shows_motion(spectrum_of(time[seen], b[seen])))
 
 
 def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> Route:
@@ -139,7 +138,7 @@ def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Ar
     None where few rotations (time, 3, 3) are seen, or where J is not known or near singular.
     """
     seen = np.asarray(np.isfinite(rotation).all((1, 2)) & np.isfinite(inertia).all((1, 2)))
-    if seen.sum() < FEWEST:
+    if seen.sum() < FEW:
         return None
     principal = np.linalg.eigvalsh(inertia[seen].mean(0))
     if principal[0] < SLENDER**2 * principal[-1]:
@@ -158,7 +157,7 @@ def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Ar
 def seen_of(time: Array, z: Array, whole: Flags) -> Channel | None:
     """A channel of those frames that show z (time, 3); None where they are few."""
     frame = np.flatnonzero(np.isfinite(z).all(1))
-    if len(frame) < FEWEST:
+    if len(frame) < FEW:
         return None
     return Channel(time[frame], z[frame], frame, whole[frame], np.zeros((len(frame), 0)))
 

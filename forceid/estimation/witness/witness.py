@@ -15,7 +15,8 @@ from scipy.interpolate import CubicSpline
 from scipy.special import fdtri
 
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.witness.plain_route import FEWEST, Channel, plain_route
+from forceid.estimation.verdict.finding import FEW
+from forceid.estimation.witness.plain_route import Channel, plain_route
 from forceid.flight.smoother import FlightState
 from forceid.motion.plain_cut import (
     STRETCH,
@@ -104,7 +105,7 @@ def apart_in_bands(
     seen = np.isfinite(load) & np.isfinite(claim)
     beside = channel.z - path
     for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):
-        if known.sum() >= FEWEST:
+        if known.sum() >= FEW:
             column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
         else:
             column[:] = 0.0
