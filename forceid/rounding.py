@@ -9,3 +9,5 @@ COMPLEX_STEP = 1e-30  # imaginary step of a derivative: its square is lost besid
 CENTRAL_STEP = (
     6e-6  # relative, of central differences: cube root of roundoff, where their two errors are alike
 )
+HARMLESS = 1e4  # condition that takes four digits of sixteen: none that counts
+ITERATIONS = 40  # of what settles in ten, at most

@@ -10,3 +10,6 @@ OUTLIER = 4.0  # standard deviations that an innovation counts for at most: one 
 TENTH = 0.1  # of a standard deviation: what adds in squares widens a claim by half a percent
 NUMBER = 1.0  # log-likelihood that one more number to fit has to gain (Akaike)
 PATIENCE = 7.0  # log-likelihood that something more in a record has to gain: e^7 times as likely
+THOUSANDTH = 1e-3  # of a standard deviation: numbers as near as that are the same
+WORSE = 1.1  # times an error or a claim: an rms of a hundred samples is known to 7 % itself
+WHOLE = 0.99  # of a variance or of a square: all of it but a percent

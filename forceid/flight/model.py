@@ -25,14 +25,12 @@ from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_se
 from forceid.flight.modes import FlyingModes, bent, gauged
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
+from forceid.motion.free_turn import SHOWN, SUBSTEP
 from forceid.motion.pose import log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
-SUBSTEP = 0.1  # rad that one integration step may turn
-
-
-FARTHEST = 60.0  # rad that a path on its way to rest may turn from one sample to the next
+COARSE = 0.5  # rad from frame to frame, beyond which differences of frames show no rates
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
     body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
     omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
     far = float((np.linalg.norm(omega, axis=1) * step).max())
-    if not far < FARTHEST:
+    if not far < SHOWN:
         raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *unsettled(flight))
     n = max(1, int(np.ceil(far / SUBSTEP)))
     return Course(step, R, H, T, dT, inertia, h, n)

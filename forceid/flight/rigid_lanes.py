@@ -11,6 +11,7 @@ form as everywhere (`conditioning`). Source: principal equations 4f.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,6 @@ from forceid.records import Array, Indices
 from forceid.rounding import SINGLE
 
 WARM = (512, 2048, 4096)  # samples that a lane begins before its part, and goes on behind it: till lanes meet
-STATES, SMOOTHED, FILTERED = 0, 1, 2  # what a run returns
 numpy_passes: Any = passes  # few samples
 
 
@@ -71,6 +71,12 @@ class TurningModel:
         return bool(still.any())
 
 
+class Mode(IntEnum):
+    """What a run returns, as flight.hpp counts it: states, or with covariances given all or what is past."""
+
+    STATES, SMOOTHED, FILTERED = range(3)
+
+
 @dataclass(frozen=True)
 class Path:
     """States x (time, state) given all samples, or those so far; covariances (time, 6, 6) read out of them.
@@ -85,7 +91,7 @@ class Path:
     log_likelihood: float
 
 
-def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOOTHED) -> Path | None:
+def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: Mode = Mode.SMOOTHED) -> Path | None:
     """States and covariances of a flight given z (time, channel); None where only the plain passes will do.
 
     guess (time, state): where a lane may begin. mode: STATES alone, SMOOTHED, or FILTERED with covariances.
@@ -113,11 +119,11 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: int = SMOO
             break
     _, x, wrench_cov, pose_cov, white, log_likelihood, r, later, _ = found
     f_P = start.P
-    if mode == FILTERED:
+    if mode == Mode.FILTERED:
         x[:head], P = start.x, f_P
     else:
-        x[:head], P = smoothed_start(start, C, r, later if mode == SMOOTHED else None)
-    if mode != STATES:
+        x[:head], P = smoothed_start(start, C, r, later if mode == Mode.SMOOTHED else None)
+    if mode != Mode.STATES:
         out, before = (model.read @ a @ model.read.T for a in (P, f_P[-1]))
         if (np.diagonal(out[-1]) < SINGLE * np.diagonal(before)).any():
             return None

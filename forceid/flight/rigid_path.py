@@ -17,18 +17,18 @@ from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
 from forceid.flight.attitude import Course, apply, between, turned
+from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.rigid_lanes import FILTERED, SMOOTHED, STATES, Path, TurningModel, smooth_turning
+from forceid.flight.rigid_lanes import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
+from forceid.rounding import ITERATIONS
+from forceid.significance import THOUSANDTH
 
 if TYPE_CHECKING:
     from forceid.flight.model import Flight
 
-ROUNDS = 12  # of linearizing about the path so far, at most; a turn that settles takes 3 to 6
-ERROR = 1e-3  # standard deviations that a flight may be from the most probable one
 LEAST = 256  # samples below which it does not pay
-TURN = 0.5  # rad from frame to frame, beyond which differences of frames do for no first reference
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
     """
     R = flight.rotation
     turns = between(R[1:], R[:-1])
-    if not (np.abs(turns).max() < TURN):
+    if not (np.abs(turns).max() < COARSE):
         return None
     omega = turns / np.diff(flight.time)[:, None]
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
@@ -176,16 +176,16 @@ def settled_in_lanes(
     guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference
     guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
     guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
-    for alone in (True, *[False] * ROUNDS):
+    for alone in (True, *[False] * ITERATIONS):
         chain = guess[:, t:].copy()
         parts = course_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
         rows = compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
         theta = between(flight.rotation, R)
         if alone:
-            path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, STATES)
+            path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, Mode.STATES)
         else:
             model, z = about(kinds, rows, flight.pose_cov), np.concatenate([center, theta], 1)
-            path = smooth_turning(model, z, guess, SMOOTHED)
+            path = smooth_turning(model, z, guess, Mode.SMOOTHED)
         if path is None:
             return None
         x = path.x if alone else path.x[:, t:]
@@ -195,8 +195,8 @@ def settled_in_lanes(
             var = (np.diagonal(a, axis1=1, axis2=2)[:, 3:] for a in (path.pose_cov, path.wrench_cov))
             moves = (x[:, :3], (x - chain) @ kinds.loads[3, t:])
             size = np.sqrt(max(float((d**2 / v).max()) for d, v in zip(moves, var, strict=True)))
-            if size * min(ratio, 1.0) < ERROR and (ratio < 0.5 or size < ERROR**2):
-                if causal and (path := smooth_turning(model, z, guess, FILTERED)) is None:
+            if size * min(ratio, 1.0) < THOUSANDTH and (ratio < 0.5 or size < THOUSANDTH**2):
+                if causal and (path := smooth_turning(model, z, guess, Mode.FILTERED)) is None:
                     return None
                 whole = np.zeros((len(R), kinds.size))
                 whole[:, kinds.chain] = chain

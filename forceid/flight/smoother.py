@@ -34,10 +34,9 @@ from forceid.motion.free_turn import free_turn
 from forceid.motion.pose import exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
-from forceid.rounding import SINGLE
+from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import TENTH
 
-ITERATIONS = 40  # Gauss-Newton steps at most; a path that settles takes 3 to 6
 PATIENCE = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken

@@ -27,6 +27,7 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 Peak = tuple[Array, Array, Array]  # search points (axis, 2), logarithms of the noise, values (axis,)
 ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
+MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are no matter
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 LEAK = 0.01  # of the load on the strongest axis

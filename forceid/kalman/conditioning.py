@@ -16,13 +16,12 @@ import numpy as np
 
 from forceid.kalman import square_root as array_form
 from forceid.kalman.covariance import is_positive_definite, square_root
-from forceid.kalman.passes import Runs, of
+from forceid.kalman.passes import LAG, Runs, of
 from forceid.records import Array, Flags, Indices
+from forceid.rounding import HARMLESS
 
 ALIKE = 1e5  # condition of S from which the array form is used
 UNKNOWN = 1e7  # condition of a predicted covariance from which it is
-TAKEN = 1e4  # ratio of variances before and after samples below which a start is no matter
-APART = 16  # stretches closer than so many samples are one
 
 
 def mended_covariance_pass(
@@ -156,7 +155,7 @@ def barely_known(P_pred: Array, P: Array, W: Array) -> int:
     met = int(np.argmax(W[:, range(m), range(m)].any(1)))
     stop = min(met + 1 - (-n // m), len(P))
     before, after = (np.diagonal(a[met:stop], axis1=1, axis2=2) for a in (P_pred, P))
-    if not (before.max(0) > TAKEN * after.min(0)).any():
+    if not (before.max(0) > HARMLESS * after.min(0)).any():
         return 0
     size = np.sqrt(np.maximum(before, 1e-300))
     spread = np.linalg.eigvalsh(P_pred[met:stop] / (size[:, :, None] * size[:, None]))
@@ -167,7 +166,7 @@ def segments(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool
     """First sample, the one after the last, and whether the array form is due, of stretches in turn."""
     stop = np.append(start[1:], time)
     first, last = start[bad], stop[bad]
-    new = np.append(True, first[1:] >= last[:-1] + APART)
+    new = np.append(True, first[1:] >= last[:-1] + 2 * LAG)
     first, last = first[new], last[np.append(new[1:], True)]
     edges = [0, *np.stack([first, last], 1).ravel().tolist(), time]
     return [(a, b, bool(i % 2)) for i, (a, b) in enumerate(pairwise(edges)) if b > a]

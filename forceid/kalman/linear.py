@@ -18,9 +18,9 @@ from forceid.kalman.conditioning import smoothed_covariances as smoothed_runs
 from forceid.kalman.covariance import correlations
 from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
 from forceid.records import Array, Flags, Indices
+from forceid.rounding import HARMLESS
 
 LONG = 1000  # samples of a run for which a gain of its own is worth its inverse
-SAFE = 1e4  # condition of a covariance, in units of its diagonal, that costs an inverse no digit that counts
 
 
 class Passes(Protocol):
@@ -117,7 +117,7 @@ def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     if 2 * m < n or u.any():
         return G
     for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG):
-        if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < SAFE:
+        if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G
 

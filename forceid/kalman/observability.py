@@ -11,12 +11,12 @@ from scipy.linalg import eigvals, matrix_balance, null_space
 from forceid.kalman.covariance import root
 from forceid.kalman.engines import engine
 from forceid.kalman.model import StateSpace
+from forceid.kalman.scan import ROWS
 from forceid.records import Array, Flags
 from forceid.rounding import SOLVED
+from forceid.significance import WHOLE
 
 Complex = NDArray[np.complex128]
-PRIOR_ONLY = 0.99  # posterior over prior variance from which a state is known by its prior alone
-BLOCK = 256  # samples of a Gramian at a time
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ def gramian(F: Array, H: Array, R: Array, P0: Array, samples: int) -> Gramian:
     prior = axes * np.sqrt(np.maximum(spread, 0.0)) @ axes.T
     white, at = np.linalg.solve(root(R), H), prior
     triangle = np.zeros((0, len(F)))
-    for start in range(0, samples, BLOCK):
+    for start in range(0, samples, ROWS):
         rows = [triangle]
-        for _ in range(min(BLOCK, samples - start)):
+        for _ in range(min(ROWS, samples - start)):
             rows.append(white @ at)
             at = F @ at
         triangle = np.asarray(np.linalg.qr(np.vstack(rows), mode="r"), float)
@@ -145,8 +145,8 @@ def variance_ratio(model: StateSpace, samples: int) -> Array:
 
 
 def prior_only(ratio: Array) -> Flags:
-    """Which states (state,) of a variance ratio (time, state) no sample brings below PRIOR_ONLY."""
-    return np.asarray(ratio.min(0) >= PRIOR_ONLY)
+    """Which states (state,) of a variance ratio (time, state) no sample brings below WHOLE."""
+    return np.asarray(ratio.min(0) >= WHOLE)
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from forceid.kalman.covariance import combine as combine
 from forceid.kalman.scan import scan
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import ROUNDED
+from forceid.significance import WHOLE
 
 Runs = tuple[Indices, Array, Array, Array, Array, int]  # as covariance_pass gives them
 
 LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
 LAG = 8  # samples between two looks at whether a covariance has come to rest
 ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes
-MOST = 0.99  # of a variance that an update may take without Joseph's form
 
 
 @dataclass
@@ -100,7 +100,7 @@ def updated(P: Array, K: Array, H: Array, R: Array, taken: Array) -> Array:
     Elsewhere P - taken, with taken = P H^T S^-1 H P, is as good: what it loses to rounding is small against
     what is left.
     """
-    part = np.diagonal(taken, axis1=-2, axis2=-1) > MOST * np.diagonal(P, axis1=-2, axis2=-1)
+    part = np.diagonal(taken, axis1=-2, axis2=-1) > WHOLE * np.diagonal(P, axis1=-2, axis2=-1)
     if part.any():
         I_KH = np.eye(P.shape[-1]) - K @ H
         P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)

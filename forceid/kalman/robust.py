@@ -18,13 +18,12 @@ import numpy as np
 from forceid.kalman.engines import engine as engine_called
 from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
-from forceid.significance import WILD
+from forceid.significance import OUTLIER, WILD
 
 MOST = 0.02  # part of a record that may be wild
 MEMORY = 10  # samples after a wild one that may be wild for its sake alone
 LONGEST_BURST = 8  # samples: what is off for longer has moved
 
-SWAP_WILD, SWAP_TAME = 12.0, 4.0  # errors of a prediction over their median: before and after an exchange
 
 Reason = Literal["isolated", "burst", "step", "swapped"]
 
@@ -120,11 +119,11 @@ def unswap(position: Array) -> tuple[Array, tuple[Rejection, ...]]:
     if x.shape[1] < 2 or not np.isfinite(off).any():
         return x, ()
     typical = max(float(np.nanmedian(off)), float(np.finfo(float).eps * np.nanmax(np.abs(x))))
-    for k in np.flatnonzero((off > SWAP_WILD * typical).sum(1) >= 2) + 2:
+    for k in np.flatnonzero((off > 3 * OUTLIER * typical).sum(1) >= 2) + 2:
         expected = 2 * x[k - 1] - x[k - 2]
         away = np.linalg.norm(x[k][None] - expected[:, None], axis=2)  # (expected, seen)
-        for i, j in combinations(np.flatnonzero(np.diag(away) > SWAP_WILD * typical), 2):
-            if max(away[i, j], away[j, i]) < SWAP_TAME * typical:
+        for i, j in combinations(np.flatnonzero(np.diag(away) > 3 * OUTLIER * typical), 2):
+            if max(away[i, j], away[j, i]) < OUTLIER * typical:
                 x[k:, [i, j]] = x[k:, [j, i]]
                 found += [Rejection(int(k), int(m), float(away[m, m] / typical), "swapped") for m in (i, j)]
     return x, tuple(found)

@@ -14,8 +14,6 @@ from forceid.motion.pose import exp
 from forceid.motion.products import Products, fixed, inertia_products
 from forceid.records import Array
 
-ORDER = 3  # of a prior that drives a mode, where modes are compared
-
 
 @dataclass(frozen=True)
 class Deformation:

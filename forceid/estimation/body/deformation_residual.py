@@ -8,10 +8,9 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
 
-from forceid.estimation.body.deformation import ORDER
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import driven, load_chain, start_of
-from forceid.flight.tuning import tune_loads
+from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.passes import LOG_2PI
 from forceid.motion.pose import body_axes, fit_rotation
@@ -112,7 +111,7 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Arr
     if not modes:
         return np.zeros(0), np.zeros(0)
     noise, none = np.full_like(q, var), np.zeros(modes)
-    tuned = tune_loads(time, q, 1.0, noise, none, orders=(ORDER,), engine=engine)
+    tuned = tune_loads(time, q, 1.0, noise, none, orders=(MIDDLE,), engine=engine)
     chain = load_chain(tuned.kernel.process, start_of(time, q, 1.0))
     models = driven(chain, 1.0, noise, none, np.diff(time))
     paths = [engine.filter(models.one(j), q[:, j]) for j in range(modes)]

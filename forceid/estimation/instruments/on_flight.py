@@ -25,7 +25,7 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.instruments.turn_count import rate_read
-from forceid.flight.model import Flight
+from forceid.flight.model import COARSE, Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
@@ -37,7 +37,6 @@ from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import SIGMAS
 
-FAR = 1.0  # rad between frames: beyond, the first moment is a poor channel to tune the moment on
 EARLY = 0.1  # of a step: less than that of an offset is not worth a word
 
 
@@ -93,7 +92,7 @@ def fused(
     if kin.attitude and kin.inertia.line is None:
         flight = with_sensors(flight, kin, body, motion, settings)
     turn = turn_a_frame(flight)
-    if not kin.attitude or (flight.sensors is None and turn < FAR):
+    if not kin.attitude or (flight.sensors is None and turn < 2 * COARSE):
         return flight, priors
     force, moment = priors["force"], priors["moment"]
     if turn < FAST:

@@ -20,14 +20,13 @@ from forceid.estimation.joints.prospects import JointProspect, JointProspects, P
 from forceid.estimation.loads.bandwidth import bandwidths
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge_recording, refusing
+from forceid.estimation.verdict.leakage import LOOKED
 from forceid.partition import link_resultants
 from forceid.partition.resultants import GROUND, incidence, loop_count, transmitted
 from forceid.principal import cross_matrix, transport_matrix
 from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
-
-FRAMES = 40  # looked at
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ def poses_of(parts: tuple[Part, ...], kins: list[Kinematics]) -> Poses:
         & np.isfinite(rotation).all((1, 2, 3))
         & np.isfinite(cov).all((1, 2, 3))
     )
-    some = shown[np.unique(np.linspace(0, len(shown) - 1, FRAMES).astype(int))] if len(shown) else shown
+    some = shown[np.unique(np.linspace(0, len(shown) - 1, LOOKED).astype(int))] if len(shown) else shown
     return Poses(center[some], rotation[some], cov[some], np.array([p.mass for p in parts]))
 
 

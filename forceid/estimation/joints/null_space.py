@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from forceid.records import Array
+from forceid.significance import WHOLE
 
 SHARE = 0.02  # of a unit wrench: less is rounding, or noise of the poses
-INSIDE = 0.99  # of the square of an axis, which then lies in what is open
 
 
 def open_components(block: Array) -> tuple[str, ...]:
@@ -21,7 +21,7 @@ def open_components(block: Array) -> tuple[str, ...]:
     >>> open_components(np.array([[1.0, 0, 0, 0, 0, 0.2]]).T)
     ('1 combination of them',)
     """
-    inside = (column_space(block) ** 2).sum(1) > INSIDE
+    inside = (column_space(block) ** 2).sum(1) > WHOLE
     names = [f"{kind} {axis}" for kind in ("force", "moment") for axis in "xyz"]
     found = [name for name, held in zip(names, inside, strict=True) if held]
     if rest := column_space(block).shape[1] - len(found):

@@ -23,6 +23,7 @@ from forceid.estimation.joints.linked_flight import (
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
+from forceid.flight.tuning import FREE
 from forceid.kalman.engines import engine
 from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
@@ -30,7 +31,6 @@ from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
-SMOOTHEST = 4, 3  # orders up to which a prior may be smooth; the likelier are taken
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def orders_of(solutions: list[Solution | None]) -> list[int]:
     """Highest orders of priors to try, the smoothest first: that of the parts, and those below it."""
     smoothed = [s.smoothing for s in solutions if s is not None and s.smoothing is not None]
     top = max((p.kernel.order for s in smoothed for p in s.priors.values()), default=0)
-    return sorted({min(order, top) for order in SMOOTHEST}, reverse=True)
+    return sorted({min(order, top) for order in (FREE, FREE - 1)}, reverse=True)
 
 
 def ties_of(

@@ -13,9 +13,9 @@ from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.lines import Line, excite, near, whiten
 from forceid.records import Array, Finding
+from forceid.significance import WORSE
 
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
-MATTERS = 1.1  # growth of the claimed error of a load that is worth a sentence
 
 
 def allow_for_ringing(
@@ -41,7 +41,7 @@ def allow_for_ringing(
                 cov[:, first + axis, first + axis] += var
         shown = " and ".join(n for n, p in priors.items() if near(frequency, freq_of(p), flight.time))
         before, after = (np.trace(np.nanmean(a, 0)[:3, :3]) for a in (state.wrench_cov, cov))
-        if not rings and after > MATTERS**2 * before:
+        if not rings and after > WORSE**2 * before:
             rings = (note("free-oscillation", frequency_hz=frequency, load=shown),)
     return replace(state, wrench_cov=cov), rings
 

@@ -14,11 +14,13 @@ from functools import partial
 import numpy as np
 
 from forceid.errors import EstimationError
+from forceid.estimation.loads.lines import ROUNDS
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, settled
+from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
@@ -27,8 +29,6 @@ PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hund
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
 STEPS = 15  # of a search, at most
 SHORTEST = 0.01  # of a step
-ROUNDS = 4  # of searches, each about the path that the last one leads to
-LEAK = 0.02  # of the load on its strongest axis, as little as a quiet one is ever taken to have
 LEAST = 0.1  # of a log-likelihood: a step that promises less is no gain
 SHARE = 0.1  # of what its slope promises that a step has to gain
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
@@ -184,7 +184,7 @@ def of_rotation(flight: Flight, moment: LoadPrior, about: Reference, engine: Eng
 def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
     """A prior that is the same along every axis, along those of a load (time, 3) and in their proportions."""
     square, axes = np.linalg.eigh(np.cov(load.T))
-    share = np.sqrt(np.maximum(square / square[-1], LEAK**2))
+    share = np.sqrt(np.maximum(square / square[-1], (2 * LEAK) ** 2))
     axes = axes * np.sign(np.linalg.det(axes))
     return replace(prior.with_kernel(prior.kernel.scaled(share)), axes=axes)
 

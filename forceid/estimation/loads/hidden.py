@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
@@ -22,9 +23,7 @@ from forceid.records import Array, Finding, HiddenLoad, deviation
 from forceid.significance import PATIENCE, WILD
 
 POINTS = 64  # frequencies of the curve
-FINE = 512  # frequencies at which the edge of the band is looked for
-MUCH, PART = 10.0, 0.1  # times the claim, and part of the load, that a line is which matters
-ORDINATES = 256  # of a record, at which few cycles are told from a parabola
+MUCH = 10.0  # times the claim, that a line is which matters
 
 
 def hidden_load(
@@ -38,6 +37,7 @@ def hidden_load(
     clock = channels["force"].time
     span, highest = float(np.ptp(clock)), 0.5 / float(np.median(np.diff(clock)))
     frequency = np.geomspace(1 / span, highest, POINTS)
+    finer = np.geomspace(1 / span, highest, 8 * POINTS)
     amplitude, band = np.full((POINTS, 6), np.nan), np.full(6, np.nan)
     for first, name in enumerate(("force", "moment")):
         if name in channels:
@@ -45,7 +45,7 @@ def hidden_load(
             least, share = smallest_found(channels[name], priors[name], frequency, rotation)
             # where more than half of a load is followed, the noise alone hides it, and not the smooth load
             amplitude[:, own] = least * np.sqrt(np.minimum(1.0, 2 * (1 - share)))
-            band[own] = band_of(channels[name], priors[name], np.geomspace(1 / span, highest, FINE), rotation)
+            band[own] = band_of(channels[name], priors[name], finer, rotation)
     return HiddenLoad(frequency, amplitude, band)
 
 
@@ -101,7 +101,7 @@ def lines_at_spin(
                 continue
             least, share = smallest_found(channel, priors[name], np.array([frequency]), named=True)
             hides = float((least * (1 - share)).max())
-            if hides > MUCH * claimed and hides > PART * scale:
+            if hides > MUCH * claimed and hides > RESOLVED * scale:
                 told.append(
                     note("line-at-spin", load=name, hidden=hides, unit=unit, times=times, claim=claimed)
                 )
@@ -155,10 +155,11 @@ def beside_parabola(cycles: Array) -> Array:
     >>> beside_parabola(np.array([1.0, 4.0, 40.0])).round(2).tolist()
     [0.24, 0.98, 1.0]
     """
-    t = np.linspace(-1.0, 1.0, ORDINATES)
+    ordinates = 4 * POINTS
+    t = np.linspace(-1.0, 1.0, ordinates)
     known = np.linalg.qr(np.polynomial.legendre.legvander(t, 2))[0]
     # beyond a quarter of these ordinates the part falls as one over the cycles
-    few = np.minimum(cycles, ORDINATES / 8)
+    few = np.minimum(cycles, ordinates / 8)
     wave = np.exp(1j * np.pi * few[:, None] * t)
-    left = 1 - (np.abs(wave @ known) ** 2).sum(1) / ORDINATES
+    left = 1 - (np.abs(wave @ known) ** 2).sum(1) / ordinates
     return np.asarray(1 - (1 - left) * few / cycles)

@@ -13,9 +13,9 @@ from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import steps_of
+from forceid.flight.tuning import MIDDLE
 from forceid.records import Array
 
-ORDER = 3  # of the prior that a search begins with: the middle of those it may end at
 RATE = 20.0  # 1/s: where the search for the rate begins
 
 
@@ -48,5 +48,5 @@ def prior(load: Array, momentum: float, span: float, rate: float) -> LoadPrior:
     size = float(np.sqrt(np.mean(load**2))) if load.size else 1.0
     size = size or 1.0
     first = (10 * max(momentum, size * span)) ** 2
-    kernel = Matern(ORDER, np.full(3, size), np.full(3, rate))
+    kernel = Matern(MIDDLE, np.full(3, size), np.full(3, rate))
     return LoadPrior(Tuned(kernel), np.eye(3), Start(1.0, first, (10 * size) ** 2))

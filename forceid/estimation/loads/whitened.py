@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 from forceid.estimation.loads.hidden import beside_parabola, densities
 from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER
 
-ORDERS = (2, 3, 4, 6)  # of the priors that are candidates
 RATES = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
-LEAST, MOST = 1e-2, 1e2  # load over noise where it shows most: from next to none, to more than would not show
+LEAST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
 SINGLE = 16  # ordinates from the slowest on that stand for themselves; faster ones in groups
 GROUPS = 8  # an octave
 
@@ -143,10 +143,11 @@ def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array |
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
     """The candidates where noise and the prior in use have densities noise and own (group,), as loads."""
     rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES)
-    most = MOST * max(1.0, float((own / noise).max()))
+    most = 1 / LEAST * max(1.0, float((own / noise).max()))
     size = np.exp(np.arange(np.log(LEAST), np.log(most), np.log(STEP)))
+    orders = ORDERS[1:]  # that have a rate
     total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
-    for order in ORDERS:
+    for order in orders:
         shape = densities_of(order, rate, frequency)
         scaled = size[:, None] / (shape / noise).max(1)
         sizes.append(scaled.ravel())
@@ -155,10 +156,10 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     ratio = np.concatenate(ratios)
     cost = np.log(ratio) @ count
     # none of six components may have a load: by the rule of succession (Laplace), at odds of 7
-    cost[0] -= np.log((6 + 1) * len(ORDERS) * each)
+    cost[0] -= np.log((6 + 1) * len(orders) * each)
     return Candidates(
-        np.repeat((ORDERS[0], *ORDERS), (1, *[each] * len(ORDERS))),
-        np.concatenate([rate[:1], np.tile(rate, len(size) * len(ORDERS))]),
+        np.repeat((orders[0], *orders), (1, *[each] * len(orders))),
+        np.concatenate([rate[:1], np.tile(rate, len(size) * len(orders))]),
         np.concatenate(sizes), cost, 1 / ratio,
     )  # fmt: skip
 

@@ -25,6 +25,7 @@ from forceid.estimation.long.windows import Progress, estimate_stretches, unwatc
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
+from forceid.estimation.verdict.leakage import LOOKED
 from forceid.files import stamp
 from forceid.files.atomic import atomic
 from forceid.files.blocks import Positions, is_large, opened
@@ -39,7 +40,6 @@ SUMS = "sums.npz"
 LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
 FEW = 256  # frames at the start that the noise is told from
-LOOKED = 64  # frames among them of which every node is compared with the affine body
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
 BESIDE = 1.5  # times the noise, above which a body is said to deform
 

@@ -26,7 +26,6 @@ from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.levels import Level, Step, brings_modes, explaining, levels, weigh
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
-    WORSE,
     Channels,
     changes,
     channels_of,
@@ -42,7 +41,7 @@ from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
-from forceid.significance import CHANCE
+from forceid.significance import CHANCE, WORSE
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 

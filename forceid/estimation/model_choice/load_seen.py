@@ -17,11 +17,9 @@ from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
 from forceid.records import Array
-from forceid.significance import PATIENCE
+from forceid.significance import PATIENCE, THOUSANDTH, WORSE
 
-WORSE = 1.1  # times the error of the best level: an rms of a hundred samples is known to 7 % itself
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
-ALIKE = 1e-3  # of the noise: channels this near show the same load
 
 Channels = tuple[Channel, Channel]  # that force and moment drive
 
@@ -78,7 +76,7 @@ def alike(one: Channel, other: Channel) -> bool:
     if len(one.time) != len(other.time) or (np.isfinite(one.z) != np.isfinite(other.z)).any():
         return False
     noise = np.sqrt(np.trace(other.noise_cov, axis1=1, axis2=2))
-    return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < ALIKE)
+    return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < THOUSANDTH)
 
 
 def looked(channels: Channels, top: View, engine: Engine) -> tuple[float, float]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.model_choice.levels import Step
+from forceid.flight.priors.matern import UNKNOWN
+from forceid.flight.priors.protocol import KERNEL
 from forceid.flight.vibration import STATES
-
-LOADS = 30  # states of a flight without modes, with loads of order two
 
 
 @dataclass(frozen=True)
@@ -102,5 +102,6 @@ def cost(level: Step, upper: Step) -> str:
     '2 more amplitudes a frame and 1.7 times the arithmetic'
     """
     more = upper.modes - level.modes
-    times = ((LOADS + STATES * upper.modes) / (LOADS + STATES * level.modes)) ** 3
+    loads = 2 * (KERNEL + 3 * UNKNOWN)  # states of force and moment
+    times = ((loads + STATES * upper.modes) / (loads + STATES * level.modes)) ** 3
     return f"{more} more amplitude{'s'[: more > 1]} a frame and {times:.2g} times the arithmetic"

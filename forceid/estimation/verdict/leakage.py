@@ -18,7 +18,7 @@ from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.rounding import SOLVED
 
-PATTERNS = 64  # sets of markers seen, the commonest ones, that are looked at
+LOOKED = 64  # frames, nodes, or sets of markers that are looked at where many are alike
 PRESENT = 1e-3  # of the noise variance: an amplitude that is given at least this much
 
 
@@ -131,7 +131,7 @@ def patterns(kin: Kinematics) -> list[Flags]:
     """Sets of markers (node,) that frames show, all that are ever seen first, then the commonest."""
     shown = np.isfinite(kin.pose.residual).all(2)
     sets, count = np.unique(shown, axis=0, return_counts=True)
-    order = np.argsort(-count)[:PATTERNS]
+    order = np.argsort(-count)[:LOOKED]
     return [kin.seen, *(p for p in sets[order] if p.any() and (p != kin.seen).any())]
 
 

@@ -11,6 +11,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import marker_cov
 from forceid.estimation.verdict.sensitivity import follows
+from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.motion.free_turn import largest_turn
 from forceid.motion.pose import pose_gain
@@ -18,7 +19,6 @@ from forceid.principal import summation_operator, undetermined
 from forceid.records import Array, Finding, Loads
 from forceid.significance import DENIED
 
-COARSE = 0.5  # rad a frame, of a body that spins fast
 KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
 HASTE = 3000.0  # m/s2 that half of a record exceeds: meters where millimeters are meant fall at 9810
 
