@@ -14,7 +14,9 @@ from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.covariance import root
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
-from forceid.rounding import ITERATIONS, ROUNDED
+from forceid.rounding import ROUNDED
+
+DOUBLINGS = 100  # 2^100 samples: what has not settled by then never will
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def settle(F: Array, Q: Array, H: Array, R: Array, P0: Array) -> tuple[Array, Ar
     A, X, Y = F, Q, H.T @ np.linalg.solve(R, H)
     P = P0
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(ITERATIONS):
+        for k in range(DOUBLINGS):
             # over 2^k samples a start P comes out as X + A P (1 + Y P)^-1 A^T
             last, P = P, X + A @ P0 @ np.linalg.solve(one + Y @ P0, A.T)
             size = np.sqrt(np.maximum(np.diagonal(P), 1e-12 * np.diagonal(P0)))

@@ -11,7 +11,7 @@ from forceid.kalman.model import Filtered
 from forceid.records import Array
 from forceid.significance import CHANCE
 
-LAGS = 20  # samples up to which innovations are looked at for correlation
+LAGS = 10  # samples up to which innovations are looked at for correlation
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
 REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
 STEPS = 8  # frequencies per cycle a record at which the evidence is computed
-ROOM = 2_000_000  # samples times frequencies that are whitened at a time, 18 numbers each
+ROOM = 40_000_000  # numbers held at a time, 320 MB
 SETTLE = 30  # rounds of expectation and maximization for the size of a line
 
 
@@ -217,7 +217,7 @@ def find_line(
         frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
         possible = (frequency * span >= REACH) & (frequency < 0.5 * (len(time) - 1) / span)
         frequency, decay = frequency[possible], decay[possible]
-        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // ROOM)
+        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
         gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
         f = int(gained.max(1).argmax())
         return float(frequency[f]), float(decay[f]), gained[f], std[f]

@@ -21,8 +21,7 @@ from forceid.records import Array, Flags
 from forceid.significance import OUTLIER, WILD
 
 MOST = 0.02  # part of a record that may be wild
-MEMORY = 10  # samples after a wild one that may be wild for its sake alone
-LONGEST_BURST = 8  # samples: what is off for longer has moved
+BURST = 8  # samples: what is off for longer has moved, and within it one wild one makes others wild
 
 
 Reason = Literal["isolated", "burst", "step", "swapped"]
@@ -82,16 +81,16 @@ def drop_wild(
     """Samples (time, channel) to drop so that none is wild, and whether that came to an end.
 
     innovation (time, channel): whitened, of all samples; again(dropped): the same without some. It ends if
-    few enough are dropped, and no run of them is longer than LONGEST_BURST; with those dropped `before`.
+    few enough are dropped, and no run of them is longer than BURST; with those dropped `before`.
     """
     dropped = np.zeros(innovation.shape, bool) if before is None else before.copy()
     most = max(2, MOST * len(innovation))
     while (size := np.abs(np.nan_to_num(innovation))).max(initial=0.0) > WILD:
         wild = np.flatnonzero((size > WILD).any(1))
-        first = wild[np.diff(wild, prepend=-MEMORY - 1) > MEMORY]
+        first = wild[np.diff(wild, prepend=-BURST - 1) > BURST]
         dropped[first, size[first].argmax(1)] = True
         longest = max((n for column in dropped.T for _, n in runs(column)), default=0)
-        if dropped.any(1).sum() > most or longest > LONGEST_BURST:
+        if dropped.any(1).sum() > most or longest > BURST:
             return dropped, False
         innovation = again(dropped)
     return dropped, True

@@ -18,9 +18,9 @@ from forceid.flight.priors.protocol import Kernel
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.process import resonator
 from forceid.records import Array, Indices
+from forceid.rounding import ITERATIONS
 from forceid.significance import OUTLIER, PATIENCE
 
-MOST = 3  # swings of a body that are looked for
 ASIDE = np.linspace(-1.0, 1.0, 5)  # bins that a line may be off its ordinate
 WIDTHS = np.array([0.3, 1.0, 3.0, 10.0])  # bandwidths tried, times the length of the record
 SIZES = np.geomspace(0.1, 3.0, 7)  # std tried, of that which the ordinate asks for
@@ -30,7 +30,7 @@ def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]
     """Swings that stand out of the noise where the prior is below it; none is the rule."""
     found: tuple[Swing, ...] = ()
     value = likelihoods(kernel, seen, np.arange(seen.z.shape[1]), (), engine)
-    for _ in range(MOST):
+    for _ in range(ITERATIONS):
         p = powers(kernel, seen, engine, found)
         over = np.where(p.prior < p.noise, p.total / (p.prior + p.noise), 1.0)
         gain = np.where(over > 1, over - 1 - np.log(over), 0.0)

@@ -11,6 +11,7 @@ from scipy.special import chdtri
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
+from forceid.kalman.calibration import LAGS
 from forceid.kalman.engines import Engine
 from forceid.kalman.passes import LOG_2PI
 from forceid.motion.pose import body_axes, fit_rotation
@@ -19,8 +20,6 @@ from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 from forceid.significance import CHANCE
-
-LAGS = 10  # of the autocorrelation of what a level leaves
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,7 @@ from forceid.motion.pose import exp
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Finding, Motion
-from forceid.significance import SIGMAS
-
-EARLY = 0.1  # of a step: less than that of an offset is not worth a word
+from forceid.significance import SIGMAS, TENTH
 
 
 def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
@@ -132,7 +130,7 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
         white, name = state.sensor_innovation[:, sensors.family == i], one.plural
         level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
         off, error = float(sensors.shifted[i] + late[i]), float(late_std[i])
-        if i in sensors.clocked and abs(off) > max(SIGMAS * error, EARLY * step):
+        if i in sensors.clocked and abs(off) > max(SIGMAS * error, TENTH * step):
             sense = "later" if off > 0 else "earlier"
             ms, error_ms = 1e3 * abs(off), 1e3 * error
             found.append(note("clock-off", sensors=name, offset_ms=ms, sense=sense, error_ms=error_ms))

@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Ties
+from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.fused_tuning import climb
 from forceid.estimation.methods.solution import Smoothing, Solution
@@ -26,12 +27,11 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import Engine
+from forceid.kalman.lines import ROOM
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
-ROOM = 8_000_000  # samples times states squared that are smoothed at a time
-WEAK = 0.1  # of the strongest axis of a load, which the others are taken to hold at least
 FAST = 3.0  # times its rate, where they are compared
 
 
@@ -114,7 +114,7 @@ def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: E
     size = 6 * len(parts)
     wrench, cov = np.empty((time, size)), np.empty((time, size, size))
     states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
-    for run, kept in stretches(time, max(FLIGHT_SAMPLES, ROOM // states**2)):
+    for run, kept in stretches(time, max(FLIGHT_SAMPLES, ROOM // 5 // states**2)):
         model, z, read = linked_model(parts, priors, ties, run)
         path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)
@@ -179,8 +179,8 @@ def widened(prior: LoadPrior, factor: float) -> LoadPrior:
     strong = int(kernel.std.argmax())
     fast = FAST * kernel.rate[strong]  # where a record still tells them, and a prior begins to
     level = kernel.density(fast * np.ones(1))
-    weak = (level < WEAK**2 * level[strong]) & (kernel.rate < fast)
-    even = kernel.of(np.where(weak, strong, np.arange(3))).scaled(np.where(weak, WEAK, 1.0)).scaled(root)
+    weak = (level < RESOLVED**2 * level[strong]) & (kernel.rate < fast)
+    even = kernel.of(np.where(weak, strong, np.arange(3))).scaled(np.where(weak, RESOLVED, 1.0)).scaled(root)
     lines = tuple(replace(line, std=root * line.std) for line in prior.lines)
     return replace(prior.with_kernel(even), lines=lines)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
+from forceid.estimation.loads.fused_tuning import LEAST
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -15,7 +16,6 @@ from forceid.kalman.engines import Engine, for_tuning
 from forceid.records import Array
 
 SPAN = np.log([1e-3, 1e3, 1e-2, 1e2])  # factors on the first guess of every std, and of the rate
-TOLERANCE = 0.05  # of a log-likelihood
 
 
 def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, engine: Engine) -> LoadPrior:
@@ -46,7 +46,7 @@ def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, en
     low, high = (first + SPAN[[k, k, k, k + 2]] for k in (0, 1))
     found = minimize(
         misfit, first, method="Nelder-Mead", bounds=Bounds(low, high),
-        options={"fatol": TOLERANCE, "xatol": 0.02, "initial_simplex": first + np.eye(5, 4, k=-1)},
+        options={"fatol": LEAST, "xatol": 0.02, "initial_simplex": first + np.eye(5, 4, k=-1)},
     )  # fmt: skip
     best = at(found.x)
     return replace(best, tuned=replace(best.tuned, log_likelihood=-float(found.fun)))

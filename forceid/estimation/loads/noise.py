@@ -15,6 +15,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, colored
+from forceid.estimation.verdict.sensitivity import MILLIMETER
 from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -27,14 +28,13 @@ from forceid.records import Array, Finding
 from forceid.significance import PATIENCE
 
 CORRELATED = 0.5  # innovations, from frame to frame
-OFF = 0.01  # m: the unit in which a wrong lever is told
 
 
 def lever(state: FlightState) -> Finding:
     """What a wrong mass center does to the moment, in numbers of this record."""
     force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
     claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
-    return note("moment-lever", off_mm=1e3 * OFF, moment=OFF * force, claim=claim)
+    return note("moment-lever", off_mm=1e3 * 10 * MILLIMETER, moment=10 * MILLIMETER * force, claim=claim)
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:

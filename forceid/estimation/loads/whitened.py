@@ -24,8 +24,7 @@ from forceid.significance import OUTLIER
 RATES = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 LEAST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
-SINGLE = 16  # ordinates from the slowest on that stand for themselves; faster ones in groups
-GROUPS = 8  # an octave
+GROUPS = 8  # of ordinates, an octave
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,8 @@ class Whitened:
         """Frequency (group,) Hz of the groups of ordinates, the first ordinate of each, and their count."""
         frequency = np.fft.rfftfreq(len(self.innovation), float(np.median(np.diff(self.channel.time))))[1:-1]
         index = np.arange(1, len(frequency) + 1)
-        group = np.where(index <= SINGLE, index, SINGLE + np.ceil(GROUPS * np.log2(index / SINGLE)))
+        alone = 2 * GROUPS  # from where on a group holds more than one
+        group = np.where(index <= alone, index, alone + np.ceil(GROUPS * np.log2(index / alone)))
         starts = np.flatnonzero(np.diff(group, prepend=0))
         count = np.diff(starts, append=len(group))
         return np.add.reduceat(frequency, starts) / count, starts, count

@@ -32,6 +32,7 @@ from forceid.files.blocks import Positions, is_large, opened
 from forceid.files.hdf5 import read_checked
 from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
+from forceid.flight.channels import FLIGHT_SAMPLES
 from forceid.motion.window import noise_variance
 from forceid.records import SENSED, Array, Estimate, Finding, Recording
 
@@ -39,7 +40,6 @@ REDUCED = "first moments of"  # in the history of a recording that was reduced h
 SUMS = "sums.npz"
 LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
-FEW = 256  # frames at the start that the noise is told from
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
 BESIDE = 1.5  # times the noise, above which a body is said to deform
 
@@ -181,7 +181,7 @@ def add(sums: Sums, frames: slice, x: Array, wZ: Array, Z: Array, positions: Pos
 
 def compared(positions: Positions, time: Array, maps: Array, Z: Array) -> tuple[float, float]:
     """Noise of a marker (m) as differences of neighboring frames show it, and rms of what is beside (m)."""
-    frames, nodes = slice(0, min(len(time), FEW)), positions.blocks()[0][1]
+    frames, nodes = slice(0, min(len(time), FLIGHT_SAMPLES)), positions.blocks()[0][1]
     x = positions.read(frames, nodes, np.empty(3 * (frames.stop - frames.start) * (nodes.stop - nodes.start)))
     pick = np.linspace(0, x.shape[1] - 1, min(x.shape[1], LOOKED)).astype(int)
     whole = pick[np.isfinite(x[:, pick]).all((0, 2))]

@@ -12,6 +12,7 @@ motion. Source: principal equations 2.4, 2.6, 4d.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from forceid.motion.pose import pose_gain
 from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
 
-SYMMETRIC = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]  # entries of dJ, in order
+SYMMETRIC = [(k, k) for k in range(3)] + [*combinations(range(3), 2)][::-1]  # entries of dJ, in order
 
 
 @dataclass(frozen=True)

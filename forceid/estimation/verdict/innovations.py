@@ -7,11 +7,10 @@ from scipy.special import ndtri
 
 from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding
-from forceid.significance import CHANCE, SIGMAS
+from forceid.significance import CHANCE, PATIENCE, SIGMAS
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
-LINE = 15.0  # periodogram ordinate over the mean of its channel: by chance e^-15
 
 
 def judge_innovations(
@@ -68,7 +67,7 @@ def colored(innovation: Array) -> tuple[float, str]:
         # as slow errors, so small ones cost less than the white ones that are claimed
         if float(np.nanmean(v**2)) * (1 + abs(r)) < 1 - abs(r):
             continue
-        if abs(r) > max(COLOR, 3 / np.sqrt(pair.sum())) and abs(r) > abs(worst):
+        if abs(r) > max(COLOR, SIGMAS / np.sqrt(pair.sum())) and abs(r) > abs(worst):
             worst, where = r, CHANNELS[j]
     return worst, where
 
@@ -79,7 +78,7 @@ def strongest_line(time: Array, innovation: Array, reach: Array) -> tuple[float,
     frequency = np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1]
     for j, v in enumerate(np.nan_to_num(innovation).T):
         power = np.abs(np.fft.rfft(v)[1:-1]) ** 2
-        if len(power) < 8 or power.max() <= LINE * max(power.mean(), 1e-300):
+        if len(power) < 8 or power.max() <= 2 * PATIENCE * max(power.mean(), 1e-300):
             continue
         k = int(power.argmax())
         hidden = 2 * np.sqrt(power[k]) / len(v) * (2 * np.pi * frequency[k]) ** 2 * reach[j]

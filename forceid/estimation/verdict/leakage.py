@@ -17,9 +17,9 @@ from forceid.motion.pose import pose_gain, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.rounding import SOLVED
+from forceid.significance import TENTH
 
 LOOKED = 64  # frames, nodes, or sets of markers that are looked at where many are alike
-PRESENT = 1e-3  # of the noise variance: an amplitude that is given at least this much
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def marker_cov(kin: Kinematics) -> Array:
     known = np.isfinite(kin.amplitude)
     count = np.maximum(known.sum(0), 1)
     q, noise = np.where(known, kin.amplitude, 0.0), np.where(known, kin.amplitude_var, 0.0)
-    var = np.maximum(((q**2).sum(0) - noise.sum(0)) / count, PRESENT * sigma2)
+    var = np.maximum(((q**2).sum(0) - noise.sum(0)) / count, TENTH**2 * sigma2)
     flat = kin.shapes.reshape(len(kin.shapes), -1)
     return np.asarray(cov + flat.T @ (var[:, None] * flat))
 

@@ -30,7 +30,7 @@ from forceid.flight.smoother import FlightState
 from forceid.records import Array
 from forceid.rounding import ROUNDED
 
-PERCENT, MILLIMETER, SHAPE = 0.01, 1e-3, 0.05  # of a mass; m; of a mode shape: units that costs are told in
+PERCENT, MILLIMETER = 0.01, 1e-3  # of a mass or a shape; m: units that costs are told in
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def shape_cost(motion: Turning, amplitude: Array) -> Cost:
     center, spread = after_fit(kin, np.eye(len(rows))[:, rows])
     force = moment = 0.0
     for shape, q in zip(kin.shapes, amplitude.T, strict=True):
-        size = SHAPE**2 * float((shape[kin.seen] ** 2).mean())
+        size = (5 * PERCENT) ** 2 * float((shape[kin.seen] ** 2).mean())
         by_center, by_spread = shape_columns(motion, q)
         force += size * float(np.sum(gram(by_center) * (center @ center.T)))
         moment += size * float(np.sum(gram(by_spread) * (spread @ spread.T)))
