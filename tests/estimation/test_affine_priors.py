@@ -6,6 +6,7 @@ import pytest
 from forceid.estimation.affine.powers import Axes, powers, richest
 from forceid.estimation.affine.priors import least_error, likeliest
 from forceid.estimation.affine.resonances import find_swings
+from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.kalman.engines import engine
 from forceid.kalman.process import matern_density
 from forceid.scenes.drawn_loads import draw_periodic
@@ -85,6 +86,6 @@ def test_of_a_long_record_the_stretch_that_shows_most_is_taken():
     z[:3000] = np.nan
     long = Axes(np.arange(10000.0), z, np.ones_like(z), np.zeros(2))
     part = richest(long)
-    assert len(part.time) == 4096
+    assert len(part.time) == CHANNEL_SAMPLES
     assert part.time[0] >= 3000.0
     assert richest(part) is part

@@ -352,7 +352,7 @@ def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
 
     whole = joint_forces(recording, jointed(parameters), solve)
     monkeypatch.setattr(linked_flight, "ROOM", 1)
-    monkeypatch.setattr(linked_flight, "SHORTEST", 120)
+    monkeypatch.setattr(linked_flight, "FLIGHT_SAMPLES", 120)
     pieces = joint_forces(recording, jointed(parameters), solve)
     assert len(list(stretches(150, 120))) == 2
     assert rms(pieces.force - whole.force) < 0.1 * rms(whole.force_std)

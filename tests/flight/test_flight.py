@@ -143,7 +143,7 @@ def test_momentum_closes_over_the_flight():
 
 def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
     flight = free_top(np.random.default_rng(5), count=100)
-    monkeypatch.setattr(flights, "STANDSTILL", 1e-8)
+    monkeypatch.setattr(flights, "SINGLE", 1e-8)
     plain = smooth(flight)
 
     def tilted(flight, moment):
@@ -161,7 +161,7 @@ def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
 
 
 def test_rotating_the_world_rotates_the_estimate(monkeypatch):
-    monkeypatch.setattr(flights, "STANDSTILL", 1e-9)
+    monkeypatch.setattr(flights, "SINGLE", 1e-9)
     flight, _ = drawn_flight(FORCE, MOMENT, np.random.default_rng(7), count=80)
     W = exp([0.7, -1.1, 2.0])
     W6 = np.kron(np.eye(2), W)

@@ -39,7 +39,7 @@ def coupled(flight):
 def by_engine(monkeypatch, *arguments, **more):
     with monkeypatch.context() as m:
         m.setattr(flights, "smooth_long", lambda *_: None)
-        m.setattr(flights, "STANDSTILL", 1e-8)
+        m.setattr(flights, "SINGLE", 1e-8)
         return smooth_flight(*arguments, kalman.engine("compiled"), **more)
 
 
@@ -100,7 +100,7 @@ def test_a_long_flight_is_that_of_the_engine(flown, kind, causal, monkeypatch):
     state = smooth_long(flight, FORCE, moment, causal)
     other = by_engine(monkeypatch, flight, FORCE, moment, causal=causal)
     wrench, wrench_cov, pose_cov = differences(state, other)
-    assert wrench < long_flight.ERROR
+    assert wrench < long_flight.THOUSANDTH
     assert wrench_cov < 1e-4
     assert pose_cov < 1e-4
     assert state.log_likelihood == pytest.approx(other.log_likelihood, abs=0.01)

@@ -21,7 +21,7 @@ from forceid.records import Finding, Level, Motion, Verdict
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
 STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
-SHORT = 60  # frames below which they cannot tell how a load varies, nor whether errors are correlated
+SHORT = 50  # frames below which they cannot tell how a load varies, nor whether errors are correlated
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NEARLY_RIGID = 0.15  # sine of its angle with rigid motion below which a shape passes for one
