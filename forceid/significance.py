@@ -13,3 +13,4 @@ PATIENCE = 7.0  # log-likelihood that something more in a record has to gain: e^
 THOUSANDTH = 1e-3  # of a standard deviation: numbers as near as that are the same
 WORSE = 1.1  # times an error or a claim: an rms of a hundred samples is known to 7 % itself
 WHOLE = 0.99  # of a variance or of a square: all of it but a percent
+LAGS = 10  # samples up to which what should be white is looked at for correlation

@@ -9,9 +9,7 @@ from scipy.special import chdtri
 
 from forceid.kalman.model import Filtered
 from forceid.records import Array
-from forceid.significance import CHANCE
-
-LAGS = 10  # samples up to which innovations are looked at for correlation
+from forceid.significance import CHANCE, LAGS
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from scipy.special import chdtri
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
-from forceid.kalman.calibration import LAGS
 from forceid.kalman.engines import Engine
 from forceid.kalman.passes import LOG_2PI
 from forceid.motion.pose import body_axes, fit_rotation
@@ -19,7 +18,7 @@ from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
-from forceid.significance import CHANCE
+from forceid.significance import CHANCE, LAGS
 
 
 @dataclass(frozen=True)
