@@ -15,7 +15,7 @@ from forceid.errors import EstimationError
 from forceid.flight.attitude import apply, turned
 from forceid.flight.attitude import turn as turn_along
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
-from forceid.flight.instruments.turn_count import momentum_read
+from forceid.flight.instruments.turn_count import path_read
 from forceid.flight.model import (
     Flight,
     Reference,
@@ -30,7 +30,7 @@ from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_path import kinds_of, loads_of, settled_in_lanes, step_kinds
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
-from forceid.motion.free_turn import free_turn
+from forceid.motion.free_turn import free_turn, momentum_between
 from forceid.motion.pose import exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
@@ -311,19 +311,21 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     """Measured rotations, bridged across gaps by a free body, with the H that takes it from frame to frame.
 
     Where gyros read, H is theirs, and the bridges are laid by dead reckoning: any number of turns between two
-    frames.
+    frames. Other sensors that count the turns give bridges that turn about one axis each.
     """
     time = flight.time
     chain = np.zeros((len(time), moment.states))
-    rate = gyro_rate(time, flight.sensors)
+    rate, path = gyro_rate(time, flight.sensors), None
+    if rate is None and (path := path_read(time, flight.rotation, flight.sensors)) is not None:
+        rate = path[1]
     if rate is not None:
         H_body = np.einsum("tij,tj->ti", flight.inertia, rate) + flight.h
-        rot = reckoned(time, steps_of(flight, H_body), flight.rotation)
+        rot = reckoned(time, steps_of(flight, H_body), flight.rotation) if path is None else path[0]
         chain[:, MOMENTUM] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
         return Reference(rot, chain, moment)
     seen = np.isfinite(flight.rotation).all((1, 2))
     t, R, J, h = (a[seen] for a in (time, flight.rotation, flight.inertia, flight.h))
-    H = momentum_read(time, flight.rotation, flight.inertia, flight.h, flight.sensors)
+    H = momentum_between(t, R, J, h)[0]
     last = np.clip(np.searchsorted(t, time, "right") - 1, 0, len(H) - 1)
     rot = free_turn(time - t[last], R[last], H[last], J[last], h[last])[0]
     H = np.stack([np.interp(time, 0.5 * (t[1:] + t[:-1]), axis) for axis in H.T], 1)

@@ -61,26 +61,16 @@ def angle(step: Array, R: Array, H: Array, J: Array, h: Array) -> Array:
     return np.asarray(np.linalg.norm(rate, axis=1) * np.abs(step))
 
 
-def lengthened(turn: Array, turns: Array | float) -> Array:
-    """Rotation vectors (n, 3) longer by whole turns (n,)."""
-    size = np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), np.finfo(float).tiny)
-    return np.asarray(turn + 2 * np.pi * np.reshape(turns, (-1, 1)) * (turn / size))
-
-
-def momentum_between(
-    time: Array, R: Array, J: Array, h: Array, turns: Array | float = 0.0
-) -> tuple[Array, Array, Array]:
+def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
     """Angular momentum (time - 1, 3), world axes, that takes a free body from each rotation to the next.
 
     R, J (time, 3, 3), h (time, 3), no gaps; also the derivatives of the rotation reached, as in `free_turn`.
-    Between two frames the body is taken to turn by less than half a turn, and `turns` (time - 1,) whole ones
-    more; across a wider step by as much as its momentum on both sides says. By Newton's rule, from the
-    momentum about the mean axis; that one stays where no other is found.
+    Between two frames the body is taken to turn by less than half a turn; across a wider step by as much as
+    its momentum on both sides says. By Newton's rule, from the momentum about the mean axis; that one stays
+    where no other is found.
     """
     step, J, h = np.diff(time), 0.5 * (J[1:] + J[:-1]), 0.5 * (h[1:] + h[:-1])
     turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
-    if np.any(turns):
-        turn = lengthened(turn, turns)
     middle = exp(0.5 * turn) @ R[:-1]
     H = times(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + times(middle, h)
     wide = step > WIDE * np.median(step) if len(step) else np.zeros(0, bool)

@@ -11,17 +11,17 @@ import numpy as np
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
-from forceid.motion.free_turn import SHOWN, lengthened, momentum_between
+from forceid.motion.free_turn import SHOWN
 from forceid.motion.pose import exp, log
-from forceid.records import Array, Flags, Indices
+from forceid.records import Array
 
 
-def turns_read(time: Array, rotation: Array, sensors: Sensors | None) -> Array | None:
-    """Whole turns (frame - 1,) from each frame seen to the next, beyond the shortest turn and about its axis.
+def path_read(time: Array, rotation: Array, sensors: Sensors | None) -> tuple[Array, Array] | None:
+    """A path (time, 3, 3) through the frames seen and its rate (time, 3), body axes, as sensors read it.
 
-    rotation (time, 3, 3), NaN where not seen. The count, of up to half a turn a sample, by which the sensors
-    read what they do, beside biases that stay. None where no instrument that reads how the body stands reads
-    between frames.
+    rotation (time, 3, 3), NaN where not seen. From frame to frame about the axis of the shortest turn, by it
+    and as many whole turns, up to half a turn a sample, as make the sensors read what they do beside biases
+    that stay. None where no instrument that reads how the body stands reads between frames.
     """
     seen = np.asarray(np.isfinite(rotation).all((1, 2)))
     standing = [] if sensors is None else [i for i, one in enumerate(sensors.instruments) if not one.tells]
@@ -33,48 +33,28 @@ def turns_read(time: Array, rotation: Array, sensors: Sensors | None) -> Array |
     if not most or not np.isfinite(read[~seen]).any():
         return None
     t, R = time[seen], rotation[seen]
-    last, turn = frame_before(time, seen), log(R[1:] @ R[:-1].swapaxes(1, 2))
+    last = np.clip(np.searchsorted(t, time, "right") - 1, 0, len(t) - 2)
     share = ((time - t[last]) / np.diff(t)[last])[:, None]
+    turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
+    axis = turn / np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), np.finfo(float).tiny)
     steady, nothing = sensors.started(rotation), np.zeros((len(time), 3))
     still = np.tile(np.eye(3), (len(time), 1, 1))
-    counts = np.array(sorted(range(-most, most + 1), key=abs))
-    miss = np.empty((len(counts), len(t) - 1))
-    for k, count in enumerate(counts):
-        turned = exp(share * lengthened(turn, count)[last]) @ R[last]
-        moved = Moved(turned, nothing, nothing, nothing, 1.0, still, 0 * still, nothing, nothing)
+    tried = [turn + 2 * np.pi * count * axis for count in sorted(range(-most, most + 1), key=abs)]
+    miss = np.empty((len(tried), len(turn)))
+    for k, longer in enumerate(tried):
+        along = exp(share * longer[last]) @ R[last]
+        moved = Moved(along, nothing, nothing, nothing, 1.0, still, 0 * still, nothing, nothing)
         off = read - sensed(sensors, moved, steady).reading[:, mine]
         off = (off - np.nanmean(off[seen], 0)) ** 2 / sensors.noise_var[mine]
-        miss[k] = np.bincount(last, np.nansum(off, 1), len(t) - 1)
-    return np.asarray(counts[miss.argmin(0)], float)
-
-
-def momentum_read(time: Array, rotation: Array, J: Array, h: Array, sensors: Sensors | None) -> Array:
-    """Angular momentum (frame - 1, 3), world axes, from each frame seen to the next, of the turn read.
-
-    J (time, 3, 3), h (time, 3) body axes; else as `turns_read`.
-    """
-    seen, turns = np.isfinite(rotation).all((1, 2)), turns_read(time, rotation, sensors)
-    t, R, J, h = (a[seen] for a in (time, rotation, J, h))
-    return momentum_between(t, R, J, h, 0.0 if turns is None else turns)[0]
+        miss[k] = np.bincount(last, np.nansum(off, 1), len(turn))
+    best = np.stack(tried)[miss.argmin(0), np.arange(len(turn))]
+    rate = np.einsum("tba,tb->ta", R[:-1], best / np.diff(t)[:, None])
+    return exp(share * best[last]) @ R[last], np.asarray(rate[last])
 
 
 def rate_read(time: Array, rotation: Array, sensors: Sensors | None) -> Array | None:
-    """Angular velocity (time, 3), body axes: of gyros, else the mean from frame to frame by `turns_read`.
-
-    None where neither tells.
-    """
+    """Angular velocity (time, 3), body axes: of gyros, else that of `path_read`; None where neither tells."""
     rate = gyro_rate(time, sensors)
-    if rate is not None:
-        return rate
-    turns = turns_read(time, rotation, sensors)
-    if turns is None:
-        return None
-    seen = np.asarray(np.isfinite(rotation).all((1, 2)))
-    R, last = rotation[seen], frame_before(time, seen)
-    turn = lengthened(log(R[1:] @ R[:-1].swapaxes(1, 2)), turns) / np.diff(time[seen])[:, None]
-    return np.asarray(np.einsum("tba,tb->ta", R[:-1], turn)[last])
-
-
-def frame_before(time: Array, seen: Flags) -> Indices:
-    """Of each sample (time,), the place of the gap between frames seen that it lies in, or next to."""
-    return np.clip(np.searchsorted(time[seen], time, "right") - 1, 0, int(seen.sum()) - 2)
+    if rate is None and (path := path_read(time, rotation, sensors)) is not None:
+        return path[1]
+    return rate
