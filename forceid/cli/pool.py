@@ -178,8 +178,8 @@ def failure(source: Path, output: Path, error: str, cause: str = "") -> Record:
 
 def cause_key(error: ForceIdError, source: Path) -> str:
     """What errors of one cause have in common, whichever file: kind, place in the file, and next step."""
-    told = (type(error).__name__, error.where, error.next_step)
-    return " ".join(text.replace(str(source), "") for text in told).strip()
+    parts = (type(error).__name__, error.where, error.next_step)
+    return " ".join(text.replace(str(source), "") for text in parts).strip()
 
 
 @contextmanager

@@ -172,15 +172,15 @@ def read_interface(file: Any, samples: int, path: str | Path) -> Interface:
 def read_verdict(attrs: Mapping[str, Any]) -> Verdict:
     """The verdict in the attributes of a group; a file from before findings had codes has sentences alone."""
     level: Any = text(attrs["verdict"])
-    told, codes, levels, values = (
+    texts, codes, levels, values = (
         text(attrs.get(name, "")).split("\n")
         for name in ("reasons", "reason_codes", "reason_levels", "reason_values")
     )
-    if told == [""]:
+    if texts == [""]:
         return Verdict(level)
-    if not len(told) == len(codes) == len(levels) == len(values) or codes == [""]:
-        return Verdict(level, tuple(Finding("", level, {}, line) for line in told))
-    lines: Any = zip(codes, levels, map(json.loads, values), told, strict=True)
+    if not len(texts) == len(codes) == len(levels) == len(values) or codes == [""]:
+        return Verdict(level, tuple(Finding("", level, {}, line) for line in texts))
+    lines: Any = zip(codes, levels, map(json.loads, values), texts, strict=True)
     return Verdict(level, tuple(Finding(*line) for line in lines))
 
 

@@ -86,14 +86,14 @@ def smoothed_covariances(
         last, later, failed = array_form.array_information_pass(F, Q, H, R, seen, steady)
     begin = np.append(last[1:] + 1, 0)[::-1]  # of each run of later samples, forward
     both = np.union1d(start, begin)
-    known, told = np.searchsorted(start, both, "right") - 1, np.searchsorted(begin, both, "right") - 1
+    known, ahead = np.searchsorted(start, both, "right") - 1, np.searchsorted(begin, both, "right") - 1
     later = later[::-1]
     if C is None and not hard:
-        return both, combine(P[known], later[told]), failed
+        return both, combine(P[known], later[ahead]), failed
     rooted = np.zeros(len(both), bool) if C is None else np.isfinite(C[known, 0, 0])
     mend, out = rooted | hard, np.empty((len(both), *P.shape[1:]))
-    out[~mend] = combine(P[known[~mend]], later[told[~mend]])
-    roots, U = square_root(P[known[mend]]), later[told[mend]]
+    out[~mend] = combine(P[known[~mend]], later[ahead[~mend]])
+    roots, U = square_root(P[known[mend]]), later[ahead[mend]]
     if C is not None:
         roots = np.where(rooted[mend, None, None], C[known[mend]], roots)
     out[mend] = array_form.combine_factors(roots, U if hard else square_root(U).swapaxes(-1, -2))

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.kalman.covariance import root
+from forceid.kalman.diffuse import any_row, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.input_system import uncorrelated, validated_system, with_prior
 from forceid.kalman.model import as_channels
-from forceid.kalman.open_directions import any_row, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.square_root import squared, triangle
 from forceid.kalman.unknown_input import forward
 from forceid.records import Array

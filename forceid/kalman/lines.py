@@ -162,10 +162,10 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
     return np.stack([seen.real, -seen.imag], -1)
 
 
-def line_evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
+def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
     """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
 
-    information (..., axis, 2, axis, 2) and told (..., axis, 2) of the amplitudes of cosine and sine. By
+    information (..., axis, 2, axis, 2) and vector (..., axis, 2) of the amplitudes of cosine and sine. By
     expectation and maximization in the coordinates in which the amplitudes are known apart.
     """
     n, pick = 2 * len(axes), np.array(axes)
@@ -174,7 +174,7 @@ def line_evidence(information: Array, told: Array, axes: tuple[int, ...]) -> tup
     known = np.maximum(known, 1e-12 * known[..., -1:])
     some = known[..., -1] > 0
     known = np.where(some[..., None], known, 1.0)
-    y = told[..., pick, :].reshape(*told.shape[:-2], n)
+    y = vector[..., pick, :].reshape(*vector.shape[:-2], n)
     y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
     var = (y2 / known**2).mean(-1, keepdims=True)
     some &= var[..., 0] > 0
@@ -206,8 +206,8 @@ def find_line(
         signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
-        told = np.einsum("tcafi,tc->fai", white, v)
-        gained, std = np.moveaxis(np.array([line_evidence(information, told, s) for s in subsets]), 0, -1)
+        vector = np.einsum("tcafi,tc->fai", white, v)
+        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in subsets]), 0, -1)
         price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
         # one that does not keep its phase has a bandwidth to fit, and a kind to choose
         price = price + np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)

@@ -176,7 +176,7 @@ def information_pass(
             rest = Rest()
         F_k, Q_k = of(F, k - 1), of(Q, k - 1)
         Y = np.linalg.inv(one + now @ Q_k)
-        told = Y @ now
+        information = Y @ now
         if (c := which[k]).any():
             H_k = of(H, k)[c]
             S = H_k @ (Q_k @ Y) @ H_k.T + of(R, k)[c][:, c]
@@ -186,8 +186,8 @@ def information_pass(
                 failed = k
                 break
             white = np.linalg.solve(L, H_k @ Y.T)
-            told = told + white.T @ white
-        now = F_k.T @ told @ F_k
+            information = information + white.T @ white
+        now = F_k.T @ information @ F_k
         now = 0.5 * (now + now.T)
         last.append(k - 1)
         later.append(now)

@@ -92,8 +92,8 @@ def array_information_pass(
     Otherwise as `passes.information_pass`, which stands in where R is not positive definite.
     """
     if not is_positive_definite(R):
-        last, told, failed = passes.information_pass(F, Q, H, R, seen, steady)
-        return last, square_root(told).swapaxes(-1, -2), failed
+        last, information, failed = passes.information_pass(F, Q, H, R, seen, steady)
+        return last, square_root(information).swapaxes(-1, -2), failed
     n, which, rest = F.shape[-1], seen.astype(bool), Rest()
     Q_root, R_root = square_root(Q), square_root(R)
     now, stirred, k = np.zeros((n, n)), channel_changes(which), len(seen) - 1

@@ -11,9 +11,9 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.kalman.covariance import root, square_root
+from forceid.kalman.diffuse import any_row, independent, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.input_system import SystemMatrices, uncorrelated, validated_system
 from forceid.kalman.model import as_channels
-from forceid.kalman.open_directions import any_row, independent, learn, least_squares, mask_lost, open_rows
 from forceid.kalman.square_root import squared, triangle
 from forceid.records import Array
 

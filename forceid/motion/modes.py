@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
+from forceid.motion.mode_selection import log_evidence, observed_shapes
 from forceid.motion.pose import body_axes, fit_rotation, frames_seen_alike, log
-from forceid.motion.telling import log_evidence, shown_by
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 
@@ -134,7 +134,7 @@ def deflected_shape(
     """
     frames = np.isfinite(position).all(2).sum(0)
     ever = frames > 0
-    shown = shown_by(ever, shape, modes.shape)
+    shown = observed_shapes(ever, shape, modes.shape)
     noise = shown.axes.T * np.repeat(noise_var / frames[ever], 3) @ shown.axes
     bent = shape
     for _ in range(3):

@@ -46,8 +46,8 @@ def from_names(
     >>> chain.solve([0.0, 2.0]).u.tolist()
     [2.0, 2.0, 4.0]
     """
-    told: dict[str, Sequence[Any] | None] = {"mass": mass, "names": names, "position": position}
-    for name, given in told.items():
+    stated: dict[str, Sequence[Any] | None] = {"mass": mass, "names": names, "position": position}
+    for name, given in stated.items():
         if given is not None and len(given) != len(stiffness):
             what = f"has {len(given)} entries, expected {len(stiffness)}, one a part"
             raise DataError(what, name, "give one for each part")

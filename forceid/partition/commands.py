@@ -241,9 +241,9 @@ def _refuse(closed: Array, target: Array, size: Array, name: tuple[str, ...]) ->
     at = np.unravel_index(np.argmax(asked), asked.shape)
     row = closed[at[-1]] / size
     row = row / np.abs(row).max()
-    told = " ".join(f"{v:+.4g} ({n})" for v, n in zip(row, name, strict=True) if v)
+    terms = " ".join(f"{v:+.4g} ({n})" for v, n in zip(row, name, strict=True) if v)
     raise EstimationError(
-        f"asks for {told} = {float((target[at[:-1]] * size) @ row):.4g}, a combination that these actuators "
+        f"asks for {terms} = {float((target[at[:-1]] * size) @ row):.4g}, a combination that these actuators "
         f"leave at zero whatever their commands; they reach {len(size) - len(closed)} of {len(size)}",
         "tau_alpha, tau_q",
         "add or move actuators, command fewer modes, or ask for zero of that combination",

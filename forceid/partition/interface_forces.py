@@ -147,7 +147,7 @@ def complete_forces(
     if S is not None and links:
         H = interface_sums(system, interfaces, S)
         Z = np.zeros((len(H), 0)) if N is None else unseen_resultants(system, N, H, S.shape[1])
-        told = H - Z @ (Z.T @ H)
+        determined = H - Z @ (Z.T @ H)
         pairs = tuple((a, interfaces[k].partitions[-1]) for a, k in links)
         modes = [r.shape[1] for r in system.rigid_modes]
         held = [(s, GROUND) for s, count in enumerate(modes) if count < S.shape[1]]
@@ -156,8 +156,8 @@ def complete_forces(
         weight = np.linalg.pinv(whole.T @ whole if b_cov is None else whole.T @ b_cov @ whole)
         resultant = LinkResultants(
             links=pairs,
-            wrench=(lam @ told.T).reshape(*lam.shape[:-1], len(links), -1),
-            joint_cov=None if lam_cov is None else told @ lam_cov @ told.T,
+            wrench=(lam @ determined.T).reshape(*lam.shape[:-1], len(links), -1),
+            joint_cov=None if lam_cov is None else determined @ lam_cov @ determined.T,
             null_space=Z,
             loops=loop_count([*pairs, *held], len(modes)),
             chi_square=np.asarray((out * (weight @ out[..., None])[..., 0]).sum(-1)),

@@ -158,18 +158,18 @@ def from_hdf5(path: str, inside: str) -> Any:
 
 def read_group(group: Any, where: str) -> Any:
     """The matrix of data, indices, indptr, and shape, a variable or an attribute; by rows if not said csc."""
-    told = {name: guarded(group, name, where)[...] for name in LISTS if name in group}
+    lists = {name: guarded(group, name, where)[...] for name in LISTS if name in group}
     named = {name: group.attrs[name] for name in ("h5sparse_shape", "shape") if name in group.attrs}
     shape: Any = group["shape"][...] if "shape" in group else next(reversed(named.values()), None)
-    if lacking := [name for name in LISTS if name not in told] + ["shape"] * (shape is None):
+    if lacking := [name for name in LISTS if name not in lists] + ["shape"] * (shape is None):
         what = f"lacks {lacking[0]}, expected data, indices, indptr and shape"
         raise DataError(what, where, f"found {list(map(str, group))[:20]}")
     keys = ("format", "encoding-type", "h5sparse_format")  # attributes that tell rows from columns
     layout = " ".join(text(group.attrs[key]) for key in keys if key in group.attrs).lower()
     try:
         rows, columns = (index(n) for n in shape)
-        affordable((rows, columns), len(told["data"]), where)
-        found = (sp.csc_array if "csc" in layout else sp.csr_array)(tuple(told.values()), (rows, columns))
+        affordable((rows, columns), len(lists["data"]), where)
+        found = (sp.csc_array if "csc" in layout else sp.csr_array)(tuple(lists.values()), (rows, columns))
         found.check_format(full_check=True)
     except (ValueError, TypeError) as e:
         what = f"makes no matrix of shape {np.asarray(shape).tolist()}: {' '.join(str(e).split())}"

@@ -53,12 +53,12 @@ class LinkResultants:
 
     @property
     def estimable(self) -> Array:
-        """The projector (link * n, link * n) that takes wrenches of all links to the part that is told."""
+        """The projector (link * n, link * n) that takes wrenches of all links to their determined part."""
         return np.asarray(np.eye(len(self.null_space)) - self.null_space @ self.null_space.T)
 
     @property
     def determined(self) -> Flags:
-        """Which links (link,) have all of their wrench told."""
+        """Which links (link,) have all of their wrench determined."""
         by_link = self.null_space.reshape(len(self.links), self.wrench.shape[-1], -1)
         return np.asarray((np.abs(by_link) < 1e-8).all(axis=(1, 2)))
 
@@ -132,7 +132,7 @@ def link_resultants(
     left = b - (U @ share[..., None])[..., 0]
 
     every = rank == int(rank[seen].max(initial=0))
-    told = known & every
+    determined = known & every
     joint = None if root is None else np.where(known[..., None, None], Y @ Y.mT, np.nan)
     return LinkResultants(
         links=pairs,
@@ -140,7 +140,7 @@ def link_resultants(
         joint_cov=joint,
         null_space=unobserved_directions(E @ (np.eye(E.shape[-1]) - V @ V.mT) @ E.mT, seen),
         loops=loop_count(pairs, parts),
-        chi_square=np.where(told, (left**2).sum(-1), np.nan),
+        chi_square=np.where(determined, (left**2).sum(-1), np.nan),
         dof=parts * n - int(rank[seen].max(initial=0)),
     )
 

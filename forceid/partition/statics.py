@@ -136,10 +136,10 @@ def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
     if inside and not (relief and system.mass is not None):
         return in_balance(system, f), still
     if not relief:
-        told = ", ".join(f"{v:.4g}" for v in out)
+        sums = ", ".join(f"{v:.4g}" for v in out)
         raise EstimationError(
             f"is not in equilibrium: nothing holds {S.shape[1]} motions of the body, and along them it "
-            f"adds up to ({told})",
+            f"adds up to ({sums})",
             "load",
             "balance it, hold the body, or ask for inertia relief with relief=True",
         )

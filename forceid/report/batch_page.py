@@ -139,8 +139,8 @@ def causes(records: Sequence[Mapping[str, Any]]) -> list[Cause]:
             plain = reason.replace(str(record["file"]), name)
             found.setdefault((level, *cause), []).append((name, plain))
     listed = [
-        Cause(level, told[0][1], tuple(dict.fromkeys(n for n, _ in told)))
-        for (level, *_), told in found.items()
+        Cause(level, said[0][1], tuple(dict.fromkeys(n for n, _ in said)))
+        for (level, *_), said in found.items()
     ]
     return sorted(listed, key=lambda cause: (VERDICTS.index(cause.level), -len(cause.files)))
 
@@ -149,11 +149,11 @@ def reasons_of(record: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, ...]
     """Level, cause and text of every reason that a record gives."""
     if "error" in record:
         yield "failed", (record["error_cause"],), record["error"]
-    for where, told in (("", record), ("joints: ", record.get("interface", {}))):
-        lines = zip(*(told.get(f"reason{name}", ()) for name in ("s", "_codes", "_values")), strict=True)
+    for where, said in (("", record), ("joints: ", record.get("interface", {}))):
+        lines = zip(*(said.get(f"reason{name}", ()) for name in ("s", "_codes", "_values")), strict=True)
         for text, code, values in lines:
-            cause = Finding(code, told["verdict"], values, text).cause
-            yield told["verdict"], (where, *cause), where + text
+            cause = Finding(code, said["verdict"], values, text).cause
+            yield said["verdict"], (where, *cause), where + text
 
 
 def picture(records: Sequence[Mapping[str, Any]], outliers: Sequence[Outlier]) -> Picture | None:

@@ -110,10 +110,10 @@ def open_in(block: Array) -> str:
 
 def joint_pictures(time: Array, found: Interface, truth: Mapping[str, Array]) -> list[Picture]:
     """A figure for every joint of which something is told, MOST at most."""
-    told = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
+    determined = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
     return [
         pictured(draw_joint(time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
-        for k in told[:JOINTS_DRAWN]
+        for k in determined[:JOINTS_DRAWN]
     ]
 
 

@@ -7,6 +7,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError
+from forceid.motion.mode_selection import observable_modes, observed_shapes
 from forceid.motion.modes import (
     GAUGES,
     deflected_shape,
@@ -20,7 +21,6 @@ from forceid.motion.modes import (
     strain_shapes,
 )
 from forceid.motion.pose import exp
-from forceid.motion.telling import shown_by, telling_modes
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 
@@ -244,13 +244,13 @@ def test_two_planted_modes_are_told_from_the_others_by_five_markers():
     rng = np.random.default_rng(4)
     q = SIGMA * rng.standard_normal((800, 2)) * [4.0, 6.0]
     u = np.tensordot(q, unit[[0, 2]], 1) + SIGMA * rng.standard_normal((800, 7, 3))
-    shown = shown_by(SEEN, SHAPE, unit)
+    shown = observed_shapes(SEEN, SHAPE, unit)
     y, D = shown.of(u), shown.of(unit)
     assert D.shape == (15, 9)
-    kept, var, _ = telling_modes(y.T @ y / 800, 800, D, None, SIGMA**2)
+    kept, var, _ = observable_modes(y.T @ y / 800, 800, D, None, SIGMA**2)
     assert kept.tolist() == [0, 2]
     np.testing.assert_allclose(np.sqrt(var) / SIGMA, [4.0, 6.0], rtol=0.15)
-    assert len(telling_modes(y.T @ y / 800, 800, D, None, SIGMA**2, most=1)[0]) == 1
+    assert len(observable_modes(y.T @ y / 800, 800, D, None, SIGMA**2, most=1)[0]) == 1
 
 
 def test_unmarked_nodes_bend_with_the_spin_of_the_body():

@@ -6,8 +6,8 @@ import numpy as np
 
 from forceid.estimation.body.markers import MarkerSet
 from forceid.estimation.body.shapes import rank_of
+from forceid.motion.mode_selection import log_evidence, observable_modes, observed_shapes
 from forceid.motion.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
-from forceid.motion.telling import log_evidence, shown_by, telling_modes
 from forceid.principal import summation_operator
 from forceid.records import Array
 
@@ -48,7 +48,7 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tupl
     size = np.linalg.norm(own, axis=(1, 2))
     own, size = own[size > 0] / size[size > 0, None, None], size[size > 0]
     soft = None if modes.compliance is None else modes.compliance * size
-    shown = shown_by(seen, shape, np.concatenate([own, principal]))
+    shown = observed_shapes(seen, shape, np.concatenate([own, principal]))
     samples = shown.of(residual)
     samples = samples[np.isfinite(samples).all(1)]
     frames = len(samples)
@@ -57,7 +57,7 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tupl
     scatter = samples.T @ samples / frames
     noise = sigma**2 * np.eye(len(scatter))
     D = shown.of(own)
-    kept, own_var, level = telling_modes(scatter, frames, D, soft, sigma**2, most)
+    kept, own_var, level = observable_modes(scatter, frames, D, soft, sigma**2, most)
     if soft is not None:
         flat, left = np.delete(own.reshape(len(own), shape.size), kept, axis=0), np.delete(soft, kept)
         rest = flat.T @ (level * left[:, None] ** 2 * flat)

@@ -16,7 +16,7 @@ IDLE = 0.1  # of evidence: modes that bring less leave together, others one by o
 
 
 @dataclass(frozen=True)
-class Shown:
+class ObservedShapes:
     """What markers show of some shapes once every rigid motion is taken away.
 
     rows (channel,): of the markers, among all degrees of freedom; axes (channel, shown), orthonormal.
@@ -30,14 +30,14 @@ class Shown:
         return np.asarray(u.reshape(*u.shape[:-2], u.shape[-2] * 3)[..., self.rows] @ self.axes)
 
 
-def shown_by(markers: Flags, position: Array, shapes: Array) -> Shown:
+def observed_shapes(markers: Flags, position: Array, shapes: Array) -> ObservedShapes:
     """What markers (node,) on a body at `position` (node, 3) show of shapes (mode, node, 3)."""
     rows = np.flatnonzero(np.repeat(markers, 3))
     rigid = np.linalg.qr(summation_operator(position - position.mean(0))[rows])[0]
     seen = shapes.reshape(len(shapes), position.size)[:, rows].T
     U, size, _ = np.linalg.svd(seen - rigid @ (rigid.T @ seen), full_matrices=False)
     U = U[:, size > 1e-9 * size.max(initial=0.0)]
-    return Shown(rows, U - rigid @ (rigid.T @ U))
+    return ObservedShapes(rows, U - rigid @ (rigid.T @ U))
 
 
 def log_evidence(scatter: Array, frames: int, directions: Array, var: Array, noise: Array) -> float:
@@ -71,7 +71,7 @@ def likely_variances(
     return var
 
 
-def telling_modes(
+def observable_modes(
     scatter: Array,
     frames: int,
     directions: Array,
