@@ -23,12 +23,13 @@ from scipy.special import ive
 
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
 from forceid.flight.priors.protocol import Tuned
-from forceid.flight.tuning import ORDERS, OUTLIER, tune_loads
+from forceid.flight.tuning import ORDERS, tune_loads
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.lines import PATIENCE, REACH, Line, winsorized
+from forceid.kalman.lines import REACH, Line, winsorized
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, matern, resonator, superpose
 from forceid.records import Array, Indices
+from forceid.significance import OUTLIER, PATIENCE
 
 HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen turning points a period
 NONE = 1e-4  # of the variance: harmonics that all together hold less are left out
