@@ -20,9 +20,9 @@ FARTHEST = 0.25  # of the record, by which a clock is looked for
 def aligned(flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine) -> Flight:
     """A flight whose sensors are put on the samples at which they most likely read, to a whole step.
 
-    The lag of a family is the one at which its readings come nearest to what the flight of the markers alone
-    lets it read, biases aside. As it was where clocks agree, where the clock of the recording is irregular,
-    and where markers alone do not settle.
+    The lag of sensors of a kind is the one at which they read what comes nearest to what the flight of the
+    markers alone lets them read, biases aside. As it was where clocks agree, where the clock of the recording
+    is irregular, and where markers alone do not settle.
     """
     sensors, step = flight.sensors, np.diff(flight.time)
     if sensors is None or not len(sensors.clocked) or np.ptp(step) > 1e-3 * np.median(step):
@@ -35,7 +35,7 @@ def aligned(flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine)
     shifted, reading = sensors.shifted.copy(), sensors.reading.copy()
     read = sensors.readings[:, sensors.used]
     for i in sensors.clocked:
-        lag = best_lag(read[:, sensors.family == i], expected[:, sensors.family == i])
+        lag = best_lag(read[:, sensors.kind == i], expected[:, sensors.kind == i])
         reading[:, i] = later_by(reading[:, i], lag)
         shifted[i] = lag * float(np.median(step))
     return replace(flight, sensors=replace(sensors, reading=reading, shifted=shifted))

@@ -127,7 +127,7 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
     step = float(np.median(np.diff(flight.time)))
     late, late_std = sensors.clock(state.steady), sensors.clock(state.steady_std)
     for i, one in enumerate(sensors.instruments):
-        white, name = state.sensor_innovation[:, sensors.family == i], one.plural
+        white, name = state.sensor_innovation[:, sensors.kind == i], one.plural
         level[name] = float(np.nanmean(white**2)) if np.isfinite(white).any() else 0.0
         off, error = float(sensors.shifted[i] + late[i]), float(late_std[i])
         if i in sensors.clocked and abs(off) > max(SIGMAS * error, TENTH * step):

@@ -48,13 +48,13 @@ def tune_together(
 
     force, moment: as the markers alone have them, which misses axes by more than sensors forgive: first each
     load is taken to be the same along every axis, then along the axes of what was found, if the evidence is
-    for it; its size and its rate move. Of a family of sensors whose noise is not `stated` (by name) its size
+    for it; its size and its rate move. Of a kind of sensor whose noise is not `stated` (by name) its size
     moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between,
     from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes;
     alone: the force stays as it is, that of a mass center which nothing links to the rotation.
     """
     kinds = () if flight.sensors is None else flight.sensors.instruments
-    free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.family)]
+    free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.kind)]
     loud = [i for i in free if kinds[i].name not in stated]
 
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
@@ -109,17 +109,17 @@ def by_the_flight(
 
 
 def wandering(
-    families: list[int], flight: Flight, force: LoadPrior, moment: LoadPrior, about: Reference, engine: Engine
+    kinds: list[int], flight: Flight, force: LoadPrior, moment: LoadPrior, about: Reference, engine: Engine
 ) -> Flight:
-    """A flight whose families have biases that wander, where that is far likelier than that they stay."""
+    """A flight whose sensors of these kinds have biases that wander, where it is far likelier than not."""
 
     def level(flight: Flight) -> float:
         return evidence(flight, force, moment, about, engine, [], np.zeros(4))
 
-    if not families:
+    if not kinds:
         return flight
     stays = level(flight)
-    for i in families:
+    for i in kinds:
         sensors = flight.sensors
         assert sensors is not None
         unit = float(sensors.noise_std[i].min()) / np.sqrt(len(flight.time) * np.ptp(flight.time))
@@ -189,12 +189,12 @@ def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:
     return replace(prior.with_kernel(prior.kernel.scaled(share)), axes=axes)
 
 
-def louder(flight: Flight, family: list[int], by: Array) -> Flight:
-    """A flight whose families of sensors have e^by times the noise."""
+def louder(flight: Flight, kinds: list[int], by: Array) -> Flight:
+    """A flight whose kinds of sensors have e^by times the noise."""
     if flight.sensors is None:
         return flight
     noise = flight.sensors.noise_std.copy()
-    for i, b in zip(family, by, strict=True):
+    for i, b in zip(kinds, by, strict=True):
         noise[i] *= np.exp(b)
     return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
 

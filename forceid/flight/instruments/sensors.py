@@ -65,7 +65,7 @@ class Sensors:
         return np.asarray(np.isfinite(self.readings).any(0))
 
     @property
-    def family(self) -> Indices:
+    def kind(self) -> Indices:
         """Of every channel used, the place of its instrument among `instruments`."""
         kinds = len(self.instruments)
         return np.asarray(np.repeat(np.arange(kinds), self.readings.shape[1] // kinds)[self.used])
@@ -78,7 +78,7 @@ class Sensors:
     @property
     def doubted(self) -> Flags:
         """Steady numbers that have a state: of kinds that read, and clocks only where they are in doubt."""
-        read = np.isin(np.arange(len(self.instruments)), self.family)
+        read = np.isin(np.arange(len(self.instruments)), self.kind)
         return np.concatenate([read[self.owner], read & (self.clock_std > 0)])
 
     @property
@@ -161,17 +161,17 @@ def sensed(sensors: Sensors, moved: Moved, steady: Array) -> Sensed:
             read.append(y)
             for v in MOVERS:
                 rows[v].append(slopes[v] if v in slopes else np.zeros((len(y), 3, 3)))
-    used, family = sensors.used, sensors.family
+    used, kind = sensors.used, sensors.kind
     y, *d = (np.concatenate(parts, 1)[:, used] for parts in (read, *rows.values()))
     by_steady = by_own[:, used]
     for late, at in then.items():
-        same = np.asarray(clock)[family] == late
+        same = np.asarray(clock)[kind] == late
         rates = (at.omega, at.T, at.T_rate, at.F_rate)
         rate = sum(
             np.einsum("tcs,ts->tc", slope[:, same], np.broadcast_to(v, at.H.shape))
             for slope, v in zip(d, rates, strict=True)
         )
-        by_steady[:, same, len(own) + family[same]] = rate
+        by_steady[:, same, len(own) + kind[same]] = rate
     return Sensed(y, dict(zip(MOVERS, d, strict=True)), by_steady)
 
 
@@ -182,7 +182,7 @@ def carried(rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior,
     """
     rows, noise = rows.copy(), np.zeros((*rows.shape[:2], rows.shape[1]))
     for i, by in enumerate(clock):
-        mine = np.flatnonzero(sensors.family == i)
+        mine = np.flatnonzero(sensors.kind == i)
         if by == 0.0 or not len(mine):
             continue
         begin = 0
@@ -219,7 +219,7 @@ def with_sensors(
     P0[n:, n:] = np.diag(np.concatenate([sensors.bias_var, steady_var]))
     F, Q = (np.zeros((len(a), *P0.shape)) for a in (model.F, model.Q))
     F[:, :n, :n], F[:, n:, n:], Q[:, :n, :n] = model.F, np.eye(k + c), model.Q
-    wander = np.diag(sensors.bias_walk[sensors.family] ** 2)
+    wander = np.diag(sensors.bias_walk[sensors.kind] ** 2)
     Q[:, n : n + k, n : n + k] = step[:, None, None] * wander
     u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k + c)))
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k + c)), P0, u)

@@ -27,7 +27,7 @@ def path_read(time: Array, rotation: Array, sensors: Sensors | None) -> tuple[Ar
     standing = [] if sensors is None else [i for i, one in enumerate(sensors.instruments) if not one.tells]
     if sensors is None or not standing or seen.sum() < 2:
         return None
-    mine = np.isin(sensors.family, standing)
+    mine = np.isin(sensors.kind, standing)
     read = sensors.readings[:, sensors.used][:, mine]
     most = int(min(np.median(np.diff(np.flatnonzero(seen))) // 2, SHOWN // (2 * np.pi)))
     if not most or not np.isfinite(read[~seen]).any():
