@@ -23,7 +23,7 @@ from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_sensors
 from forceid.flight.modes import FlyingModes, bent, gauged
-from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
+from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.motion.free_turn import SHOWN, SUBSTEP
 from forceid.motion.pose import log
@@ -122,8 +122,8 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
 
 def foretold(reference: Reference, F: Array) -> tuple[Array, Array]:
     """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
-    load = reference.chain[:-1, 6:, None]
-    Y, H = ((F[:, rows, 6:] @ load)[..., 0] @ reference.moment.axes.T for rows in (slice(0, 3), MOMENTUM))
+    load = reference.chain[:-1, LOAD, None]
+    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
     return Y, H
 
 
@@ -159,13 +159,14 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     s = step[:, None, None]
     by_Y, by_H = 6 * (d_H[1] - d_H[2] / s) / s**2 @ prior.axes, (3 * d_H[2] / s - 2 * d_H[1]) / s @ prior.axes
     start = d_H[0] @ prior.axes
-    F[:, :3, 6:] = by_Y @ F[:, :3, 6:] + by_H @ F[:, 3:6, 6:]
-    F[:, :3, 3:6], F[:, :3, :3] = start, d_theta
+    theta = INTEGRAL  # in place of Y
+    F[:, theta, LOAD] = by_Y @ F[:, INTEGRAL, LOAD] + by_H @ F[:, MOMENTUM, LOAD]
+    F[:, theta, MOMENTUM], F[:, theta, theta] = start, d_theta
     if prior.carried is not None:  # its states say where it stands in the body: in the world theta turns it
-        F[:, 3:6, :3] = -skew(H)
-        F[:, :3, :3] -= by_Y @ skew(Y) + by_H @ skew(H)
-    Q[:, :3] = by_Y @ Q[:, :3] + by_H @ Q[:, 3:6]
-    Q[:, :, :3] = Q[:, :, :3] @ by_Y.swapaxes(1, 2) + Q[:, :, 3:6] @ by_H.swapaxes(1, 2)
+        F[:, MOMENTUM, theta] = -skew(H)
+        F[:, theta, theta] -= by_Y @ skew(Y) + by_H @ skew(H)
+    Q[:, theta] = by_Y @ Q[:, INTEGRAL] + by_H @ Q[:, MOMENTUM]
+    Q[:, :, theta] = Q[:, :, INTEGRAL] @ by_Y.swapaxes(1, 2) + Q[:, :, MOMENTUM] @ by_H.swapaxes(1, 2)
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     u = np.zeros((len(step), len(P0)))
     defect = log(R @ reference.rotation[1:].swapaxes(1, 2))

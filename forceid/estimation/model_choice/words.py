@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.model_choice.levels import Step
-from forceid.flight.priors.matern import UNKNOWN
+from forceid.flight.priors.matern import UNTOLD_ORDER
 from forceid.flight.priors.protocol import KERNEL
 from forceid.flight.vibration import STATES
 
@@ -102,6 +102,6 @@ def cost(level: Step, upper: Step) -> str:
     '2 more amplitudes a frame and 1.7 times the arithmetic'
     """
     more = upper.modes - level.modes
-    loads = 2 * (KERNEL + 3 * UNKNOWN)  # states of force and moment
+    loads = 2 * (KERNEL + 3 * UNTOLD_ORDER)  # states of force and moment
     times = ((loads + STATES * upper.modes) / (loads + STATES * level.modes)) ** 3
     return f"{more} more amplitude{'s'[: more > 1]} a frame and {times:.2g} times the arithmetic"

@@ -9,7 +9,7 @@ import numpy as np
 from forceid.kalman.process import Process, matern, matern_density
 from forceid.records import Array, Indices
 
-UNKNOWN = 2  # order where a record leaves little to tell orders apart: continuous, with a rate
+UNTOLD_ORDER = 2  # order where a record leaves little to tell orders apart: continuous, with a rate
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Matern:
 
     def unknown(self, std: Array, rate: float) -> Matern:
         """Kernels for loads of which little is known but std (axis,) and about what rate (1/s)."""
-        return Matern(UNKNOWN, std, np.full(len(std), rate))
+        return Matern(UNTOLD_ORDER, std, np.full(len(std), rate))
 
     def numbers(self) -> dict[str, float]:
         """What a result file says of the kernels."""

@@ -31,11 +31,10 @@ from forceid.kalman.process import Process, matern, resonator, superpose
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, PATIENCE
 
-HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen turning points a period
-NONE = 1e-4  # of the variance: harmonics that all together hold less are left out
-LENGTHS = 0.15, 5.0  # rad of the phase: from all of HARMONICS harmonics alike to none but the mean
-WIDE = 7.0  # of a logarithm: how far the std may be from that of a Matern load on the same record
-SLOWEST = 100.0  # lengths of a record: a coherence beyond does not show
+MOST_HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen turning points a period
+PHASE_LENGTHS = 0.15, 5.0  # rad of the phase: from all of MOST_HARMONICS harmonics alike to none but the mean
+STD_SPAN = 7.0  # of a logarithm: how far the std may be from that of a Matern load on the same record
+LONGEST_COHERENCE = 100.0  # lengths of a record: a coherence beyond does not show
 FINER = 8  # frequencies looked at to one that a record tells apart, for the highest of the harmonics
 SHARED = 4  # numbers of a prior that all axes share; the others are their stds
 TRIED, CLIMBED = 6, 2  # beats whose likelihood is looked at, and those from which a search goes on
@@ -175,22 +174,22 @@ class BeatSearch:
         over = np.maximum(power, 1.0)
         gained = (over - 1 - np.log(over)).sum(1)  # log-likelihood, by a harmonic of any size
         gained -= gained.mean()
+        # from where a beat is told from slow loads, up to where a harmonic of it is seen
         first = int(np.ceil(2 * REACH / (self.span * frequency[1])))
-        combs = np.array([gained[k : HARMONICS * k + 1 : k].sum() for k in range(first, len(gained) // 2)])
+        combs = np.array(
+            [gained[k : MOST_HARMONICS * k + 1 : k].sum() for k in range(first, len(gained) // 2)]
+        )
         found: list[float] = []
         while len(found) < TRIED and np.isfinite(combs).any():
             best = float(frequency[first + int(combs.argmax())])
             found.append(best)
             combs[np.abs(frequency[first : first + len(combs)] - best) * self.span <= REACH] = -np.inf
-        return [f for f in [*found, *(share * f for share in (0.5, 2.0) for f in found[:1])] if self.told(f)]
+        found += [share * f for share in (0.5, 2.0) for f in found[:1]]
+        return [f for f in found if frequency[first] <= f <= 0.5 * self.fastest]
 
     def harmonics(self, frequency: float) -> int:
-        """How many harmonics of a beat samples tell apart, HARMONICS at most."""
-        return min(HARMONICS, int(self.fastest / frequency))
-
-    def told(self, frequency: float) -> bool:
-        """Whether a record this long and this fast tells a beat from slow loads, and a harmonic of it."""
-        return 2 * REACH / self.span <= frequency <= 0.5 * self.fastest
+        """How many harmonics of a beat samples tell apart, MOST_HARMONICS at most."""
+        return min(MOST_HARMONICS, int(self.fastest / frequency))
 
     def likelihoods(self, points: Array, harmonics: int) -> Array:
         """Of priors (point,), by axis. A point: frequency, logarithms of decay, noise, length and stds."""
@@ -220,10 +219,10 @@ class BeatSearch:
         louder = np.log(noise_range) - np.log([self.start.noise.min(), self.start.noise.max()])
         bounds = [
             first[0] + np.array([-1.0, 1.0]) * REACH / self.span,
-            (-np.log(SLOWEST * self.span), np.log(first[0])),
+            (-np.log(LONGEST_COHERENCE * self.span), np.log(first[0])),
             (min(louder[0], 0.0), max(louder[1], 0.0)),
-            np.log(LENGTHS),
-            *(s + np.array([-WIDE, WIDE]) for s in np.log(self.start.kernel.std)),
+            np.log(PHASE_LENGTHS),
+            *(s + np.array([-STD_SPAN, STD_SPAN]) for s in np.log(self.start.kernel.std)),
         ]
         low, high = np.array(bounds).T / unit
         found = minimize(fall, first / unit, jac=True, method="L-BFGS-B", bounds=Bounds(low, high))
@@ -265,9 +264,7 @@ def tune_periodic(
     if not best > least:
         return start
     decay, level, length = np.exp(at[1:SHARED]).tolist()
-    rest = 1 - np.cumsum(shares(length, search.harmonics(at[0])))
-    harmonics = max(1, int((rest < NONE).argmax()))
-    kernel = Periodic(np.exp(at[SHARED:]), float(at[0]), decay, length, harmonics)
+    kernel = Periodic(np.exp(at[SHARED:]), float(at[0]), decay, length, search.harmonics(at[0]))
     noise = start.noise * level
     at_limit = noise_range[1] > noise_range[0] and np.mean(np.log(noise / noise_range[0]) < AT_LIMIT) > 0.5
     return Tuned(kernel, noise, bool(at_limit), best)

@@ -24,7 +24,7 @@ from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process, discretize
 from forceid.records import Array, Indices
 
-MOMENTUM = slice(3, 6)  # states of H in a chain, behind those of Y
+INTEGRAL, MOMENTUM, LOAD = slice(0, 3), slice(3, 6), slice(6, None)  # states of Y, H and the load in a chain
 KERNEL = 9  # state of a chain from which on those of the kernel come
 
 
