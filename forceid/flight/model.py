@@ -25,7 +25,7 @@ from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_se
 from forceid.flight.modes import FlyingModes, bent, gauged
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
-from forceid.motion.free_turn import SHOWN, SUBSTEP
+from forceid.motion.free_turn import SHOWN_TURN, SUBSTEP
 from forceid.motion.pose import log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
@@ -114,7 +114,7 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
     body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
     omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
     far = float((np.linalg.norm(omega, axis=1) * step).max())
-    if not far < SHOWN:
+    if not far < SHOWN_TURN:
         raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *unsettled(flight))
     n = max(1, int(np.ceil(far / SUBSTEP)))
     return Course(step, R, H, T, dT, inertia, h, n)

@@ -28,7 +28,7 @@ from forceid.significance import THOUSANDTH
 if TYPE_CHECKING:
     from forceid.flight.model import Flight
 
-LEAST = 256  # samples below which it does not pay
+WORTH_LANES = 256  # samples below which it does not pay
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def settled_in_lanes(
     engine will do.
     """
     t, time, center = kinds.theta, flight.time, flight.center
-    if compiled is None or len(time) < LEAST or (first := by_frames(flight, moment)) is None:
+    if compiled is None or len(time) < WORTH_LANES or (first := by_frames(flight, moment)) is None:
         return None
     R, last = first[0], np.inf
     guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference

@@ -37,7 +37,7 @@ from forceid.records import Array
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import TENTH
 
-PATIENCE = 4  # steps until it is looked at how well they do
+LOOK_AFTER = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
 SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
 
@@ -174,7 +174,7 @@ def settled(
         last, size, share = size, far, min(1.0, 2 * share)
         found, reference = (model, z, reference, x), lead(reference, x, share)
         steps += 1
-        if steps == PATIENCE and not told:  # far is then what the sensors cannot tell
+        if steps == LOOK_AFTER and not told:  # far is then what the sensors cannot tell
             var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
             rest = max(rest, TENTH * float(np.sqrt(var.max())))
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone

@@ -9,6 +9,7 @@ import numpy as np
 
 from forceid.flight.channels import driven, stretch
 from forceid.kalman.engines import Engine, for_tuning
+from forceid.kalman.lines import AT_ONCE
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import Process
 from forceid.kalman.search import maximize
@@ -16,9 +17,9 @@ from forceid.records import Array
 from forceid.significance import OUTLIER
 
 STATES = 3  # of a mode: amplitude, rate, load
-FREQUENCIES, LINES = 16, 4  # looked at first: evenly spread, and the tallest of the periodogram
+FREQUENCIES = 16  # looked at first, evenly spread, beside the tallest of the periodogram
 DAMPED, REMEMBERED = (0.01, 0.1, 1.0), (0.003, 0.1, 3.0)  # rates over the frequency, looked at first
-REACH = 0.3  # of a logarithm: how far the frequency may move from the best of these
+DETUNED = 0.3  # of a logarithm: how far the frequency may move from the best of these
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | No
     power = np.abs(np.fft.rfft(np.nan_to_num(q), 2 * len(q), axis=0)[1:]) ** 2
     line = 2 * np.pi * np.fft.rfftfreq(2 * len(q), span / (len(q) - 1))[1:]
     power[(line < slow) | (line > fast)] = 0.0
-    tallest = line[np.argsort(-power, axis=0)[:LINES]].T
+    tallest = line[np.argsort(-power, axis=0)[:AT_ONCE]].T
     spread = np.geomspace(slow, fast, FREQUENCIES)
     first = np.concatenate([np.broadcast_to(spread, (modes, FREQUENCIES)), tallest], 1)
     shape = np.array(list(product(DAMPED, REMEMBERED)))
@@ -93,7 +94,7 @@ def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | No
     at = grid[np.arange(modes), value.argmax(1)]
     low = np.log(np.broadcast_to([slow, 0.1 / span, 1.0, 0.1 / span], at.shape)).copy()
     high = np.log(np.broadcast_to([fast, fast, 1.0, fast], at.shape)).copy()
-    low[:, 0], high[:, 0] = (np.clip(at[:, 0] + d, low[:, 0], high[:, 0]) for d in (-REACH, REACH))
+    low[:, 0], high[:, 0] = (np.clip(at[:, 0] + d, low[:, 0], high[:, 0]) for d in (-DETUNED, DETUNED))
     low[:, 2], high[:, 2] = np.log(0.1 * size), np.log(10 * size)
     at = np.clip(at, low, high)
     found = maximize(objective, low, high, (0.0, 0.0), (at, 0.0))[0]

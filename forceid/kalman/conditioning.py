@@ -21,7 +21,7 @@ from forceid.records import Array, Flags, Indices
 from forceid.rounding import HARMLESS
 
 ALIKE = 1e5  # condition of S from which the array form is used
-UNKNOWN = 1e7  # condition of a predicted covariance from which it is
+START_UNKNOWN = 1e7  # condition of a predicted covariance from which it is
 
 
 def mended_covariance_pass(
@@ -159,7 +159,7 @@ def barely_known(P_pred: Array, P: Array, W: Array) -> int:
         return 0
     size = np.sqrt(np.maximum(before, 1e-300))
     spread = np.linalg.eigvalsh(P_pred[met:stop] / (size[:, :, None] * size[:, None]))
-    return stop if (spread[:, 0] * UNKNOWN < 1).any() else 0
+    return stop if (spread[:, 0] * START_UNKNOWN < 1).any() else 0
 
 
 def segments(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool]]:

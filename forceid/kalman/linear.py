@@ -20,7 +20,7 @@ from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_chann
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import HARMLESS
 
-LONG = 1000  # samples of a run for which a gain of its own is worth its inverse
+LONG_RUN = 1000  # samples of a run for which a gain of its own is worth its inverse
 
 
 class Passes(Protocol):
@@ -116,7 +116,7 @@ def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     G = np.full(g.P.shape, np.nan)
     if 2 * m < n or u.any():
         return G
-    for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG):
+    for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG_RUN):
         if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G

@@ -24,7 +24,8 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
 REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
-STEPS = 8  # frequencies per cycle a record at which the evidence is computed
+AT_ONCE = 4  # lines that one look takes up, the tallest ones
+PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
 ROOM = 40_000_000  # numbers held at a time, 320 MB
 SETTLE = 30  # rounds of expectation and maximization for the size of a line
 
@@ -222,10 +223,10 @@ def find_line(
         f = int(gained.max(1).argmax())
         return float(frequency[f]), float(decay[f]), gained[f], std[f]
 
-    off = np.arange(-STEPS, STEPS + 1) / STEPS * REACH / span
+    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE * REACH / span
     at, decay, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
     if gained.max() > 0 and (at != center or decay * span > COHERENT):
-        finer = np.append(at + off / STEPS, center)
+        finer = np.append(at + off / PER_CYCLE, center)
         at, decay, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
     if gained.max() <= 0:
         return ()

@@ -20,7 +20,7 @@ from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array, Flags
 from forceid.significance import OUTLIER, WILD
 
-MOST = 0.02  # part of a record that may be wild
+WILD_SHARE = 0.02  # part of a record that may be wild
 BURST = 8  # samples: what is off for longer has moved, and within it one wild one makes others wild
 
 
@@ -84,7 +84,7 @@ def drop_wild(
     few enough are dropped, and no run of them is longer than BURST; with those dropped `before`.
     """
     dropped = np.zeros(innovation.shape, bool) if before is None else before.copy()
-    most = max(2, MOST * len(innovation))
+    most = max(2, WILD_SHARE * len(innovation))
     while (size := np.abs(np.nan_to_num(innovation))).max(initial=0.0) > WILD:
         wild = np.flatnonzero((size > WILD).any(1))
         first = wild[np.diff(wild, prepend=-BURST - 1) > BURST]

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from forceid.records import Array, Flags
 
-COARSE = 2  # grids after the first, each half as wide
-ROUNDS, FINE = 12, 1 / 200  # Newton's steps at most, and their differences as part of the box
+FINER_GRIDS = 2  # grids after the first, each half as wide
+NEWTON_ROUNDS, FINE = 12, 1 / 200  # Newton's steps at most, and their differences as part of the box
 ENOUGH = 0.01  # gain in log-likelihood that a further step must promise
 TRUST, TRUST_AT_MOST = 0.1, 0.5  # of the box: how far the first step may go, and any
 FLATTEST = 1e-3  # curvature over the largest one of the same problem that a step believes in
@@ -61,7 +61,7 @@ def coarse(
     at, step = 0.5 * (lower + upper), (upper - lower) / 6
     level, level_step = 0.5 * (shared[0] + shared[1]), (shared[1] - shared[0]) / 6
     best = np.full(len(lower), -np.inf)
-    for turn in range(COARSE + 1):
+    for turn in range(FINER_GRIDS + 1):
         spread = np.arange(-1.0, 2.0) if turn else np.arange(-3.0, 4.0)
         offset = np.array(list(product(spread, repeat=dims)))
         levels = np.clip(level + spread[:, None] * level_step, *shared) if free else level[None]
@@ -98,7 +98,7 @@ def climb(
     middle = int(np.abs(grid).sum(1).argmin())
     reach, best = np.full(problems, TRUST), np.full(problems, -np.inf)
     best_x, slope, bend = x, np.zeros((problems, dims + 1)), np.zeros((problems, dims + 1, dims + 1))
-    for _ in range(ROUNDS):
+    for _ in range(NEWTON_ROUNDS):
         points = x[:, None, :-1] + offset * h[:, None, :-1]
         levels = x[:, -1] + levels_off[:, None] * h[:, -1]
         value = objective(np.broadcast_to(points, (len(levels), *points.shape)), levels)

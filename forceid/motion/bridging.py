@@ -18,7 +18,7 @@ from forceid.motion.pose import fit_rotation
 from forceid.records import Array, Flags, Indices
 
 TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
-LENGTHS = 1.5  # ratio of two lengths of gaps that are judged apart
+LENGTH_RATIO = 1.5  # ratio of two lengths of gaps that are judged apart
 NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three are the fewest that turn
 SIDES = (2, 4, 12, 40, 160)  # samples on either side that a bridge rests on, from the least to a long record
 DEGREES = (0, 1, 3)  # of its polynomial: held, with the slopes at both ends, with the curvatures
@@ -56,7 +56,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     # short gaps first: what fills them is seen by its neighbors when theirs are filled
     every = sorted((length, k, first) for k in lost for first, length in gaps(seen[:, k] | ~some))
     for length, k, first in every:
-        size = int(np.round(np.log(length) / np.log(LENGTHS)))
+        size = int(np.round(np.log(length) / np.log(LENGTH_RATIO)))
         if (k, size) not in judged:
             judged[k, size] = rank_bridges(time, x, seen, k, near[k], length)
         gap = np.arange(first, first + length)

@@ -16,7 +16,7 @@ from forceid.motion.window import DEGREE, Window
 from forceid.records import Array, Flags
 
 Index = NDArray[np.intp]
-BLOCK = 2**21  # numbers held at once by a batch of local fits
+BATCH = 2**21  # numbers held at once by a batch of local fits
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Arr
         return out, (E @ C @ E.mT)[np.minimum(place, h) + np.maximum(place - last, 0)]
     index = np.clip(np.searchsorted((t[1:] + t[:-1]) / 2, at), h, last)[:, None] + stencil
     out, gain = np.empty((3, len(at), z.shape[1])), np.empty((len(at), 3, 3))
-    rows = max(BLOCK // (len(stencil) * max(window.order + 1, z.shape[1])), 1)
+    rows = max(BATCH // (len(stencil) * max(window.order + 1, z.shape[1])), 1)
     for k in range(0, len(at), rows):
         some = slice(k, k + rows)
         E, X, C = local_basis(t, at[some], index[some], window.order)

@@ -15,19 +15,19 @@ from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 SUBSTEP = 0.1  # rad that one integration step may turn
-NEAR = 1e-4  # rad: one Newton step from there squares it, to far below what any frame shows
-ITERATIONS = 12  # Newton steps at most, each of which doubles the digits
-REACH = 0.5  # of a momentum: the most that one Newton step may change it by
-MOST = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known any more
-SHOWN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show
-WIDE = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned
+NEWTON_NEAR = 1e-4  # rad: one Newton step from there squares it, to far below what any frame shows
+NEWTON_STEPS = 12  # Newton steps at most, each of which doubles the digits
+MOMENTUM_MOVES = 0.5  # of a momentum: the most that one Newton step may change it by
+MOST_TURN = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known
+SHOWN_TURN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show
+WIDE_STEP = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned
 
 
 def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Array, Array, Array]:
     """Rotations (n, 3, 3) after steps (n,) s from R (n, 3, 3), and their left errors by those of R and by H.
 
     H (n, 3) world axes; J (n, 3, 3) and h (n, 3) body axes. Runge-Kutta-Munthe-Kaas of order 4. A step that
-    would turn by more than MOST is cut to that turn.
+    would turn by more than MOST_TURN is cut to that turn.
     """
 
     def omega(R: Array) -> Array:
@@ -35,8 +35,8 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
 
     inverse = np.asarray(np.linalg.inv(J), float)
     turned = angle(step, R, H, J, h)
-    step = step * np.minimum(1.0, MOST / np.maximum(turned, 1e-300))
-    n = max(1, int(np.ceil(min(turned.max(initial=0.0), MOST) / SUBSTEP)))
+    step = step * np.minimum(1.0, MOST_TURN / np.maximum(turned, 1e-300))
+    n = max(1, int(np.ceil(min(turned.max(initial=0.0), MOST_TURN) / SUBSTEP)))
     s, a_step = step[:, None] / n, step[:, None, None] / n
     by_R, by_H = np.tile(np.eye(3), (len(R), 1, 1)), np.zeros((len(R), 3, 3))
     for _ in range(n):
@@ -73,7 +73,7 @@ def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, 
     turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
     middle = exp(0.5 * turn) @ R[:-1]
     H = times(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + times(middle, h)
-    wide = step > WIDE * np.median(step) if len(step) else np.zeros(0, bool)
+    wide = step > WIDE_STEP * np.median(step) if len(step) else np.zeros(0, bool)
     by_R, by_H = np.empty(R[1:].shape), np.empty(R[1:].shape)
     for part in (~wide, wide):
         if not part.any():
@@ -94,22 +94,22 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
     """
     found, H, open_ended = H.copy(), H.copy(), np.ones(len(H), bool)
     by = np.empty((2, len(H), 3, 3))
-    left = np.flatnonzero(angle(step, start, H, J, h) < SHOWN)
-    for _ in range(ITERATIONS + 1):
+    left = np.flatnonzero(angle(step, start, H, J, h) < SHOWN_TURN)
+    for _ in range(NEWTON_STEPS + 1):
         if not len(left):
             break
         reached, by_R, by_H = free_turn(step[left], start[left], H[left], J[left], h[left])
         miss = log(to[left] @ reached.swapaxes(1, 2))
-        there = np.linalg.norm(miss, axis=1) < NEAR
+        there = np.linalg.norm(miss, axis=1) < NEWTON_NEAR
         change = np.linalg.solve(by_H, miss[..., None])[..., 0]
         found[left[there]] = H[left[there]] + change[there]
         by[:, left[there]], open_ended[left[there]] = (by_R[there], by_H[there]), False
         left, change = left[~there], change[~there]
         size = np.linalg.norm(change, axis=1)
-        reach = REACH * np.linalg.norm(H[left], axis=1)
+        reach = MOMENTUM_MOVES * np.linalg.norm(H[left], axis=1)
         limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
         H[left] += limit[:, None] * change
-        left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN]
+        left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN_TURN]
     if open_ended.any():
         rest = (a[open_ended] for a in (step, start, found, J, h))
         by[:, open_ended] = free_turn(*rest)[1:]
@@ -125,7 +125,7 @@ def largest_turn(time: Array, R: Array) -> float:
     step = np.diff(time[seen])
     if not len(step):
         return 0.0
-    near = step < WIDE * np.median(step)
+    near = step < WIDE_STEP * np.median(step)
     turned = log((R[seen][1:] @ R[seen][:-1].swapaxes(1, 2))[near])
     return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
 

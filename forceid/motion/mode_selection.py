@@ -9,8 +9,8 @@ import numpy as np
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
-ROUNDS, AGAIN = 200, 30  # of the climb to the most likely variances, and once modes have left
-MOST = 40  # modes looked at: with each the search slows
+SELECT_ROUNDS, AGAIN = 200, 30  # of the climb to the most likely variances, and once modes have left
+MODES = 40  # modes looked at: with each the search slows
 BLIND = 1e-3  # of the mode that shows best: what shows less is rigid motion, or other modes, to the markers
 IDLE = 0.1  # of evidence: modes that bring less leave together, others one by one
 
@@ -61,7 +61,7 @@ def likely_variances(
     var, rounds = start, AGAIN
     if var is None:
         rest = level / max(float(np.trace(alike)), 1e-300) * len(alike)
-        var, rounds = np.append(level / (directions**2).sum(1), rest), ROUNDS
+        var, rounds = np.append(level / (directions**2).sum(1), rest), SELECT_ROUNDS
     for _ in range(rounds):
         V = noise_var * np.eye(len(scatter)) + var[-1] * alike + directions.T @ (var[:-1, None] * directions)
         a, b = np.linalg.solve(V, directions.T), np.linalg.solve(V, alike)
@@ -81,7 +81,7 @@ def observable_modes(
 ) -> tuple[Indices, Array, float]:
     """Which modes (telling,) a record shows beside the rest, and the variances of their amplitudes.
 
-    Of the lowest modes those that the markers can tell apart, at most MOST: all at their likely variances,
+    Of the lowest modes those that the markers can tell apart, at most MODES: all at their likely variances,
     then without those, the least missed first, that bring less evidence than one number more costs (Schwarz
     1978). Or simply the first `most` of them. Beside them all modes (mode, shown) answer loads that are
     alike for all: the variance of such a load comes last, zero where the compliance (mode,) is unknown.
@@ -90,7 +90,7 @@ def observable_modes(
     alike = directions.T @ (soft[:, None] * directions)
     noise = noise_var * np.eye(len(scatter))
     kept = (
-        independent_directions(directions)[:MOST]
+        independent_directions(directions)[:MODES]
         if most is None
         else independent_directions(directions)[:most]
     )

@@ -14,7 +14,7 @@ from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 
 GAUGES = ("mass", "euclidean", "sensor")
-LAG = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
+LAG_TURN = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
 
 
 @dataclass(frozen=True)
@@ -150,9 +150,9 @@ def deflected_shape(
 
 
 def mean_spin(time: Array, rotation: Array) -> Array:
-    """Mean of w w^T (3, 3) rad2/s2, body axes, from rotations (time, 3, 3) that turn by about LAG."""
+    """Mean of w w^T (3, 3) rad2/s2, body axes, from rotations (time, 3, 3) that turn by about LAG_TURN."""
     turn = np.linalg.norm(log(rotation[:-1].mT @ rotation[1:]), axis=1)
-    lag = int(np.clip(LAG / max(np.median(turn), 1e-9), 1, len(time) - 1))
+    lag = int(np.clip(LAG_TURN / max(np.median(turn), 1e-9), 1, len(time) - 1))
     omega = log(rotation[:-lag].mT @ rotation[lag:]) / (time[lag:] - time[:-lag])[:, None]
     return np.asarray(omega.T @ omega / len(omega))
 

@@ -7,8 +7,8 @@ import numpy as np
 from forceid.records import Array, Flags, Motion
 from forceid.rounding import SOLVED
 
-ROUNDING = 16  # of the last place, in sums of a few products
-NONE = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
+LAST_PLACES = 16  # of the last place, in sums of a few products
+NO_AXIS = 0.02  # of the noise of the loudest axis: what shows less is no error of a track
 
 
 def noisy(var: Array) -> Flags:
@@ -17,7 +17,7 @@ def noisy(var: Array) -> Flags:
     >>> noisy(np.array([1.0, 2.0, 0.0])).tolist()
     [True, True, False]
     """
-    return np.asarray(var >= NONE**2 * var.max())
+    return np.asarray(var >= NO_AXIS**2 * var.max())
 
 
 def at_rest(readings: Array) -> Flags:
@@ -30,7 +30,7 @@ def at_rest(readings: Array) -> Flags:
     high, low = (
         f(np.where(seen, readings, worst), axis=0) for f, worst in ((np.max, -np.inf), (np.min, np.inf))
     )
-    return np.asarray(high - low <= ROUNDING * np.spacing(np.abs(readings[seen]).max(initial=1e-9)))
+    return np.asarray(high - low <= LAST_PLACES * np.spacing(np.abs(readings[seen]).max(initial=1e-9)))
 
 
 def as_stated(std: dict[str, float], motion: Motion) -> dict[str, Array]:
@@ -39,7 +39,7 @@ def as_stated(std: dict[str, float], motion: Motion) -> dict[str, Array]:
     for name, read in (("position", motion.position), ("center", motion.center)):
         if name in root and read is not None:
             still = at_rest(read).reshape(-1, 3).all(0)
-            root[name] = std[name] * np.diag(np.where(still & ~still.all(), NONE, 1.0))
+            root[name] = std[name] * np.diag(np.where(still & ~still.all(), NO_AXIS, 1.0))
     return root
 
 

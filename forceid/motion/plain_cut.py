@@ -19,10 +19,10 @@ from forceid.records import Array, Flags
 
 STEEP = 8.0  # in power, an octave: midway between what errors rise by (4) and what motion does (16)
 VALLEY = 4.0  # in power, an octave: as the acceleration of errors like a random walk rises
-CHANCE = 0.05  # of taking so large a ratio of two levels for real where they are equal
-ENOUGH = 40.0  # degrees of freedom by which a level is known to within a quarter
-FEW = 10.0  # degrees of freedom below which a level says little
-RUNGS = 4  # of the ladder of frequencies, an octave
+RATIO_CHANCE = 0.05  # of taking so large a ratio of two levels for real where they are equal
+KNOWN_DOF = 40.0  # degrees of freedom by which a level is known to within a quarter
+UNKNOWN_DOF = 10.0  # degrees of freedom below which a level says little
+OCTAVE = 4  # rungs of the ladder of frequencies
 STRETCH = 0.35  # cycles a sample up to which a cut is worth making
 
 
@@ -125,16 +125,16 @@ def shows_motion(found: MotionSpectrum) -> bool:
     (False, True)
     """
     _, level, dof = rungs(found, found.power.mean(1))
-    if len(level) <= RUNGS:
+    if len(level) <= OCTAVE:
         return False
     return bool(steep(level, dof * found.power.shape[1]).any())
 
 
 def rungs(found: MotionSpectrum, power: Array) -> tuple[Array, Array, Array]:
     """Frequency (rung,) of the ladder, mean of power (bin,) in the band about each, degrees of freedom."""
-    f, half = found.frequency, 2 ** (1 / RUNGS)
+    f, half = found.frequency, 2 ** (1 / OCTAVE)
     top = max(min(f[-1], STRETCH / found.step) / half, f[0])
-    rung = top * half ** -np.arange(int(np.log2(top / f[0]) * RUNGS) + 1)[::-1]
+    rung = top * half ** -np.arange(int(np.log2(top / f[0]) * OCTAVE) + 1)[::-1]
     first = np.minimum(np.searchsorted(f, rung / half), len(f) - 1)
     last = np.maximum(np.searchsorted(f, rung * half), first + 1)
     total = np.concatenate([[0.0], np.cumsum(power)])
@@ -142,21 +142,22 @@ def rungs(found: MotionSpectrum, power: Array) -> tuple[Array, Array, Array]:
 
 
 def steep(level: Array, dof: Array) -> Flags:
-    """Rungs (rung - RUNGS,) from which an octave falls as motion does, by more than chance."""
+    """Rungs (rung - OCTAVE,) from which an octave falls as motion does, by more than chance."""
     return np.asarray(
-        level[:-RUNGS] > np.maximum(STEEP, fdtri(dof[:-RUNGS], dof[RUNGS:], 1 - CHANCE)) * level[RUNGS:]
+        level[:-OCTAVE]
+        > np.maximum(STEEP, fdtri(dof[:-OCTAVE], dof[OCTAVE:], 1 - RATIO_CHANCE)) * level[OCTAVE:]
     )
 
 
 def motion_begins(level: Array, dof: Array) -> int | None:
     """The rung half an octave above the highest octave that rises as motion does; None: it is the top."""
-    if len(level) <= RUNGS:
+    if len(level) <= OCTAVE:
         return 0
     falls = steep(level, dof)
     if not falls.any():
         return 0
     highest = int(np.flatnonzero(falls)[-1])
-    return None if highest == len(falls) - 1 else highest + RUNGS // 2
+    return None if highest == len(falls) - 1 else highest + OCTAVE // 2
 
 
 def first_valley(level: Array, dof: Array, start: int) -> int:
@@ -165,8 +166,8 @@ def first_valley(level: Array, dof: Array, start: int) -> int:
     for i in range(start, len(level)):
         if level[i] < level[best]:
             best = i
-        grown = max(VALLEY, float(fdtri(dof[i], dof[best], 1 - CHANCE)))
-        if i >= best + RUNGS and level[i] > grown * level[best]:
+        grown = max(VALLEY, float(fdtri(dof[i], dof[best], 1 - RATIO_CHANCE)))
+        if i >= best + OCTAVE and level[i] > grown * level[best]:
             break
     return best
 
@@ -179,14 +180,14 @@ def least_risk(found: MotionSpectrum, power: Array, moved: Array, about: float) 
     """
     f = found.frequency
     low = min(int(np.searchsorted(f, 1.4 * about)), max(len(f) - 3, 0))
-    octave = min(max(int(np.searchsorted(f, 2.8 * about)), low + int(FEW / found.dof)), len(f))
-    high = min(max(octave, low + int(ENOUGH / found.dof)), len(f))
+    octave = min(max(int(np.searchsorted(f, 2.8 * about)), low + int(UNKNOWN_DOF / found.dof)), len(f))
+    high = min(max(octave, low + int(KNOWN_DOF / found.dof)), len(f))
     near, wide = float(power[low:octave].mean()), float(power[low:high].mean())
-    cuts = about * 2 ** (np.arange(-2 * RUNGS, 2 * RUNGS + 1) / (2 * RUNGS))
+    cuts = about * 2 ** (np.arange(-2 * OCTAVE, 2 * OCTAVE + 1) / (2 * OCTAVE))
     gain = 1 / (1 + (f[:octave, None] / cuts) ** 6)
     left = (power[:octave] - near)[:, None]
     risk = (moved[:octave, None] * ((gain**2 - 2 * gain) * left + gain**2 * near)).sum(0)
     dof = found.dof * (octave - low), found.dof * (high - low)
-    louder = near > float(fdtri(*dof, 1 - CHANCE)) * wide
+    louder = near > float(fdtri(*dof, 1 - RATIO_CHANCE)) * wide
     cutoff = float(f"{cuts[np.argmin(risk)]:.12g}")  # of a ladder that axes share, without its rounding
     return Cut(cutoff, near if louder else wide, dof[0] if louder else dof[1])

@@ -10,13 +10,13 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from forceid.motion.window import DEGREE
 from forceid.records import Array
 
-DEGREE = 5  # the second derivative is a smooth cubic
 KNOTS = 8.0  # in a period of the cut-off: the gain there is that of the spline itself within a percent
 JERK = np.array([-1.0, 3.0, -3.0, 1.0])  # third differences of the coefficients
 OVERLAP = {-2: 1 / 120, -1: 26 / 120, 0: 66 / 120, 1: 26 / 120, 2: 1 / 120}  # of quadratic B-splines
-REACH = 12  # knots from an end beyond which the spline knows nothing of it: a decay of exp(-4.7)
+ENDS = 12  # knots from an end beyond which the spline knows nothing of it: a decay of exp(-4.7)
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,11 @@ class SmoothingSpline:
     def gain(self) -> Array:
         """Variance (time,) of that second derivative per variance of white noise in the record.
 
-        From the weights themselves within REACH knots of the ends, and constant between; one end of a regular
+        From the weights themselves within ENDS knots of the ends, and constant between; one end of a regular
         clock is the other's mirror image.
         """
         count = self.pieces + DEGREE
-        near = min(REACH + DEGREE, count)
+        near = min(ENDS + DEGREE, count)
         found = np.full(len(self.time), np.nan)
         place, steps = (self.time - self.time[0]) / self.interval, np.diff(self.time)
         regular = np.ptp(steps) < 1e-6 * steps[0]

@@ -12,9 +12,9 @@ AROUND = (-3, -2, -1, 1, 2, 3)  # frames beside: a burst of up to two leaves the
 SEVERAL = 2  # distances that must agree on it: to a marker that is right, one other may be off
 FAR = 6.0  # standard deviations by which a distance leaves that median
 NORMAL = 1.4826  # standard deviations of a normal in its median absolute deviation
-ROUNDS = 8  # readings of one frame that may be dropped one after the other
+DROPS = 8  # readings of one frame that may be dropped one after the other
 FEWEST = 4  # markers that tell which one is off
-SHARE, MOST = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
+FRAME_OFF, READINGS_OFF = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
 
 
 def spikes(position: Array) -> Flags:
@@ -33,13 +33,13 @@ def spikes(position: Array) -> Flags:
     """
     seen = np.isfinite(position).all(2)
     found = np.zeros_like(seen)
-    for _ in range(ROUNDS):  # of a frame the worst first: without it, those beside it are right
+    for _ in range(DROPS):  # of a frame the worst first: without it, those beside it are right
         more = spikes_once(np.where(found[..., None], np.nan, position))
         found |= more
         if not more.any():
             break
-    found &= (found.sum(1) <= SHARE * seen.sum(1))[:, None]
-    return found if found.sum() <= MOST * seen.sum() else np.zeros_like(found)
+    found &= (found.sum(1) <= FRAME_OFF * seen.sum(1))[:, None]
+    return found if found.sum() <= READINGS_OFF * seen.sum() else np.zeros_like(found)
 
 
 def spikes_once(position: Array) -> Flags:

@@ -107,7 +107,7 @@ def test_the_converged_gain_is_the_full_recursion_at_every_size_and_across_gaps(
     model = kalman.StateSpace(F, random_cov(rng, n), H, random_cov(rng, m), np.ones(n), np.eye(n), u)
     z = rng.standard_normal((400, m)).cumsum(0)
     z[200:215] = z[300:310, 0] = np.nan
-    monkeypatch.setattr(linear, "LONG", 50)  # also by the gain of Rauch, Tung and Striebel
+    monkeypatch.setattr(linear, "LONG_RUN", 50)  # also by the gain of Rauch, Tung and Striebel
     smoothed = kalman.smooth(model, z, engine=ours)
     assert len(smoothed.filtered.gains.start) < 300
     assert len(smoothed.start) < 400

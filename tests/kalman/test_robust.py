@@ -8,7 +8,7 @@ from linear_models import draw
 
 from forceid.kalman import StateSpace, discretize, smooth
 from forceid.kalman.process import integrate, matern
-from forceid.kalman.robust import MOST, counted, drop_wild, reject, runs, unswap
+from forceid.kalman.robust import WILD_SHARE, counted, drop_wild, reject, runs, unswap
 from forceid.significance import WILD
 
 NOISE, STEP, TIME = 1e-3, 0.01, 300
@@ -137,7 +137,7 @@ def test_samples_dropped_before_count_among_the_few_that_may_be():
 
     before = np.zeros((100, 1), bool)
     assert drop_wild(innovation, again, before)[1]
-    before[: 10 * int(MOST * len(before)) : 10] = True
+    before[: 10 * int(WILD_SHARE * len(before)) : 10] = True
     dropped, ended = drop_wild(innovation, again, before)
     assert not ended
     assert dropped.sum() == before.sum() + 1

@@ -23,7 +23,7 @@ from forceid.kalman.lines import Line
 from forceid.records import Array
 from forceid.significance import NUMBER, PATIENCE
 
-SHOWN = 0.2  # power of a load over that of the noise below which a frequency says nothing of it
+POWER_SHOWN = 0.2  # power of a load over that of the noise below which a frequency says nothing of it
 SLOWER = (1.0, 0.5, 0.25)  # rates tried, of the frequency where load and noise are alike
 SCALES = np.linspace(-3.0, 3.0, 121)  # levels tried, logarithms
 
@@ -93,7 +93,7 @@ def least_error(kernel: Kernel, seen: Axes, engine: Engine) -> Kernel:
     T - N that is lost, and the part G of N that passes, G = S / (S + N).
     """
     p = powers(kernel, seen, engine)
-    shown = p.prior > SHOWN * p.noise
+    shown = p.prior > POWER_SHOWN * p.noise
     if not shown.any():
         return kernel
     top = int(np.flatnonzero(shown.any(1))[-1]) + 1

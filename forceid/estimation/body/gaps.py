@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.instruments import INSTRUMENTS
-from forceid.motion.free_turn import WIDE
+from forceid.motion.free_turn import WIDE_STEP
 from forceid.records import Array, Flags, Motion
 
 
@@ -41,7 +41,7 @@ def on_its_clock(time: Array, seen: Flags) -> Flags:
     gap = np.where(
         np.isfinite(before) & np.isfinite(after), after - before, np.minimum(time - before, after - time)
     )
-    return np.asarray(seen | (gap < WIDE * np.median(np.diff(at))))
+    return np.asarray(seen | (gap < WIDE_STEP * np.median(np.diff(at))))
 
 
 def longest_run(flag: Flags) -> int:

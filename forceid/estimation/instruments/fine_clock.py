@@ -21,7 +21,7 @@ from forceid.records import Array, Indices
 # rad that a body turns in a step: a load that turns with it adds to the spin as a sine does, of which a
 # parabola with the right value and mean misses the turn cubed over 72 sqrt(3) at most, a two-thousandth
 TURN = 0.4
-MOST = 20  # steps between two samples: a turn and more, and no record too long to hold
+MOST_STEPS = int(np.ceil(2 * np.pi / TURN))  # between two samples, of a whole turn: no record gets too long
 
 
 def largest_step(flight: Flight, time: Array) -> float:
@@ -38,7 +38,7 @@ def refined(flight: Flight) -> tuple[Flight, Indices]:
     """
     step = np.diff(flight.time)
     turn = largest_step(flight, flight.time) * step / step.max(initial=0.0)
-    parts = np.clip(np.ceil(turn / TURN), 1, MOST).astype(int)
+    parts = np.clip(np.ceil(turn / TURN), 1, MOST_STEPS).astype(int)
     at = np.concatenate([[0], np.cumsum(parts)])
     if len(flight.time) == at[-1] + 1:
         return flight, at

@@ -32,7 +32,7 @@ from forceid.kalman.model import StateSpace
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
-FAST = 3.0  # times its rate, where they are compared
+COMPARED_AT = 3.0  # times its rate, where they are compared
 
 
 Priors = list[dict[str, LoadPrior]]  # of force and moment, of every part
@@ -177,7 +177,7 @@ def widened(prior: LoadPrior, factor: float) -> LoadPrior:
     """
     root, kernel = float(np.sqrt(factor)), prior.kernel
     strong = int(kernel.std.argmax())
-    fast = FAST * kernel.rate[strong]  # where a record still tells them, and a prior begins to
+    fast = COMPARED_AT * kernel.rate[strong]  # where a record still tells them, and a prior begins to
     level = kernel.density(fast * np.ones(1))
     weak = (level < RESOLVED**2 * level[strong]) & (kernel.rate < fast)
     even = kernel.of(np.where(weak, strong, np.arange(3))).scaled(np.where(weak, RESOLVED, 1.0)).scaled(root)

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from forceid.records import Array
 from forceid.significance import WHOLE
 
-SHARE = 0.02  # of a unit wrench: less is rounding, or noise of the poses
+OPEN_SHARE = 0.02  # of a unit wrench: less is rounding, or noise of the poses
 
 
 def open_components(block: Array) -> tuple[str, ...]:
@@ -32,7 +32,7 @@ def open_components(block: Array) -> tuple[str, ...]:
 def column_space(block: Array) -> Array:
     """Orthonormal columns that span those of block (6, k), as far as these have a share in it."""
     U, s, _ = np.linalg.svd(block, full_matrices=False)
-    return np.asarray(U[:, s > SHARE])
+    return np.asarray(U[:, s > OPEN_SHARE])
 
 
 def listed(components: Sequence[str]) -> str:
@@ -56,7 +56,7 @@ def trading_joints(null_space: Array) -> list[tuple[int, ...]]:
     [(0, 2)]
     """
     size = np.einsum("iak,jbk->ijab", null_space, null_space)
-    linked = np.abs(size).max((2, 3), initial=0.0) > SHARE
+    linked = np.abs(size).max((2, 3), initial=0.0) > OPEN_SHARE
     _, group = connected_components(linked, directed=False)
     found = [tuple(np.flatnonzero(group == k).tolist()) for k in np.unique(group)]
     return [joints for joints in found if linked[joints[0], joints[0]]]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from forceid.estimation.loads.fused_tuning import LEAST
+from forceid.estimation.loads.fused_tuning import NO_GAIN
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -46,7 +46,7 @@ def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, en
     low, high = (first + SPAN[[k, k, k, k + 2]] for k in (0, 1))
     found = minimize(
         misfit, first, method="Nelder-Mead", bounds=Bounds(low, high),
-        options={"fatol": LEAST, "xatol": 0.02, "initial_simplex": first + np.eye(5, 4, k=-1)},
+        options={"fatol": NO_GAIN, "xatol": 0.02, "initial_simplex": first + np.eye(5, 4, k=-1)},
     )  # fmt: skip
     best = at(found.x)
     return replace(best, tuned=replace(best.tuned, log_likelihood=-float(found.fun)))

@@ -27,10 +27,10 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
-STEPS = 15  # of a search, at most
-SHORTEST = 0.01  # of a step
-LEAST = 0.1  # of a log-likelihood: a step that promises less is no gain
-SHARE = 0.1  # of what its slope promises that a step has to gain
+CLIMB_STEPS = 15  # of a search, at most
+LEAST_SHARE = 0.01  # of a step
+NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
+GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -231,14 +231,14 @@ def climb(value: Callable[[Array], float], p: Array) -> Array:
     """
     best, H = value(p), np.eye(len(p))
     slope, first = slope_of(value, p, best), True
-    for _ in range(STEPS):
+    for _ in range(CLIMB_STEPS):
         step = H @ slope
         step *= min(1.0, FARTHER / max(float(np.abs(step).max()), 1e-300))
         gain = float(slope @ step)
-        if gain < LEAST:
+        if gain < NO_GAIN:
             break
         share, level = 1.0, value(p + step)
-        while not level > best + SHARE * share * gain and share > SHORTEST:
+        while not level > best + GAINED_SHARE * share * gain and share > LEAST_SHARE:
             share /= 3
             level = value(p + share * step)
         if not level > best:

@@ -11,10 +11,9 @@ from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import Candidate, Line, find_line, let_drift, line_candidates, near
+from forceid.kalman.lines import AT_ONCE, Candidate, Line, find_line, let_drift, line_candidates, near
 
-MOST_LINES = 24  # of both loads together
-AT_ONCE, ROUNDS = 4, 4  # candidates of one look at the innovations, and looks under one smooth prior
+ROUNDS = 4  # of a search about what the last one found
 
 
 @dataclass(frozen=True)

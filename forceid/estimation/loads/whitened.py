@@ -21,9 +21,9 @@ from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER
 
-RATES = 12  # from one over the record to half a turn a sample
+RATES_TRIED = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
-LEAST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
+FAINTEST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
 GROUPS = 8  # of ordinates, an octave
 
 
@@ -142,9 +142,9 @@ def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array |
 
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
     """The candidates where noise and the prior in use have densities noise and own (group,), as loads."""
-    rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES)
-    most = 1 / LEAST * max(1.0, float((own / noise).max()))
-    size = np.exp(np.arange(np.log(LEAST), np.log(most), np.log(STEP)))
+    rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES_TRIED)
+    most = 1 / FAINTEST * max(1.0, float((own / noise).max()))
+    size = np.exp(np.arange(np.log(FAINTEST), np.log(most), np.log(STEP)))
     orders = ORDERS[1:]  # that have a rate
     total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
     for order in orders:
@@ -152,7 +152,7 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
         scaled = size[:, None] / (shape / noise).max(1)
         sizes.append(scaled.ravel())
         ratios.append(((scaled[:, :, None] * shape + noise) / total).reshape(-1, len(frequency)))
-    each = RATES * len(size)
+    each = RATES_TRIED * len(size)
     ratio = np.concatenate(ratios)
     cost = np.log(ratio) @ count
     # none of six components may have a load: by the rule of succession (Laplace), at odds of 7

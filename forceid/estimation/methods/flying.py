@@ -10,9 +10,10 @@ from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_gauges
 from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
-from forceid.estimation.loads.lines import MOST_LINES, Lines, mass_hidden, more_lines
+from forceid.estimation.loads.lines import Lines, mass_hidden, more_lines
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.tracks import judge_wild
+from forceid.kalman.lines import AT_ONCE
 
 
 def add_instruments(problem: Problem) -> Problem:
@@ -62,6 +63,6 @@ def beside_more_lines(problem: Problem) -> Problem:
     searched = {"force": priors["force"]} if mass_hidden(kin) else priors
     asked = () if isinstance(settings.lines, str) else settings.lines
     more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked)
-    if not len(problem.lines) < len(more) <= MOST_LINES:
+    if not len(problem.lines) < len(more) <= 6 * AT_ONCE:  # as many as one look may find of each component
         return problem
     return replace(problem, lines=more, near=problem.apiece)

@@ -42,7 +42,7 @@ from forceid.significance import TENTH
 
 SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
 HELD = 1e-4  # m, rad: of the pose that the first sample is given
-LOOSE = 0.5  # claimed error of the force over its size from which a bias passes for force
+BIAS_PASSES = 0.5  # claimed error of the force over its size from which a bias passes for force
 
 
 def is_unmarked(motion: Motion) -> bool:
@@ -106,7 +106,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     else:
         claimed = float(np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3].mean()))
         size = float(np.sqrt(np.mean(state.force**2)))
-        if claimed > LOOSE * size:
+        if claimed > BIAS_PASSES * size:
             findings.append(note("bias-as-force", claim=claimed, force=size))
         elif "specific_force_bias" not in stated and with_body[0] < 0.5:
             turning = float(np.linalg.norm(common_bias(best.flight, state)) * flight.mass)

@@ -18,7 +18,7 @@ from forceid.motion.window import noise_growth
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 FIXED = (1.0, 1.0)  # factors on a noise that is known already
-ENOUGH = 1.02  # a noise factor this near to one changes nothing
+SAME_NOISE = 1.02  # a noise factor this near to one changes nothing
 
 
 def see_motion(problem: Problem) -> Problem:
@@ -51,7 +51,7 @@ def tune_force(problem: Problem) -> Problem:
 def settle_noise(problem: Problem) -> Problem:
     """Poses and deformation under the noise that the force has left."""
     force = problem.priors["force"]
-    if np.abs(np.log(force.tuned.noise)).max() <= np.log(ENOUGH):
+    if np.abs(np.log(force.tuned.noise)).max() <= np.log(SAME_NOISE):
         return problem
     return problem.seeing(problem.look(scaled(problem.kin, {problem.source: force.noise})))
 

@@ -11,7 +11,7 @@ import numpy as np
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
-from forceid.motion.free_turn import SHOWN
+from forceid.motion.free_turn import SHOWN_TURN
 from forceid.motion.pose import exp, log
 from forceid.records import Array
 
@@ -29,7 +29,7 @@ def path_read(time: Array, rotation: Array, sensors: Sensors | None) -> tuple[Ar
         return None
     mine = np.isin(sensors.kind, standing)
     read = sensors.readings[:, sensors.used][:, mine]
-    most = int(min(np.median(np.diff(np.flatnonzero(seen))) // 2, SHOWN // (2 * np.pi)))
+    most = int(min(np.median(np.diff(np.flatnonzero(seen))) // 2, SHOWN_TURN // (2 * np.pi)))
     if not most or not np.isfinite(read[~seen]).any():
         return None
     t, R = time[seen], rotation[seen]
