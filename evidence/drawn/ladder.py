@@ -26,7 +26,7 @@ from forceid.config import Settings, load_settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
-from forceid.estimation.model_choice.ladder import climb
+from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.levels import Step
 from forceid.flight.smoother import FlightState
 from forceid.records import Body, Motion, Recording, deviation
@@ -149,7 +149,7 @@ def taken(recording: Recording) -> tuple[str, str, float]:
         return estimate_flight(body, motion, level, engine, kin)
 
     kin = kinematics(body, motion, settings)
-    choice, _ = climb(kin, motion, settings, engine, solve)
+    choice, _ = choose_level(kin, motion, settings, engine, solve)
     spent = time.process_time() - began
     if choice.level is None:
         return choice.model, choice.model, spent

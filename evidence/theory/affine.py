@@ -24,7 +24,7 @@ from evidence.drawn.scored import QUANTILE, central
 from evidence.subjects.flights.true_prior import fitted
 from evidence.written import asked, each, pictured, tabled, written
 from forceid.config import load_settings
-from forceid.estimation.affine.channels import AffineChannels, affine_channels, on_body
+from forceid.estimation.affine.channels import AffineChannels, affine_channels, prior_in_body_axes
 from forceid.estimation.affine.loads import smooth_affine
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.body.affine_fit import fit_affine
@@ -146,7 +146,7 @@ def true_priors(channels: AffineChannels, recording: Recording, position: Array)
     for B, column in enumerate(channels.columns):
         tuned, axes = fitted(channels.time, np.einsum("tba,tb->ta", channels.rotation, K[..., B]))
         start = start_of(channels.time, column.moved, column.gain)
-        priors.append(on_body(LoadPrior(tuned, axes, start), column))
+        priors.append(prior_in_body_axes(LoadPrior(tuned, axes, start), column))
     return priors
 
 

@@ -53,7 +53,7 @@ def applied_loads(
     gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
     G = np.stack(columns, -1)
-    cov, same = state.wrench_cov, alike(G, gyration, names)
+    cov, same = state.wrench_cov, parallel_loads(G, gyration, names)
     if inertia.point:  # no moment acts on it: a load is told by its force
         wrench, cov, G = wrench[:, :3], cov[:, :3, :3], G[:, :3]
     elif inertia.line is not None:  # along the line none acts: known there as well as across
@@ -64,7 +64,7 @@ def applied_loads(
     return solve_loads(wrench, cov, G, gyration, names), same
 
 
-def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]:
+def parallel_loads(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]:
     """Loads that do all but the same to the body, so that small errors go far in their split.
 
     G (time, 6, load): wrench of a unit of each; length m: by which moments are divided. Those that do just
@@ -72,7 +72,7 @@ def alike(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]
 
     >>> lean = np.radians(1.0)
     >>> G = np.array([[1.0, np.cos(lean)], [0.0, np.sin(lean)], *np.zeros((4, 2))])[None]
-    >>> alike(G, 0.1, ("bow", "stern"))[0].text[:53]
+    >>> parallel_loads(G, 0.1, ("bow", "stern"))[0].text[:53]
     'the loads bow, stern do nearly the same to the body: '
     """
     scaled = G[np.isfinite(G).all((1, 2))] / np.repeat([1.0, length], 3)[:, None]

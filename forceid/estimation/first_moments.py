@@ -22,7 +22,7 @@ from forceid.records import Array, Finding, Recording
 UNCLEAR = 0.2  # of F, in a frame
 
 
-def told_first_moments(
+def observed_first_moments(
     recording: Recording, settings: Settings, solution: Solution
 ) -> tuple[AffineLoads | None, tuple[Finding, ...]]:
     """First moments of a flight smoothed at the affine level, or None and, where some were due, why not."""

@@ -25,7 +25,7 @@ from forceid.estimation.methods.imu_only import (
 from forceid.estimation.run import check_stiffness, with_stated
 from forceid.estimation.verdict.finding import judge_leakage, judge_recording, refusing
 from forceid.estimation.verdict.leakage import Leakage, leakage
-from forceid.estimation.verdict.sensitivity import Budget, sensitivity
+from forceid.estimation.verdict.sensitivity import Budget, body_sensitivity
 from forceid.estimation.verdict.shape import judge_shape, judge_size
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import gyro_rate
@@ -234,4 +234,4 @@ def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget 
         found = estimate_classic(body, motion, quick, engine(settings.engine))
     except EstimationError:
         return None
-    return sensitivity(found.kinematics, found.deformation, found.state, body.node, motion.gravity)
+    return body_sensitivity(found.kinematics, found.deformation, found.state, body.node, motion.gravity)

@@ -15,15 +15,15 @@ from forceid.estimation.applied import about_point, applied_loads, check_points,
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.thin_mass import with_known_moment
-from forceid.estimation.first_moments import told_first_moments
+from forceid.estimation.first_moments import observed_first_moments
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
-from forceid.estimation.model_choice.ladder import climb
-from forceid.estimation.model_choice.words import Choice, without_choice
+from forceid.estimation.model_choice.ladder import choose_level
+from forceid.estimation.model_choice.words import LevelChoice, without_choice
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import (
     judge,
@@ -43,7 +43,7 @@ from forceid.estimation.verdict.loads import (
     judge_overlap,
     judge_roughness,
 )
-from forceid.estimation.verdict.sensitivity import sensitivity
+from forceid.estimation.verdict.sensitivity import body_sensitivity
 from forceid.estimation.verdict.shape import judge_common, judge_reference, judge_shape, judge_size
 from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.stand_in import stand_in
@@ -84,7 +84,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     except EstimationError as e:
         if not settings.part:
             raise
-        result = refused(recording, settings, [note("whole-body-fails", error=str(e))])
+        result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
     if settings.part or settings.joint:
         result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
@@ -107,7 +107,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
         rounded = judge_rounding(motion, kin.noise)
         findings = [*judge_recording(kin, motion), *(rounded or judge_clipping(motion))]
     if refusing(findings):
-        return refused(recording, settings, findings), None
+        return refused_estimate(recording, settings, findings), None
     motion, mended = prepared(body, motion)
     if kin is None:
         solution, choice = from_sensors(body, motion, settings)
@@ -130,7 +130,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     return result, solution
 
 
-def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Solution, Choice]:
+def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Solution, LevelChoice]:
     """The solution of a recording of sensors alone, which show no level."""
     solution = estimate_unmarked(body, motion, settings, engine(settings.engine))
     if settings.model != "auto":
@@ -138,7 +138,9 @@ def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Soluti
     return solution, without_choice("rigid", "sensors alone show no deformation")
 
 
-def at_its_level(kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> tuple[Solution, Choice]:
+def at_its_level(
+    kin: Kinematics, body: Body, motion: Motion, settings: Settings
+) -> tuple[Solution, LevelChoice]:
     """The solution at the level asked for, or at the one that the ladder takes, and why that.
 
     kin: of the motion, which is cleaned, under the settings.
@@ -151,7 +153,7 @@ def at_its_level(kin: Kinematics, body: Body, motion: Motion, settings: Settings
 
     if settings.model != "auto":
         return at(settings, kin), without_choice(settings.model, "it was asked for")
-    choice, solution = climb(kin, motion, settings, passes, at)
+    choice, solution = choose_level(kin, motion, settings, passes, at)
     return solution, choice
 
 
@@ -194,12 +196,12 @@ def assemble(
     solution: Solution,
     findings: list[Finding],
     left: float | None,
-    told: list[Finding],
+    further: list[Finding],
 ) -> Estimate:
     """The estimate that a solved flight amounts to.
 
     left: chi-square that the rigid level leaves over that of the best, None where levels were not compared;
-    told: what is to say beside, after all else.
+    further: what is to say beside, after all else.
     """
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
@@ -210,8 +212,8 @@ def assemble(
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
-    affine, untold = told_first_moments(recording, settings, solution)
-    costs = sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
+    affine, unobserved = observed_first_moments(recording, settings, solution)
+    costs = body_sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     findings = [
@@ -230,18 +232,18 @@ def assemble(
         *judge_loads(loads),
         *same,
         *solution.findings,
-        *untold,
-        *told,
+        *unobserved,
+        *further,
     ]
     return Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
-        velocity=state.velocity, orientation=quaternion(rotation), angular_velocity=state.omega,
+        velocity=state.velocity, orientation=canonical_quaternions(rotation), angular_velocity=state.omega,
         angular_momentum=state.H, deformation=deformation, mean_shape=kin.shape, nis=state.nis,
         innovation=state.innovation, mass=kin.inertia.mass, gravity=motion.gravity, node=recording.body.node,
         method=settings.method, model=kin.model, engine=solution.engine, log_likelihood=state.log_likelihood,
         moment_about=str(settings.moment_about), verdict=judge(findings),
         mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None,
-        stretch=affine.stretch if affine else stretch_of(kin.shape, shape) if kin.model == "affine" else None,
+        stretch=affine.stretch if affine else stretch_to(kin.shape, shape) if kin.model == "affine" else None,
         first_moment=affine.first_moment if affine else None,
         first_moment_cov=affine.first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
@@ -274,14 +276,14 @@ def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tupl
     return rotation @ turned, np.einsum("tba,tnb->tna", turned, shape) - mean
 
 
-def stretch_of(mean: Array, shape: Array) -> Array:
+def stretch_to(mean: Array, shape: Array) -> Array:
     """Right stretch U (time, 3, 3) of the affine map that takes the mean shape to `shape` (time, node, 3)."""
     A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
     square, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)
     return np.asarray(axes * np.sqrt(square)[:, None] @ axes.swapaxes(1, 2))
 
 
-def quaternion(rotation: Array) -> Array:
+def canonical_quaternions(rotation: Array) -> Array:
     """Quaternions (time, 4) [x y z w] with w >= 0 of rotation matrices; NaN stays NaN."""
     q = np.full((len(rotation), 4), np.nan)
     seen = np.isfinite(rotation).all((1, 2))
@@ -290,7 +292,7 @@ def quaternion(rotation: Array) -> Array:
     return q
 
 
-def refused(recording: Recording, settings: Settings, findings: list[Finding]) -> Estimate:
+def refused_estimate(recording: Recording, settings: Settings, findings: list[Finding]) -> Estimate:
     """An estimate that says nothing but why."""
     T, nodes = len(recording.motion.time), len(recording.body.node)
     v3, v4 = np.full((T, 3), np.nan), np.full((T, 4), np.nan)

@@ -177,7 +177,7 @@ def clock(channels: Channels, setting: ChannelSetting, used: Mapping[str, int]) 
         count_samples(channels, setting.time, len(time), dict(used))
         return time
     if setting.rate is not None:
-        return np.asarray(np.arange(count) / sample_rate(channels, setting.rate))
+        return np.asarray(np.arange(count) / stated_rate(channels, setting.rate))
     common = channels.time.get(base_of(first))
     if common is None:
         next_step = f'add {channels.table}.time = "NAME", or rate = HZ'
@@ -191,7 +191,7 @@ def clock(channels: Channels, setting: ChannelSetting, used: Mapping[str, int]) 
     return common
 
 
-def sample_rate(channels: Channels, rate: float | str) -> float:
+def stated_rate(channels: Channels, rate: float | str) -> float:
     """A rate in Hz, stated or held by a channel of one number."""
     if not isinstance(rate, str):
         return rate

@@ -14,13 +14,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from forceid.compiled import engine as compiled
+from forceid.motion.free_turn import rotation_vector_rate
 from forceid.motion.pose import exp, log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 
 
 @dataclass(frozen=True)
-class Course:
+class ReferenceTrajectory:
     """Where a flight is linearized, at its samples; a step leads from each but the last.
 
     step (step,) s; R (time, 3, 3); H, T, dT (time, 3): angular momentum, moment and its rate, world axes;
@@ -57,45 +58,40 @@ def at(cubic: Array, s: Array) -> Array:
     return np.asarray(((cubic[0] * s + cubic[1]) * s + cubic[2]) * s + cubic[3])
 
 
-def turn(course: Course) -> tuple[Array, Array, Array]:
+def turn_along(path: ReferenceTrajectory) -> tuple[Array, Array, Array]:
     """Where each step leads, R (step, 3, 3), and its derivatives.
 
     d theta / d theta from theta' = J^-1 [H]x theta + J^-1 delta H, and that by delta H which grows over the
     step as 1, s and s^2, (3, step, 3, 3).
     """
-    return turn_in_numpy(course) if compiled is None else compiled.turn(*course.parts)
+    return turn_in_numpy(path) if compiled is None else compiled.turn(*path.parts)
 
 
-def turn_in_numpy(course: Course) -> tuple[Array, Array, Array]:
-    """`turn`, all steps at once."""
-    step, n = course.step, course.substeps
-    R, H, T, dT = (a[:-1] for a in (course.R, course.H, course.T, course.dT))
+def turn_in_numpy(path: ReferenceTrajectory) -> tuple[Array, Array, Array]:
+    """`turn_along`, all steps at once."""
+    step, n = path.step, path.substeps
+    R, H, T, dT = (a[:-1] for a in (path.R, path.H, path.T, path.dT))
 
     def omega(R: Array, s: Array) -> tuple[Array, Array, Array]:
         H_s = H + T * s[:, None] + 0.5 * dT * s[:, None] ** 2
-        J_inv = np.asarray(np.linalg.inv(R @ at(course.J, s) @ R.swapaxes(1, 2)))
-        h = (R @ at(course.h, s)[..., None])[..., 0]
+        J_inv = np.asarray(np.linalg.inv(R @ at(path.J, s) @ R.swapaxes(1, 2)))
+        h = (R @ at(path.h, s)[..., None])[..., 0]
         return np.einsum("tij,tj->ti", J_inv, H_s - h), J_inv, H_s
 
     h, d_theta, d_H = step / n, np.tile(np.eye(3), (len(step), 1, 1)), np.zeros((3, len(step), 3, 3))
     for i in range(n):
         s, hv = i * h, h[:, None]
         k1, _, _ = omega(R, s)
-        k2 = bend(0.5 * hv * k1, omega(exp(0.5 * hv * k1) @ R, s + 0.5 * h)[0])
+        k2 = rotation_vector_rate(0.5 * hv * k1, omega(exp(0.5 * hv * k1) @ R, s + 0.5 * h)[0])
         w, J_inv, H_s = omega(exp(0.5 * hv * k2) @ R, s + 0.5 * h)
-        k3 = bend(0.5 * hv * k2, w)
-        k4 = bend(hv * k3, omega(exp(hv * k3) @ R, s + h)[0])
+        k3 = rotation_vector_rate(0.5 * hv * k2, w)
+        k4 = rotation_vector_rate(hv * k3, omega(exp(hv * k3) @ R, s + h)[0])
         R = exp(hv / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
         a = J_inv @ skew(H_s) * h[:, None, None]
         half, whole = np.eye(3) + 0.5 * a + a @ a / 8, np.eye(3) + a + a @ a / 2 + a @ a @ a / 6
         grown = np.stack([h, h * (s + 0.5 * h), h * ((s + 0.5 * h) ** 2 + h**2 / 12)])
         d_theta, d_H = whole @ d_theta, whole @ d_H + half @ J_inv * grown[..., None, None]
     return R, d_theta, d_H
-
-
-def bend(phi: Array, omega: Array) -> Array:
-    """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
-    return omega - 0.5 * np.cross(phi, omega) + np.cross(phi, np.cross(phi, omega)) / 12
 
 
 def between(R: Array, other: Array) -> Array:
@@ -111,8 +107,3 @@ def between(R: Array, other: Array) -> Array:
 def turned(phi: Array, R: Array) -> Array:
     """Rotations exp(phi) R (time, 3, 3), phi (time, 3)."""
     return exp(phi) @ R if compiled is None else np.asarray(compiled.turned(phi, R))
-
-
-def apply(A: Array, v: Array) -> Array:
-    """Matrices (time, 3, 3) times vectors (time, 3)."""
-    return np.asarray((A @ v[..., None])[..., 0])

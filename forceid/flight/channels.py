@@ -102,7 +102,7 @@ def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:
     return (regular, *wide)
 
 
-def stretch(z: Array) -> list[slice]:
+def tuning_segments(z: Array) -> list[slice]:
     """Stretches of a record (time, axis) that tuning looks at, each with enough samples present."""
     n = len(z)
     quarters = [slice(0, n)]
@@ -116,7 +116,7 @@ def stretch(z: Array) -> list[slice]:
 def runs_of(time: Array, z: Array, noise_var: Array) -> list[tuple[Array, Array, Array]]:
     """Those stretches by themselves: times, z about the first sample, and the variance of its noise."""
     runs = []
-    for run in stretch(z):
+    for run in tuning_segments(z):
         t, y, var = on_clock(time[run], z[run] - z[run][np.isfinite(z[run]).all(1)][0], noise_var[run])
         runs.append((t, y, np.where(np.isfinite(var), var, 1.0)))
     return runs

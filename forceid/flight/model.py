@@ -16,12 +16,11 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
-from forceid.flight.attitude import Course, between, cubics
-from forceid.flight.attitude import turn as turn_along
+from forceid.flight.attitude import ReferenceTrajectory, between, cubics, turn_along
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
-from forceid.flight.instruments.sensors import Sensors, carried, sensed, with_sensors
+from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
 from forceid.flight.modes import FlyingModes, bent, gauged
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
@@ -102,12 +101,12 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
 
-def course(flight: Flight, reference: Reference) -> Course:
+def reference_trajectory(flight: Flight, reference: Reference) -> ReferenceTrajectory:
     """The flight about its reference."""
-    return course_of(flight, reference.rotation, *reference.moment.read(reference.chain))
+    return trajectory_of(flight, reference.rotation, *reference.moment.read(reference.chain))
 
 
-def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course:
+def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> ReferenceTrajectory:
     """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn."""
     step = np.diff(flight.time)
     inertia, h = cubics(flight.time, flight.inertia), cubics(flight.time, flight.h)
@@ -117,17 +116,17 @@ def course_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Course
     if not far < SHOWN_TURN:
         raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *unsettled(flight))
     n = max(1, int(np.ceil(far / SUBSTEP)))
-    return Course(step, R, H, T, dT, inertia, h, n)
+    return ReferenceTrajectory(step, R, H, T, dT, inertia, h, n)
 
 
-def foretold(reference: Reference, F: Array) -> tuple[Array, Array]:
+def moment_increments(reference: Reference, F: Array) -> tuple[Array, Array]:
     """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
     load = reference.chain[:-1, LOAD, None]
     Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
     return Y, H
 
 
-def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Course:
+def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> ReferenceTrajectory:
     """The flight about its reference, under a moment b + 2 c s in each step, of H = b s + c s^2 with Y and H.
 
     A moment that oscillates between two samples is not known by its value and rate at the first, and one that
@@ -136,23 +135,23 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Course:
     s = np.diff(flight.time)[:, None]
     b, c = 6 * Y / s**2 - 2 * H / s, 3 * H / s**2 - 6 * Y / s**3
     T, dT = (np.concatenate([a, a[-1:]]) for a in (b, 2 * c))
-    return course_of(flight, reference.rotation, reference.moment.read(reference.chain)[0], T, dT)
+    return trajectory_of(flight, reference.rotation, reference.moment.read(reference.chain)[0], T, dT)
 
 
-def turn(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
+def turn_along_reference(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
     """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
 
     d theta / d theta (time - 1, 3, 3), and that by delta H which grows over the step as 1, s and s^2, (3,
     time - 1, 3, 3).
     """
-    return turn_along(course(flight, reference))
+    return turn_along(reference_trajectory(flight, reference))
 
 
-def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
+def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
     F, Q, P0 = prior.chain(step, reference.rotation)
-    Y, H = foretold(reference, F)
+    Y, H = moment_increments(reference, F)
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
@@ -162,7 +161,7 @@ def rotation(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpa
     theta = INTEGRAL  # in place of Y
     F[:, theta, LOAD] = by_Y @ F[:, INTEGRAL, LOAD] + by_H @ F[:, MOMENTUM, LOAD]
     F[:, theta, MOMENTUM], F[:, theta, theta] = start, d_theta
-    if prior.carried is not None:  # its states say where it stands in the body: in the world theta turns it
+    if prior.body_axes is not None:  # its states say where it stands in the body: in the world theta turns it
         F[:, MOMENTUM, theta] = -skew(H)
         F[:, theta, theta] -= by_Y @ skew(Y) + by_H @ skew(H)
     Q[:, theta] = by_Y @ Q[:, INTEGRAL] + by_H @ Q[:, MOMENTUM]
@@ -184,7 +183,7 @@ def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) 
     if about is None:
         return translation(flight, prior), flight.center
     wider = replace(about, chain=prior.restated(about.chain, about.moment), moment=prior)
-    return rotation(flight, prior, wider), error_angle(flight, about)
+    return rotation_model(flight, prior, wider), error_angle(flight, about)
 
 
 def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
@@ -207,7 +206,7 @@ def linear_flight(
     constant about the reference removed.
     """
     flight, free = flexed(flight, reference), translation(flight, force, reference.rotation)
-    model = stack(free, rotation(flight, moment, reference), flight.pose_cov)
+    model = stack(free, rotation_model(flight, moment, reference), flight.pose_cov)
     z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
     n, N = len(free.x0), len(model.x0)
     if flight.modes is not None:
@@ -215,7 +214,7 @@ def linear_flight(
         H, _, _ = reference.moment.read(reference.chain)
         model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
-        z = np.where(whole, np.concatenate([frames.center, theta, frames.told], 1), np.nan)
+        z = np.where(whole, np.concatenate([frames.center, theta, frames.observed], 1), np.nan)
         if (gauges := flight.modes.gauges) is not None:
             model, z = gauged(model, gauges, N), np.concatenate([z, gauges.reading], 1)
     if flight.sensors is None:
@@ -226,23 +225,25 @@ def linear_flight(
     seen = sensed(flight.sensors, moved, steady)
     by_theta = seen.by["theta"]
     for prior, by, load in ((force, seen.by["F"], moved.F), (moment, seen.by["T"], moved.T)):
-        if prior.carried is not None:
+        if prior.body_axes is not None:
             by_theta = by_theta - by @ skew(load)
     rows = np.concatenate([seen.by["F"] @ force.rows, seen.by["T"] @ reference.moment.rows], 2)
     rows[:, :, n : n + 3] += by_theta
     rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.moment.axes
     about = np.concatenate([chain, reference.chain], 1)
-    rows, chance = carried(rows, flight.sensors, flight.sensors.clock(steady), (force, moment))
+    rows, chance = read_later(rows, flight.sensors, flight.sensors.clock(steady), (force, moment))
     read = flight.sensors.readings[:, flight.sensors.used]
-    told = read - seen.reading + np.einsum("tcs,ts->tc", rows, about)
-    told += np.einsum("tcs,s->tc", seen.by_steady, steady)
+    observed = read - seen.reading + np.einsum("tcs,ts->tc", rows, about)
+    observed += np.einsum("tcs,s->tc", seen.by_steady, steady)
     rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
     if flight.modes is not None and flight.modes.mounting is not None:
         more, by_modes = bending(flight.sensors, moved, flight.modes, steady)
         rows[:, :, N : N + by_modes.shape[2]] = by_modes
-        told += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
-    rows_below = with_sensors(model, flight.sensors, rows, chance, seen.by_steady, np.diff(flight.time))
-    return rows_below, np.concatenate([z, told], 1)
+        observed += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
+    rows_below = with_sensor_channels(
+        model, flight.sensors, rows, chance, seen.by_steady, np.diff(flight.time)
+    )
+    return rows_below, np.concatenate([z, observed], 1)
 
 
 def flexed(flight: Flight, reference: Reference) -> Flight:

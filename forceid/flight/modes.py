@@ -93,7 +93,7 @@ def bent(
     F_q, Q_q, P_q = chains(modes, step)
     n, k, T = len(model.x0), len(P_q), len(time)
     theta, own = slice(first, first + 3), slice(n, n + k)
-    at_start, at_end = pushes(modes, step, rotation, H, model.F[:, theta, theta])
+    at_start, at_end = mode_impulses(modes, step, rotation, H, model.F[:, theta, theta])
     F, Q = (np.zeros((T - 1, n + k, n + k)) for _ in range(2))
     F[:, :n, :n], F[:, own, own], F[:, theta, own] = model.F, F_q, at_start + at_end @ F_q
     Q[:, :n, :n], Q[:, own, own], Q[:, theta, own] = model.Q, Q_q, at_end @ Q_q
@@ -111,7 +111,9 @@ def bent(
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), block_diag(model.P0, P_q), u)
 
 
-def pushes(modes: FlyingModes, step: Array, rotation: Array, H: Array, d_theta: Array) -> tuple[Array, Array]:
+def mode_impulses(
+    modes: FlyingModes, step: Array, rotation: Array, H: Array, d_theta: Array
+) -> tuple[Array, Array]:
     """What the chains do to theta over a step, by their values at its start and at its end.
 
     Both (time - 1, 3, state): the integral of a cubic through amplitudes and rates at both ends. d_theta

@@ -16,11 +16,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
-from forceid.flight.attitude import Course, apply, between, turned
+from forceid.flight.attitude import ReferenceTrajectory, between, turned
 from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.rigid_lanes import Mode, Path, TurningModel, smooth_turning
+from forceid.flight.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
+from forceid.motion.free_turn import apply
 from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
 from forceid.significance import THOUSANDTH
@@ -32,7 +33,7 @@ WORTH_LANES = 256  # samples below which it does not pay
 
 
 @dataclass(frozen=True)
-class Kinds:
+class StepClasses:
     """What the steps of each kind, all of one length, have in common; states that are zero for ever left out.
 
     which (step,): kind of each; F, Q (kind, state, state), u (kind, state), x0, P0: translation, then the
@@ -57,19 +58,21 @@ class Kinds:
     size: int
 
 
-def step_kinds(time: Array) -> tuple[Array, Indices]:
+def classify_steps(time: Array) -> tuple[Array, Indices]:
     """Times (kind + 1,) between which each kind of step is once, and the kind of each step."""
     kinds, which = np.unique(np.round(np.diff(time), 12), return_inverse=True)
     return np.concatenate([[0.0], np.cumsum(kinds)]), which
 
 
-def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, moment: LoadPrior) -> Kinds:
+def step_classes(
+    time: Array, which: Indices, free: StateSpace, force: LoadPrior, moment: LoadPrior
+) -> StepClasses:
     """The kinds of steps between the times `time`, of each of which `free` is the translation."""
     F, Q, P0 = moment.chain(np.diff(time))
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     n, m = len(free.x0), len(P0)
     pushed = np.zeros((2, len(F), n + m, 3))
-    pushed[:, :, n:] = np.stack(pushes(F, np.diff(time), moment.axes)).swapaxes(2, 3)
+    pushed[:, :, n:] = np.stack(load_over_step(F, np.diff(time), moment.axes)).swapaxes(2, 3)
     both = np.zeros((2, len(F), n + m, n + m))
     both[0, :, :n, :n], both[1, :, :n, :n], both[0, :, n:, n:], both[1, :, n:, n:] = free.F, free.Q, F, Q
     F, Q, P0 = *both, block_diag(free.P0, P0)
@@ -87,13 +90,13 @@ def kinds_of(time: Array, which: Indices, free: StateSpace, force: LoadPrior, mo
     loads[6:, n:] = np.concatenate([a.T for a in moment.read(np.eye(m))])
     # contiguous: a product this thin is slow in any other order
     columns = np.ascontiguousarray(loads[:, s].reshape(5, 3, len(s)).swapaxes(1, 2))
-    return Kinds(
+    return StepClasses(
         which, F[:, s][:, :, s], Q[:, s][:, :, s], u, x0, P0[s][:, s], H, read[:, s], columns,
         np.ascontiguousarray(pushed[:, :, s]), int((s < n).sum()), s[s >= n] - n, m,
     )  # fmt: skip
 
 
-def pushes(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
+def load_over_step(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
     """Rows (step, 3, state), world axes, that read a load over a step, and its rate, out of the chain before
     it.
 
@@ -107,12 +110,12 @@ def pushes(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
     return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
 
 
-def loads_of(kinds: Kinds, x: Array, first: int = 0) -> list[Array]:
+def loads_of(kinds: StepClasses, x: Array, first: int = 0) -> list[Array]:
     """Momentum, force, angular momentum, moment and its rate (time, 3), from `first` on, of states x."""
     return [x @ columns for columns in kinds.loads[first:]]
 
 
-def pushed_by(kinds: Kinds, x: Array) -> list[Array]:
+def pushed_by(kinds: StepClasses, x: Array) -> list[Array]:
     """The moment and its rate (time, 3) over the step that each sample begins; no step begins at the last."""
     which = np.append(kinds.which, 0)
     if len(kinds.F) == 1:
@@ -120,13 +123,13 @@ def pushed_by(kinds: Kinds, x: Array) -> list[Array]:
     return [np.einsum("ts,tsa->ta", x, columns[which]) for columns in kinds.pushed]
 
 
-def about(kinds: Kinds, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+def linearized_about(kinds: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
     """The whole flight about a reference, where `rows` are those of theta."""
     k = kinds
     return TurningModel(k.F, k.Q, k.u, k.which, *rows, k.theta, k.H, pose_cov, k.x0, k.P0, k.read)
 
 
-def rotation_alone(kinds: Kinds, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+def rotation_alone(kinds: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
     """The rotation by itself, as if its errors had nothing to do with those of the mass center."""
     k, s = kinds, slice(kinds.theta, None)
     R = np.ascontiguousarray(pose_cov[:, 3:, 3:])
@@ -160,14 +163,14 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
     return R, apply(R, body) @ moment.axes
 
 
-def settled_in_lanes(
-    flight: Flight, kinds: Kinds, force: LoadPrior, moment: LoadPrior,
-    course_of: Callable[[Array, Array, Array, Array], Course], causal: bool,
+def settled_in_batches(
+    flight: Flight, kinds: StepClasses, force: LoadPrior, moment: LoadPrior,
+    trajectory_of: Callable[[Array, Array, Array, Array], ReferenceTrajectory], causal: bool,
 ) -> tuple[Path, Array, Array] | None:  # fmt: skip
     """The flight about a reference where it comes to rest: path, and rotations and moment chain of that.
 
-    course_of: the flight about a rotation, momentum, moment and its rate. None where only the passes of an
-    engine will do.
+    trajectory_of: the flight about a rotation, momentum, moment and its rate. None where only the passes of
+    an engine will do.
     """
     t, time, center = kinds.theta, flight.time, flight.center
     if compiled is None or len(time) < WORTH_LANES or (first := by_frames(flight, moment)) is None:
@@ -178,13 +181,13 @@ def settled_in_lanes(
     guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
     for alone in (True, *[False] * ITERATIONS):
         chain = guess[:, t:].copy()
-        parts = course_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
-        rows = compiled.rotation_rows(*parts, *chain_of(kinds), kinds.which, moment.axes, chain)
+        parts = trajectory_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
+        rows = compiled.rotation_rows(*parts, *moment_block(kinds), kinds.which, moment.axes, chain)
         theta = between(flight.rotation, R)
         if alone:
             path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, Mode.STATES)
         else:
-            model, z = about(kinds, rows, flight.pose_cov), np.concatenate([center, theta], 1)
+            model, z = linearized_about(kinds, rows, flight.pose_cov), np.concatenate([center, theta], 1)
             path = smooth_turning(model, z, guess, Mode.SMOOTHED)
         if path is None:
             return None
@@ -205,7 +208,7 @@ def settled_in_lanes(
     return None
 
 
-def chain_of(kinds: Kinds) -> tuple[Array, Array]:
+def moment_block(kinds: StepClasses) -> tuple[Array, Array]:
     """F, Q (kind, state, state) of the moment's chain."""
     s = slice(kinds.theta, None)
     return kinds.F[:, s, s], kinds.Q[:, s, s]

@@ -12,25 +12,24 @@ from functools import partial
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.flight.attitude import apply, turned
-from forceid.flight.attitude import turn as turn_along
+from forceid.flight.attitude import turn_along, turned
 from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
 from forceid.flight.instruments.turn_count import path_read
 from forceid.flight.model import (
     Flight,
     Reference,
-    course_of,
     flexed,
     linear_flight,
     steady_of,
+    trajectory_of,
     translation,
     unsettled,
 )
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.rigid_path import kinds_of, loads_of, settled_in_lanes, step_kinds
+from forceid.flight.rigid_path import classify_steps, loads_of, settled_in_batches, step_classes
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
-from forceid.motion.free_turn import free_turn, momentum_between
+from forceid.motion.free_turn import apply, free_turn, momentum_between
 from forceid.motion.pose import exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
@@ -96,7 +95,7 @@ def smooth_flight(
     model, z, about, _ = settled(flight, force, moment, engine, first)
     path = engine.smooth(model, z)
     n = force.states
-    return read(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
+    return read_state(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
 
 
 def smoothed_once_more(
@@ -107,19 +106,19 @@ def smoothed_once_more(
     model, z = linear_flight(flight, force, moment, about)
     further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
     path = engine.smooth(*linear_flight(flight, force, moment, further))
-    return read(flight, further, path, path.filtered, n, force, moment)
+    return read_state(flight, further, path, path.filtered, n, force, moment)
 
 
 def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
     """`smooth_flight` of a body without modes, compiled throughout; None where only an engine's passes do."""
-    if flight.sensors is not None or force.carried is not None or moment.carried is not None:
+    if flight.sensors is not None or force.body_axes is not None or moment.body_axes is not None:
         return None
-    clock, which = step_kinds(flight.time)
+    clock, which = classify_steps(flight.time)
     free = translation(replace(flight, time=clock), force)
 
-    kinds = kinds_of(clock, which, free, force, moment)
+    kinds = step_classes(clock, which, free, force, moment)
     try:
-        found = settled_in_lanes(flight, kinds, force, moment, partial(course_of, flight), causal)
+        found = settled_in_batches(flight, kinds, force, moment, partial(trajectory_of, flight), causal)
     except EstimationError:
         return None
     if found is None:
@@ -149,9 +148,9 @@ def settled(
     reference = first_reference(flight, moment) if first is None else first
     n = force.states
     seen = np.isfinite(flight.rotation).all((1, 2))
-    told = is_told(flight)
+    attitude_seen = attitude_is_observed(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
-    rest *= SINGLE if told else TENTH
+    rest *= SINGLE if attitude_seen else TENTH
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
     size, share, steps = np.inf, 1.0, 0
@@ -164,7 +163,7 @@ def settled(
             if found is None:
                 raise
             far = np.inf
-        too_long = not far < (np.inf if told else size)
+        too_long = not far < (np.inf if attitude_seen else size)
         if found is not None and too_long and size > SETTLED:
             share *= 0.5
             if share < SHORTEST:
@@ -174,19 +173,19 @@ def settled(
         last, size, share = size, far, min(1.0, 2 * share)
         found, reference = (model, z, reference, x), lead(reference, x, share)
         steps += 1
-        if steps == LOOK_AFTER and not told:  # far is then what the sensors cannot tell
+        if steps == LOOK_AFTER and not attitude_seen:  # far is then what the sensors cannot tell
             var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
             rest = max(rest, TENTH * float(np.sqrt(var.max())))
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
     assert found is not None
-    if size > SETTLED and told:
+    if size > SETTLED and attitude_seen:
         what = f"does not settle: its last step turned the path by {size:.1e} rad"
         raise EstimationError(what, *unsettled(flight))
     return *found[:3], reference
 
 
-def is_told(flight: Flight) -> bool:
+def attitude_is_observed(flight: Flight) -> bool:
     """Whether more than one rotation, that of a start, is measured."""
     return bool(np.isfinite(flight.rotation).all((1, 2)).sum() > 1)
 
@@ -204,7 +203,7 @@ def led(
     chain, pushed = x[:, n : n + m], x[:, :n]
     was = np.zeros_like(pushed) if reference.force is None else reference.force
     chain, pushed = reference.chain + share * (chain - reference.chain), was + share * (pushed - was)
-    if not is_told(flight):
+    if not attitude_is_observed(flight):
         chain = turned_along(chain, reference.chain, theta, moment, 3)
         pushed = turned_along(pushed, was, theta, force, 6)
     steady, modes = None, None
@@ -216,7 +215,7 @@ def led(
         before = flight.modes.path if reference.modes is None else reference.modes
         modes = before + share * (modes - before)
     R = turned(theta, reference.rotation)
-    return Reference(R, at_rest(chain), moment, pushed, steady, modes)
+    return Reference(R, rotation_into_reference(chain), moment, pushed, steady, modes)
 
 
 def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, first: int) -> Array:
@@ -227,7 +226,7 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
     """
     smooth, out = prior.vectors, chain.copy()
     v, v0 = (a[:, first:smooth].reshape(len(a), -1, 3) @ prior.axes.T for a in (chain, before))
-    if prior.carried is not None:
+    if prior.body_axes is not None:
         v0[:, (6 - first) // 3 :] = 0.0
     body = v - np.cross(theta[:, None], v0)
     out[:, first:smooth] = (np.einsum("tab,tkb->tka", exp(theta), body) @ prior.axes).reshape(len(chain), -1)
@@ -266,7 +265,7 @@ def with_translation(state: FlightState, free: FlightState) -> FlightState:
     )  # fmt: skip
 
 
-def read(
+def read_state(
     flight: Flight,
     reference: Reference,
     path: Smoothed | Filtered,
@@ -285,25 +284,25 @@ def read(
     read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
     read_wrench[:, :3, :n], read_wrench[:, 3:, n:end] = force.rows, reference.moment.rows
     for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
-        if prior.carried is not None:  # turned by what the rotation is off
+        if prior.body_axes is not None:  # turned by what the rotation is off
             read_wrench[:, part, n : n + 3] = -skew(load)
     read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
     P_all, white = path.P, f.innovation
     std = np.sqrt(np.maximum(np.diagonal(P_all[-1]), 0.0))
-    modes, told, shown = None, 6, 6
+    modes, deformed, gauged = None, 6, 6
     if flight.modes is not None:
-        modes, told = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
-        shown = told if (gauges := flight.modes.gauges) is None else told + len(gauges.rows)
-        end += modes.shape[1] + shown - told
-    biases, sensors = slice(end, end + white.shape[1] - shown), flight.sensors
+        modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
+        gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
+        end += modes.shape[1] + gauged - deformed
+    biases, sensors = slice(end, end + white.shape[1] - gauged), flight.sensors
     steady, steady_std = (np.zeros(0) if sensors is None else sensors.steady_in(a) for a in (x[-1], std))
     return FlightState(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ P_all @ read_wrench.mT, read_pose @ P_all @ read_pose.T,
         white[:, :6], f.nis, f.log_likelihood, reference,
-        white[:, shown:], x[-1, biases], std[biases], steady, steady_std, modes, white[:, told:shown],
+        white[:, gauged:], x[-1, biases], std[biases], steady, steady_std, modes, white[:, deformed:gauged],
     )  # fmt: skip
 
 
@@ -339,9 +338,9 @@ def steps_of(flight: Flight, H: Array) -> Array:
     Without a moment over the step, by the equations of the top: exact for a free one, however far it turns.
     """
     still = np.zeros_like(H)
-    return turn_along(course_of(flight, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]
+    return turn_along(trajectory_of(flight, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]
 
 
-def at_rest(chain: Array) -> Array:
+def rotation_into_reference(chain: Array) -> Array:
     """The chain with its rotation error taken into the reference."""
     return np.concatenate([np.zeros_like(chain[:, :3]), chain[:, 3:]], 1)

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from forceid.flight.channels import driven, stretch
+from forceid.flight.channels import driven, tuning_segments
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.lines import AT_ONCE
 from forceid.kalman.model import StateSpace
@@ -63,7 +63,7 @@ def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | No
     periodogram.
     """
     likelihood, modes = for_tuning(engine).log_likelihood, q.shape[1]
-    runs = stretch(q)
+    runs = tuning_segments(q)
     span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
 
     def objective(points: Array, _levels: Array) -> Array:

@@ -19,7 +19,7 @@ class Frames:
 
     center (time, 3) m, rotation (time, 3, 3), NaN where not fixed: those of a rigid body, with covariance cov
     (time, 6, 6) of marker noise alone, as in `Pose`; deformation bends them by leak q, leak (time, 6, mode)
-    in world axes. told (time, mode) = rows q + noise of unit variance, rows (time, mode, mode), NaN where
+    in world axes. observed (time, mode) = rows q + noise of unit variance, rows (time, mode, mode), NaN where
     there is no further number; that noise is independent of the pose's.
     """
 
@@ -27,7 +27,7 @@ class Frames:
     rotation: Array
     cov: Array
     leak: Array
-    told: Array
+    observed: Array
     rows: Array
 
 
@@ -52,7 +52,7 @@ def fit_frames(
     T, m = len(position), len(shapes)
     center, R = pose.center.copy(), pose.rotation.copy()
     flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
-    leak, rows, told = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
+    leak, rows, observed = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
     out = np.full((T, 6, 6), np.nan)
     for pattern, more, frames in frames_seen_alike(position, own):
         at = frames[np.isfinite(center[frames]).all(1)]
@@ -79,5 +79,5 @@ def fit_frames(
         known = size > SOLVED * size.max(initial=0.0)
         root = axes[:, known] / np.sqrt(size[known])
         rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
-        told[at, : known.sum()] = left() @ (weighed.T @ root)
-    return Frames(center, R, out, leak, told, rows)
+        observed[at, : known.sum()] = left() @ (weighed.T @ root)
+    return Frames(center, R, out, leak, observed, rows)

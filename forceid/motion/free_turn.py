@@ -31,7 +31,7 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
     """
 
     def omega(R: Array) -> Array:
-        return times(R, times(inverse, times(R.swapaxes(1, 2), H) - h))
+        return apply(R, apply(inverse, apply(R.swapaxes(1, 2), H) - h))
 
     inverse = np.asarray(np.linalg.inv(J), float)
     turned = angle(step, R, H, J, h)
@@ -41,10 +41,10 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
     by_R, by_H = np.tile(np.eye(3), (len(R), 1, 1)), np.zeros((len(R), 3, 3))
     for _ in range(n):
         k1 = omega(R)
-        k2 = bend(0.5 * s * k1, omega(exp(0.5 * s * k1) @ R))
+        k2 = rotation_vector_rate(0.5 * s * k1, omega(exp(0.5 * s * k1) @ R))
         middle = exp(0.5 * s * k2) @ R
-        k3 = bend(0.5 * s * k2, omega(middle))
-        k4 = bend(s * k3, omega(exp(s * k3) @ R))
+        k3 = rotation_vector_rate(0.5 * s * k2, omega(middle))
+        k4 = rotation_vector_rate(s * k3, omega(exp(s * k3) @ R))
         R = exp(s / 6 * (k1 + 2 * k2 + 2 * k3 + k4)) @ R
         J_inv = middle @ inverse @ middle.swapaxes(1, 2)
         a = J_inv @ skew(H) * a_step
@@ -56,7 +56,7 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
 
 def angle(step: Array, R: Array, H: Array, J: Array, h: Array) -> Array:
     """Angles (n,) rad by which bodies turn in a step at the rate that they begin it with; as `free_turn`."""
-    body = times(R.swapaxes(1, 2), H) - h
+    body = apply(R.swapaxes(1, 2), H) - h
     rate = np.linalg.solve(J, body[..., None])[..., 0]
     return np.asarray(np.linalg.norm(rate, axis=1) * np.abs(step))
 
@@ -72,7 +72,7 @@ def momentum_between(time: Array, R: Array, J: Array, h: Array) -> tuple[Array, 
     step, J, h = np.diff(time), 0.5 * (J[1:] + J[:-1]), 0.5 * (h[1:] + h[:-1])
     turn = log(R[1:] @ R[:-1].swapaxes(1, 2))
     middle = exp(0.5 * turn) @ R[:-1]
-    H = times(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + times(middle, h)
+    H = apply(middle @ J @ middle.swapaxes(1, 2), turn / step[:, None]) + apply(middle, h)
     wide = step > WIDE_STEP * np.median(step) if len(step) else np.zeros(0, bool)
     by_R, by_H = np.empty(R[1:].shape), np.empty(R[1:].shape)
     for part in (~wide, wide):
@@ -130,12 +130,12 @@ def largest_turn(time: Array, R: Array) -> float:
     return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
 
 
-def bend(phi: Array, omega: Array) -> Array:
+def rotation_vector_rate(phi: Array, omega: Array) -> Array:
     """Rate of the rotation vector phi of a body that turns at omega, both world axes, small phi."""
     turned = np.cross(phi, omega)
     return omega - 0.5 * turned + np.cross(phi, turned) / 12
 
 
-def times(A: Array, v: Array) -> Array:
+def apply(A: Array, v: Array) -> Array:
     """Matrices (n, 3, 3) times vectors (n, 3)."""
     return np.asarray((A @ v[..., None])[..., 0])

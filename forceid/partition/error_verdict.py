@@ -61,7 +61,7 @@ def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tup
             f"loads on the partitions are {canceled:.1g} times what they add up to",
             "take what only cancels between partitions out of them",
         )
-    jump = stiffness_jump(system)
+    jump = stiffness_ratio(system)
     if jump > JUMP:
         if best.lam_error > best.error:
             lost = "the forces between stiff ones are lost in the rounding of how far these move"
@@ -74,7 +74,7 @@ def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tup
     )
 
 
-def stiffness_jump(system: Assembly) -> float:
+def stiffness_ratio(system: Assembly) -> float:
     """Ratio of the largest to the least mean stiffness of partitions."""
     mean = np.array([K.diagonal().mean() for K in system.stiffness])
     some = mean[mean > 0]

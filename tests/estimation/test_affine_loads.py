@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.affine.channels import affine_channels, in_body
+from forceid.estimation.affine.channels import affine_channels, channel_in_body_axes
 from forceid.estimation.affine.loads import affine_loads, smooth_affine
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.body.affine_fit import fit_affine
@@ -183,7 +183,7 @@ def test_channel_in_the_body_moves_as_the_turned_load_drives_it(stored):
     turned = Rotation.from_rotvec(np.outer(9.0 * fine, [0.0, 0.6, 0.8])).as_matrix()
     load = np.stack([np.sin(7 * fine), np.cos(11 * fine), 0 * fine + 1], 1)
     z = twice_integrated(np.einsum("tab,tb->ta", turned, load), fine[1])[::16]
-    w = in_body(replace(column, z=z), path).z
+    w = channel_in_body_axes(replace(column, z=z), path).z
     seconds = np.diff(w, 2, axis=0) / np.diff(t)[0] ** 2
     assert np.abs(seconds - bodily[1:-1]).max() < 3e-3
 

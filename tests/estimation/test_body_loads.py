@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.loads.body_axes import carried, evidence
+from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel, Start
@@ -79,10 +79,10 @@ def test_tuned_on_the_record_a_carried_prior_beats_one_in_world_axes() -> None:
         channel = channel_of(path, seed)
         world = tune_channel(channel, (1.0, 1.0), (), engine=passes)
         before, _ = smoothed(channel, world)
-        body = carried(channel, world, rotation_at(TIME), before, passes)
+        body = body_fixed_prior(channel, world, rotation_at(TIME), before, passes)
         after, var = smoothed(channel, body)
         part = slice(30, -30)
-        gained = evidence(channel, body, rotation_at(TIME), passes) - evidence(
+        gained = channel_likelihood(channel, body, rotation_at(TIME), passes) - channel_likelihood(
             channel, world, rotation_at(TIME), passes
         )
         assert gained > 20.0

@@ -11,7 +11,7 @@ from forceid.estimation.methods.classic import (
     choose_force,
     choose_moment,
     estimate_classic,
-    moment_channel,
+    measured_angular_channel,
     spin,
 )
 from forceid.kalman.engines import engine
@@ -78,7 +78,7 @@ def test_force_and_moment_get_each_the_window_that_they_call_for():
     solution = solved(recording, "savgol")
     assert {"force_window_s", "moment_window_s", "noise_std_position"} <= set(solution.tuned)
     kin, candidates = seen(recording), windows("savgol", recording.motion.time)
-    moment = choose_moment(moment_channel(kin), candidates)
+    moment = choose_moment(measured_angular_channel(kin), candidates)
     assert solution.tuned["moment_window_s"] == moment.window.seconds
     assert solution.tuned["force_window_s"] == choose_force(kin, cf.GRAVITY, candidates).window.seconds
 

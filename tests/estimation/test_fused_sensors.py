@@ -15,7 +15,7 @@ from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.instruments.on_flight import fused, judge_sensors, sensors_of, with_sensors
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import climb
+from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge_recording
@@ -160,7 +160,7 @@ def test_sensors_that_cannot_say_how_the_body_turns_are_refused():
 
 def test_climbing_finds_the_top_of_a_hill_that_is_no_parabola():
     top = np.array([1.3, -0.8, 0.1])
-    found = climb(lambda p: -float(np.sum(np.cosh(p - top)) * 10), np.zeros(3))
+    found = bfgs_maximum(lambda p: -float(np.sum(np.cosh(p - top)) * 10), np.zeros(3))
     np.testing.assert_allclose(found, top, atol=0.1)
 
 

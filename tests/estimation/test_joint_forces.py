@@ -16,7 +16,7 @@ from forceid.errors import ConfigError
 from forceid.estimation.joints import linked_flight
 from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.forces import joint_forces
-from forceid.estimation.joints.linked_flight import stretches
+from forceid.estimation.joints.linked_flight import overlapping_windows
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
@@ -139,7 +139,7 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
     linked, truth = drawn_chains(2)[0]
-    monkeypatch.setattr("forceid.estimation.joints.forces.together", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: None)
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert rms(errors(apart, truth)[INNER, ..., :3]) > 2 * rms(errors(linked, truth)[INNER, ..., :3])
     assert rms(apart.force_std[INNER]) > 1.5 * rms(linked.force_std[INNER])
@@ -149,10 +149,10 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
 def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=TIME[:80])
-    monkeypatch.setattr(linked_flight, "climb", lambda _, start: start)
+    monkeypatch.setattr(linked_flight, "bfgs_maximum", lambda _, start: start)
     monkeypatch.setattr(joint_smoothing, "smooth_linked", lost)
     found = joint_forces(recording, jointed(parameters), estimate_whole)
-    monkeypatch.setattr("forceid.estimation.joints.forces.together", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: None)
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert np.isfinite(found.wrench_cov).all()
     np.testing.assert_array_equal(found.force, apart.force)
@@ -340,7 +340,7 @@ def test_a_part_may_be_given_with_its_mass_and_without_the_masses_of_its_nodes()
 
 @pytest.mark.long
 def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
-    monkeypatch.setattr(linked_flight, "climb", lambda _, start: start)
+    monkeypatch.setattr(linked_flight, "bfgs_maximum", lambda _, start: start)
     parameters = chain(1)
     recording = seen(parameters, 1)
     solved = {}
@@ -354,7 +354,7 @@ def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
     monkeypatch.setattr(linked_flight, "ROOM", 1)
     monkeypatch.setattr(linked_flight, "FLIGHT_SAMPLES", 120)
     pieces = joint_forces(recording, jointed(parameters), solve)
-    assert len(list(stretches(150, 120))) == 2
+    assert len(list(overlapping_windows(150, 120))) == 2
     assert rms(pieces.force - whole.force) < 0.1 * rms(whole.force_std)
     np.testing.assert_allclose(pieces.force_std, whole.force_std, rtol=0.1)
 

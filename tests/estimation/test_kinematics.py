@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.body.inertia import inertia_of
-from forceid.estimation.body.kinematics import kinematics, scaled, shape_at
+from forceid.estimation.body.kinematics import kinematics, scaled_noise, shape_at
 from forceid.records import Body
 
 
@@ -132,7 +132,7 @@ def test_stated_noise_goes_before_the_data_and_settings_before_the_file():
     recording = cf.toss()
     assert seen(recording).noise == {"position": cf.NOISE}
     assert seen(recording, noise_std={"position": 1e-3}).noise == {"position": 1e-3}
-    again = scaled(seen(recording), {"position": 2.0 * np.eye(3)})
+    again = scaled_noise(seen(recording), {"position": 2.0 * np.eye(3)})
     assert seen(recording, again).noise == {"position": 2 * cf.NOISE}
     assert seen(recording, again).stated == {"position": True}
 

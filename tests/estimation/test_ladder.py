@@ -21,8 +21,8 @@ from forceid.estimation.body.deformation_residual import (
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.model_choice.ladder import climb
-from forceid.estimation.model_choice.levels import Level, Step, explaining, levels, weigh
+from forceid.estimation.model_choice.ladder import choose_level
+from forceid.estimation.model_choice.levels import LevelCandidate, Step, explaining, levels, weigh
 from forceid.estimation.run import estimate_recording
 from forceid.files.hdf5 import read_motion
 from forceid.files.result import read_result, write_result
@@ -49,7 +49,7 @@ def climbed(recording, **settings):
 
     asked = load_settings(**({"lines": "none"} | settings))
     kin = kinematics(recording.body, recording.motion, asked)
-    return climb(kin, recording.motion, asked, engine(), solve), solved
+    return choose_level(kin, recording.motion, asked, engine(), solve), solved
 
 
 def rungs(recording, **settings):
@@ -180,7 +180,7 @@ def test_level_does_not_hang_on_the_method(method):
         return solve(recording.body, recording.motion, level, engine(), kin)
 
     kin = kinematics(recording.body, recording.motion, settings)
-    choice, _ = climb(kin, recording.motion, settings, engine(), solved)
+    choice, _ = choose_level(kin, recording.motion, settings, engine(), solved)
     assert choice.level.name == "modal, 1 mode"
 
 
@@ -253,7 +253,9 @@ def test_amplitudes_that_their_prior_does_not_predict_veto_a_level():
     shape = np.zeros((1, 4, 3))
     shape[0, 0, 0] = 1.0
     beyond = Beyond(np.arange(400) / 500, y, np.eye(12)[:, :6], np.ones(4, bool), 1.0)
-    several = [Level(load_settings(model=m), s, None) for m, s in (("rigid", shape[:0]), ("modal", shape))]
+    several = [
+        LevelCandidate(load_settings(model=m), s, None) for m, s in (("rigid", shape[:0]), ("modal", shape))
+    ]
     _, erratic = weigh(beyond, several, False, True, engine())
     assert erratic.chi_square == pytest.approx(1.0, abs=0.1)
     assert erratic.nis > 1.2

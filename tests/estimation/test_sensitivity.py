@@ -30,7 +30,7 @@ def solved(recording, settings=SETTINGS):
 
 
 def motion_of(solution):
-    return wrong.turning(solution.kinematics, solution.deformation, solution.state)
+    return wrong.turning_of(solution.kinematics, solution.deformation, solution.state)
 
 
 def found_bias(recording, solution, body, settings=SETTINGS):
@@ -164,7 +164,7 @@ def test_wrong_mode_shapes_cost_what_the_budget_says():
 
 def budget(solution, node, arm=None):
     s = solution
-    return sn.sensitivity(s.kinematics, s.deformation, s.state, node, np.array([0.0, 0.0, -9.81]), arm)
+    return sn.body_sensitivity(s.kinematics, s.deformation, s.state, node, np.array([0.0, 0.0, -9.81]), arm)
 
 
 def test_budget_is_the_worst_of_its_kind(boomerang):

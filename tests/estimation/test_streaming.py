@@ -181,7 +181,7 @@ def test_a_checkpoint_of_another_file_or_a_torn_one_is_not_used(tmp_path):
     kept.parent.mkdir()
     sums = streaming.Sums(np.ones((FRAMES, 4, 3)), np.ones((FRAMES, 4, 4)))
     streaming.keep(kept, "another", 5, sums)
-    assert streaming.restored(kept, "another", FRAMES)[0] == 5
+    assert streaming.restored_sums(kept, "another", FRAMES)[0] == 5
     at_once, _ = read_recording(path, load_settings())
     for spoil in (lambda: None, lambda: kept.write_bytes(b"PK torn")):
         spoil()

@@ -45,8 +45,8 @@ def test_the_path_of_a_thrown_box_comes_to_rest_under_any_prior_with_biases_unkn
     recording, settings = read_motion(path), load_settings()
     kin = unmarked_kinematics(recording.body, recording.motion, settings)
     flight = unmarked_flight(recording.body, recording.motion, settings, kin)
-    carried = np.eye(3) if turns else None
-    force, moment = (replace(prior, carried=carried) for prior in rough_priors(flight))
+    body_axes = np.eye(3) if turns else None
+    force, moment = (replace(prior, body_axes=body_axes) for prior in rough_priors(flight))
     state = smooth_flight(flight, force, moment, engine())
     _, left = with_left_over(flight, force, moment, engine(), state)
     assert left < TENTH

@@ -25,10 +25,10 @@ from forceid.estimation.verdict.finding import (
 )
 from forceid.estimation.verdict.innovations import (
     chance_limit,
-    colored,
     judge_innovations,
+    lag_one_correlation,
+    largest_innovation,
     strongest_line,
-    wildest,
 )
 from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
@@ -250,11 +250,11 @@ def test_innovations_of_another_size_than_predicted_are_said_in_numbers(size, wo
 def test_color_is_found_in_its_channel():
     v = white()
     v[:, 4] = lfilter([np.sqrt(1 - 0.6**2)], [1, -0.6], v[:, 4])
-    r, channel = colored(v)
+    r, channel = lag_one_correlation(v)
     assert channel == "rotation y"
     assert r == pytest.approx(0.6, abs=0.1)
     v[::2, 4] = np.nan
-    assert colored(v) == (0.0, "")  # no two neighbors left
+    assert lag_one_correlation(v) == (0.0, "")  # no two neighbors left
 
 
 def test_line_is_found_where_it_hides_a_load():
@@ -378,7 +378,7 @@ def test_an_innovation_that_chance_does_not_make_is_said_once():
 
 def test_as_few_records_are_called_wild_by_chance_as_stated():
     rng = np.random.default_rng(1)
-    called = [wildest(TIME, v)[0] > chance_limit(v) for v in rng.standard_normal((2000, 400, 6))]
+    called = [largest_innovation(TIME, v)[0] > chance_limit(v) for v in rng.standard_normal((2000, 400, 6))]
     assert 8 <= sum(called) <= 33  # of 2000, one in a hundred
 
 

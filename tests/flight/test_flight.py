@@ -10,7 +10,7 @@ from forceid import kalman
 from forceid.errors import EstimationError
 from forceid.flight import model as flight_model
 from forceid.flight import smoother as flights
-from forceid.flight.model import Reference, rotation, stack, translation, turn
+from forceid.flight.model import Reference, rotation_model, stack, translation, turn_along_reference
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.smoother import first_reference, smooth_flight
@@ -55,7 +55,7 @@ def driven_top(step, count=12):
 def test_one_step_of_the_rotation_is_that_of_dop853(step):
     """A tenth of a radian a step, which is the longest substep."""
     flight, reference, _ = driven_top(step)
-    R, _, _ = turn(flight, reference)
+    R, _, _ = turn_along_reference(flight, reference)
     assert np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max() < 1e-8
 
 
@@ -64,7 +64,7 @@ def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
     error = []
     for substep in (0.1, 0.05):
         monkeypatch.setattr(flight_model, "SUBSTEP", substep)
-        R, _, _ = turn(flight, reference)
+        R, _, _ = turn_along_reference(flight, reference)
         error.append(np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max())
     assert 3.7 < np.log2(error[0] / error[1]) < 4.5
 
@@ -72,7 +72,7 @@ def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
 @pytest.mark.parametrize("step", [1e-3, 4e-3])
 def test_linear_rotation_rows_are_finite_differences_of_dop853(step):
     flight, reference, H = driven_top(step)
-    model = rotation(flight, MOMENT, reference)
+    model = rotation_model(flight, MOMENT, reference)
     R0, time = reference.rotation[0], np.array([0.0, step])
 
     def column(start, momentum):
@@ -97,7 +97,7 @@ def test_linear_rotation_rows_are_finite_differences_of_dop853(step):
 def test_a_reference_that_is_the_true_flight_needs_no_correction():
     """The linear model, started on the truth, predicts the truth: theta = 0, chain as it is."""
     flight, reference, _ = driven_top(2e-3)
-    model = rotation(flight, MOMENT, reference)
+    model = rotation_model(flight, MOMENT, reference)
     predicted = np.einsum("tij,tj->ti", model.F, reference.chain[:-1]) + model.u
     # the momentum under a load that a Matern chain lets relax, over a step short of its memory
     np.testing.assert_allclose(predicted[:, 3:6], reference.chain[1:, 3:6], atol=1e-6)
@@ -236,7 +236,7 @@ def test_engines_see_the_same_flight():
 
 def test_stacked_models_do_not_disturb_each_other():
     flight, reference, _ = driven_top(2e-3)
-    free, spun = translation(flight, FORCE), rotation(flight, MOMENT, reference)
+    free, spun = translation(flight, FORCE), rotation_model(flight, MOMENT, reference)
     both = stack(free, spun, flight.pose_cov)
     z = np.random.default_rng(12).standard_normal((len(flight.time), 6)) * 1e-3
     n = len(free.x0)

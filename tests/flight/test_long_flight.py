@@ -8,10 +8,10 @@ from flights import INERTIA, drawn_flight, flight_of, free_top, prior
 
 from forceid import kalman
 from forceid.flight import attitude as turning
-from forceid.flight import rigid_lanes as flight_lanes
+from forceid.flight import rigid_batch
 from forceid.flight import rigid_path as long_flight
 from forceid.flight import smoother as flights
-from forceid.flight.model import Reference, course
+from forceid.flight.model import Reference, reference_trajectory
 from forceid.flight.smoother import first_reference, smooth_flight, smooth_long
 from forceid.kalman.lines import Line
 from forceid.motion.pose import exp
@@ -67,8 +67,8 @@ def test_compiled_steps_are_those_in_numpy(flown, bending):
         )
     about = first_reference(flight, MOMENT)
     chain = about.chain + 1e-3 * np.random.default_rng(1).standard_normal(about.chain.shape)
-    here = course(flight, Reference(about.rotation, chain, MOMENT))
-    for ours, plain in zip(turning.turn(here), turning.turn_in_numpy(here), strict=True):
+    here = reference_trajectory(flight, Reference(about.rotation, chain, MOMENT))
+    for ours, plain in zip(turning.turn_along(here), turning.turn_in_numpy(here), strict=True):
         np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-13 * np.abs(plain).max())
 
 
@@ -113,11 +113,11 @@ def test_eight_stretches_are_one_record(flown, monkeypatch):
         prior(std=std, rate=150.0, order=1, mean=0.0) for std in (20.0, 2.0)
     ]  # a constant is never forgotten
     whole = smooth_long(coupled(flown), *rough, causal=False)
-    monkeypatch.setattr(flight_lanes, "WARM", (150,))
+    monkeypatch.setattr(rigid_batch, "WARM", (150,))
     cut = smooth_long(coupled(flown), *rough, causal=False)
     assert 0 < max(differences(cut, whole)) < 1e-7
     monkeypatch.setattr(
-        flight_lanes, "WARM", (10,)
+        rigid_batch, "WARM", (10,)
     )  # they do not meet: then it is gone through from end to end
     assert max(differences(smooth_long(coupled(flown), *rough, causal=False), whole)) == 0
 

@@ -95,7 +95,7 @@ def test_turning_the_world_turns_the_load_found():
 def test_a_load_that_turns_with_a_body_at_rest_is_one_in_the_world():
     time, _, path, _ = beating(1, frames=60)
     channel, still = seen(time, path, 0), np.tile(np.eye(3), (60, 1, 1))
-    a = channel_model(channel, placed(carried=np.eye(3)), still)
+    a = channel_model(channel, placed(body_axes=np.eye(3)), still)
     b = channel_model(channel, placed())
     np.testing.assert_allclose(a.F, np.broadcast_to(b.F, a.F.shape), atol=1e-14)
     np.testing.assert_allclose(a.Q, np.broadcast_to(b.Q, a.Q.shape), atol=1e-14)

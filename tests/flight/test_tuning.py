@@ -4,7 +4,7 @@ from linear_models import draw
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from forceid.flight.channels import Start, load_chain, search_box, start_of, stretch
+from forceid.flight.channels import Start, load_chain, search_box, start_of, tuning_segments
 from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
 from forceid.kalman.search import maximize
@@ -201,13 +201,13 @@ def test_the_search_box_is_finite_for_a_body_at_rest():
 
 def test_tuning_looks_at_a_stretch_of_each_quarter_of_a_long_record():
     z = np.zeros((10_000, 3))
-    found = stretch(z)
+    found = tuning_segments(z)
     assert len(found) == 4
     assert found[0].start == 0
     assert found[-1].stop == len(z)
     z[: found[0].stop] = np.nan
-    assert stretch(z) == found[1:]
-    assert stretch(z[:1500]) == [slice(0, 1500)]
+    assert tuning_segments(z) == found[1:]
+    assert tuning_segments(z[:1500]) == [slice(0, 1500)]
 
 
 @pytest.mark.parametrize("third", [0.0, 0.1, 10.0])

@@ -82,10 +82,10 @@ def test_chain_with_lines_keeps_a_covariance_that_is_symmetric_and_positive():
 
 
 @pytest.mark.parametrize("turns", [False, True])
-@pytest.mark.parametrize("carried", [None, TURN])
-def test_a_unit_of_any_line_is_read_as_its_direction_wherever_it_stands(carried, turns):
+@pytest.mark.parametrize("body_axes", [None, TURN])
+def test_a_unit_of_any_line_is_read_as_its_direction_wherever_it_stands(body_axes, turns):
     lines = tuple(replace(line(20.0 + i, axis=i), turns=turns) for i in range(3))
-    load = replace(prior(lines, axes=np.eye(3)), carried=carried)
+    load = replace(prior(lines, axes=np.eye(3)), body_axes=body_axes)
     R = Rotation.from_rotvec(np.outer(9.0 * TIME, [0.2, 0.4, 1.0])).as_matrix()
     model = channel_model(channel(np.zeros((COUNT, 3))), load, R)
     rows = np.broadcast_to(load.rows_along(R), (COUNT, 3, len(model.x0)))

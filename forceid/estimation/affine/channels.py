@@ -106,7 +106,7 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
     linked = np.abs(cov / std[:, None] / std[..., None] - np.eye(len(std[0])))[known].max()
     noise = np.einsum("tBC,ab->tBaCb", cov, eye).reshape(len(time), 3 * len(std[0]), -1)
     return AffineChannels(
-        time, None if fit.off else center, tuple(columns), V, E, aligned(E @ V),
+        time, None if fit.off else center, tuple(columns), V, E, aligned_basis(E @ V),
         smooth_axes(time, completed(fit)), noise, float(linked), judge_open(fit, n, whole), whole,
     )  # fmt: skip
 
@@ -128,11 +128,11 @@ def shown_arms(E: Array, span: Array) -> tuple[Array, bool]:
     across = null_space(span.T).T @ E
     across = across[np.linalg.norm(across, axis=1) > FLAT * size[-1]]
     closed = np.concatenate([none, across / np.linalg.norm(across, axis=1, keepdims=True)])
-    shown = aligned(null_space(closed)) if len(closed) else np.eye(3)
+    shown = aligned_basis(null_space(closed)) if len(closed) else np.eye(3)
     return shown, shown.shape[1] == int(wide.sum())
 
 
-def aligned(directions: Array) -> Array:
+def aligned_basis(directions: Array) -> Array:
     """Orthonormal basis (3, n) of the same space: reference axes first, as far as they lie in it."""
     basis = np.linalg.qr(directions)[0]
     if basis.shape[1] == 3:
@@ -193,13 +193,13 @@ def smooth_axes(time: Array, F: Array) -> Array:
     return polar(smooth.reshape(-1, 3, 3))[0]
 
 
-def on_body(prior: LoadPrior, channel: Channel) -> LoadPrior:
+def prior_in_body_axes(prior: LoadPrior, channel: Channel) -> LoadPrior:
     """A prior of a load along axes of the body, as one of a channel in world axes."""
     start = start_of(channel.time, channel.moved, channel.gain)
-    return replace(prior, axes=np.eye(3), carried=prior.axes, start=start)
+    return replace(prior, axes=np.eye(3), body_axes=prior.axes, start=start)
 
 
-def in_body(channel: Channel, rotation: Array) -> Channel:
+def channel_in_body_axes(channel: Channel, rotation: Array) -> Channel:
     """The channel that the same load drives along the axes of the body: w'' = R^T z'', for tuning.
 
     By parts, w = R^T z - 2 int R'^T z + int int R''^T z: no derivative of what was measured. The noise of z

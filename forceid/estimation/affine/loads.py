@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.config import Settings, load_settings
-from forceid.estimation.affine.channels import AffineChannels, affine_channels, aligned, along_axes
+from forceid.estimation.affine.channels import AffineChannels, affine_channels, aligned_basis, along_axes
 from forceid.estimation.affine.priors import tune_channels
-from forceid.estimation.affine.smoothing import smoothed
+from forceid.estimation.affine.smoothing import smooth_channels
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine, engine
@@ -95,7 +95,7 @@ def smooth_affine(
     channels: AffineChannels, priors: list[LoadPrior], chosen: Engine, material: Material | None = None
 ) -> AffineLoads:
     """Force and first moments under given priors, of the force where it is shown and of columns of K."""
-    s = smoothed(channels, priors, chosen)
+    s = smooth_channels(channels, priors, chosen)
     V, E, span = channels.axes, channels.second_moment, channels.span
     T, n, first = len(s.k), V.shape[1], int(channels.center is not None)
     entry = np.arange(s.cov.shape[1]).reshape(2, 3, n + first)  # of k and z: axis, group
@@ -108,7 +108,7 @@ def smooth_affine(
         center, force, force_cov = s.z[..., 0], s.k[..., 0], s.cov[:, own[:, None], own]
     to_span, eye = np.linalg.inv(span.T @ E @ V), np.eye(3)
     known = along_axes(span)
-    F, dF, ddF = (told(a @ to_span @ span.T, known) for a in (z, rate, k))
+    F, dF, ddF = (mask_unobserved(a @ to_span @ span.T, known) for a in (z, rate, k))
     by_F = np.kron(eye, span @ to_span.T)
     F_cov = by_F @ cov[:, 3 * n :, 3 * n :] @ by_F.T
     N, N_cov, by_k, by_z = first_moments(k, z, cov, np.asarray(np.linalg.inv(V.T @ E @ V)))
@@ -123,11 +123,11 @@ def smooth_affine(
         change = material.hessian(F[:, None], units) @ F[:, None].mT + gradient[:, None] @ units.mT
         both = np.concatenate([by_k, by_z + change.reshape(T, 9, 9).mT @ by_F], 2)
         applied_cov = both @ cov @ both.mT
-    arms = aligned(V)
+    arms = aligned_basis(V)
     by_arm = np.kron(eye, arms.T @ V)
     return AffineLoads(
-        channels.time, center, force, force_cov, F, told_cov(F_cov, known), dF, ddF,
-        told(told(stretch_of(z @ to_span, span), known).mT, known).mT,
+        channels.time, center, force, force_cov, F, mask_unobserved_cov(F_cov, known), dF, ddF,
+        mask_unobserved(mask_unobserved(right_stretch(z @ to_span, span), known).mT, known).mT,
         N, N_cov, s.log_likelihood, applied, applied_cov, found,
         arms, k @ V.T @ arms, by_arm @ cov[:, : 3 * n, : 3 * n] @ by_arm.T, span, z @ to_span,
     )  # fmt: skip
@@ -147,19 +147,19 @@ def first_moments(k: Array, z: Array, cov: Array, A: Array) -> tuple[Array, Arra
     return k @ A @ z.mT + np.einsum("taBbC,BC->tab", linked, A), both @ cov @ both.mT, by_k, by_z
 
 
-def stretch_of(columns: Array, span: Array) -> Array:
+def right_stretch(columns: Array, span: Array) -> Array:
     """Stretch (time, 3, 3), reference axes, of F where F span (3, n) = columns (time, 3, n), zero across."""
     square, turn = np.linalg.eigh(columns.mT @ columns)
     U = (turn * np.sqrt(np.maximum(square, 0.0))[:, None]) @ turn.mT
     return np.asarray(span @ U @ span.T)
 
 
-def told(matrix: Array, known: Flags) -> Array:
+def mask_unobserved(matrix: Array, known: Flags) -> Array:
     """A matrix (time, 3, 3), NaN in the columns of reference axes that are not known."""
     return np.asarray(np.where(known, matrix, np.nan))
 
 
-def told_cov(cov: Array, known: Flags) -> Array:
+def mask_unobserved_cov(cov: Array, known: Flags) -> Array:
     """Covariance (time, 9, 9) of such a matrix, NaN where it is open."""
     entries = np.tile(known, 3)
     return np.asarray(np.where(entries & entries[:, None], cov, np.nan))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.estimation.affine.channels import AffineChannels, in_body, on_body
+from forceid.estimation.affine.channels import AffineChannels, channel_in_body_axes, prior_in_body_axes
 from forceid.estimation.affine.powers import Axes, Powers, powers, richest
 from forceid.estimation.affine.resonances import find_swings
 from forceid.flight.channels import Channel, load_axes, start_of
@@ -37,11 +37,11 @@ def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
     priors = []
     if channels.center is not None:
         center, world = channels.center, axes_of(channels.center)
-        tuned = Tuned(likeliest(joined([center], [world]), engine))
+        tuned = Tuned(likeliest(channels_side_by_side([center], [world]), engine))
         priors.append(LoadPrior(tuned, world, start_of(center.time, center.moved @ world, center.gain)))
-    bodily = [in_body(column, channels.rotation) for column in channels.columns]
+    bodily = [channel_in_body_axes(column, channels.rotation) for column in channels.columns]
     axes = [axes_of(w) for w in bodily]
-    seen = joined(bodily, axes)
+    seen = channels_side_by_side(bodily, axes)
     most = richest(seen)
     kernel = least_error(likeliest(seen, engine), most, engine)
     swings = find_swings(kernel, most, engine)
@@ -53,7 +53,7 @@ def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
             for std, axis in zip(s.std[own], axes[B].T, strict=True)
         )
         start = start_of(column.time, column.moved, 1.0)
-        priors.append(on_body(LoadPrior(Tuned(kernel.of(own)), axes[B], start, lines), column))
+        priors.append(prior_in_body_axes(LoadPrior(Tuned(kernel.of(own)), axes[B], start, lines), column))
     return priors
 
 
@@ -63,7 +63,7 @@ def axes_of(channel: Channel) -> Array:
     return load_axes(channel.time[seen], channel.z[seen])
 
 
-def joined(channels: list[Channel], axes: list[Array]) -> Axes:
+def channels_side_by_side(channels: list[Channel], axes: list[Array]) -> Axes:
     """Channels along their axes, side by side, in units of their loads."""
     pairs = [(c, a, c.gain) for c, a in zip(channels, axes, strict=True)]
     return Axes(

@@ -29,7 +29,7 @@ class SmoothedChannels:
     log_likelihood: float
 
 
-def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) -> SmoothedChannels:
+def smooth_channels(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) -> SmoothedChannels:
     """The channels smoothed, each group by itself where no error links them, else all in one model."""
     models = [
         channel_model(channel, prior, channels.rotation)
@@ -41,7 +41,7 @@ def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) 
         paths = [chosen.smooth(m, g.moved) for m, g in zip(models, channels.groups, strict=True)]
         total = sum(p.filtered.log_likelihood for p in paths)
     else:
-        joint = together(models, channels.noise)
+        joint = block_model(models, channels.noise)
         paths = [chosen.smooth(joint, np.concatenate([g.moved for g in channels.groups], 1))]
         total = paths[0].filtered.log_likelihood
     if not all(np.isfinite(p.x).all() for p in paths):
@@ -65,7 +65,7 @@ def smoothed(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) 
     return SmoothedChannels(z + offset.T, rate, k, cov, float(total))
 
 
-def together(models: list[StateSpace], noise: Array) -> StateSpace:
+def block_model(models: list[StateSpace], noise: Array) -> StateSpace:
     """One model of all groups, whose errors noise (time, channel, channel) links."""
     T = len(noise)
     F, Q = (

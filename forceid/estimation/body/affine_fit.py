@@ -56,7 +56,7 @@ def fit_affine(position: Array, shape: Array, noise_var: float) -> AffineFit:
     """
     patterns, which = seen_together(position)
     ever = patterns.any(0)
-    span, off = spread(shape[ever])
+    span, off = spanned_directions(shape[ever])
     r, T = span.shape[1], len(position)
     rows = np.hstack([np.ones((len(shape), 1)), shape @ span])
     found, cov = np.full((T, 3, 1 + r), np.nan), np.full((T, 1 + r, 1 + r), np.nan)
@@ -74,7 +74,7 @@ def fit_affine(position: Array, shape: Array, noise_var: float) -> AffineFit:
     return AffineFit(center, F, span, columns, cov, off)
 
 
-def spread(shape: Array) -> tuple[Array, bool]:
+def spanned_directions(shape: Array) -> tuple[Array, bool]:
     """Directions (3, r) that points (node, 3) spread along, and whether the origin is off their flat."""
     mean = shape.mean(0)
     _, size, axes = np.linalg.svd(shape - mean, full_matrices=len(shape) < 3)

@@ -24,7 +24,7 @@ def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:
     inertia = kin.inertia
     if inertia.nodal is not None and not (inertia.weight[~kin.seen] > 0).any():
         return True
-    reach = lever(kin.shape, beyond.kept, second_moments(kin))
+    reach = lever(kin.shape, beyond.kept, second_moment_matrix(kin))
     axes = principal_axes(beyond.y, beyond.of(kin.shapes))
     left = beyond.y - beyond.y @ axes @ axes.T
     dof = beyond.y.shape[1] - axes.shape[1]
@@ -32,7 +32,7 @@ def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:
     return reach**2 * (excess(left, dof, beyond.var) if dof else moves) <= moves
 
 
-def second_moments(kin: Kinematics) -> Array:
+def second_moment_matrix(kin: Kinematics) -> Array:
     """The sum of m Z Z over all mass (4, 4), Z = [1, X], about the mass center; NaN where it is not known."""
     inertia, Z = kin.inertia, np.column_stack([np.ones(len(kin.shape)), kin.shape])
     if inertia.nodal is not None:
@@ -46,9 +46,9 @@ def second_moments(kin: Kinematics) -> Array:
 def lever(X: Array, marked: Flags, moments: Array) -> float:
     """Momentum, linear or angular, that alike and independent motions of markers give an affine body.
 
-    X (node, 3) m about the mass center, marked (node,), moments (4, 4) as of `second_moments`. Over that of a
-    body whose mass all moves as the markers do; infinite where they show no affine map. Eight equal masses,
-    all marked, average their errors:
+    X (node, 3) m about the mass center, marked (node,), moments (4, 4) as of `second_moment_matrix`. Over
+    that of a body whose mass all moves as the markers do; infinite where they show no affine map. Eight equal
+    masses, all marked, average their errors:
 
     >>> corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
     >>> round(lever(corners, np.ones(8, bool), np.diag([8.0, 8, 8, 8])) ** 2, 12)

@@ -9,7 +9,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.body.mass_center import mass_center, with_center, without_gaps
+from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.robust import drop_wild, unswap
@@ -104,7 +104,7 @@ def kinematics_without(
     if noise is None and motion.position is not None:
         noise = kinematics(body, centers, settings.model_copy(update={"model": "rigid"})).noise_root
     kin = kinematics(body, without_frames(motion, dropped.center | dropped.rotation), settings, noise)
-    mean = mass_center(centers, kin.inertia, kin.noise.get("position", 0.0) ** 2)
+    mean = tracked_mass_center(centers, kin.inertia, kin.noise.get("position", 0.0) ** 2)
     if mean is None:
         return kin
     pose, frames = with_center(kin.pose, kin.frames, mean, kin.share("position"))
@@ -151,9 +151,9 @@ def wild_among(
     def again(dropped: Flags) -> Array:
         kept = np.where(dropped[:, 0], np.nan, 1.0)[:, None]
         center, rotation = flight.center * kept, flight.rotation * kept[..., None]
-        return wildest(solve(replace(flight, center=center, rotation=rotation)), channels)
+        return largest_innovations(solve(replace(flight, center=center, rotation=rotation)), channels)
 
-    every = wildest(first, channels)
+    every = largest_innovations(first, channels)
     wild, ended = drop_wild(every, again, before[:, None])
     frames = wild[:, 0] & ~before
     if not frames.any():
@@ -161,7 +161,7 @@ def wild_among(
     return Wild(frames, float(every.max()), float(flight.time[frames][0]), bool(ended))
 
 
-def wildest(state: FlightState, channels: slice = slice(None)) -> Array:
+def largest_innovations(state: FlightState, channels: slice = slice(None)) -> Array:
     """Largest innovation (time, 1) of every frame, in standard deviations; zero where nothing is seen."""
     seen = np.abs(np.nan_to_num(state.innovation[:, channels]))
     return np.asarray(seen.max(1, keepdims=True, initial=0.0))

@@ -199,7 +199,7 @@ def from_mean_motion(
     )  # fmt: skip
 
 
-def scaled(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:
+def scaled_noise(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:
     """Noise of a record, each times the factor (3, 3) along world axes that tuning found for it."""
     roots = {name: root @ factor.get(name, np.eye(3)) for name, root in kin.noise_root.items()}
     return {name: 0.5 * (root + root.T) for name, root in roots.items()}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.body.inertia import Inertia, inertia_of
-from forceid.estimation.body.mass_center import MassCenter, mass_center
+from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.shapes import check_scale, modes_of, rank_of, spinning_shape
 from forceid.estimation.body.thin_mass import shown_rank, thinned
 from forceid.motion.modes import Modes
@@ -87,7 +87,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
     root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
     sigma, thin = rms_noise(root), thinned(inertia, X)
-    mean = mass_center(motion, inertia, sigma**2)
+    mean = tracked_mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
     oriented, modes, shape, residual = shown_rank(X, seen, sigma) == 6, None, X, x[:0]

@@ -47,14 +47,14 @@ def without_gaps(body: Body, motion: Motion) -> Motion:
     return replace(motion, position=filled.position, bridged=filled.error_var)
 
 
-def mass_center(motion: Motion, inertia: Inertia, noise_var: float) -> MassCenter | None:
+def tracked_mass_center(motion: Motion, inertia: Inertia, noise_var: float) -> MassCenter | None:
     """The mass center of marker tracks; None where a mass is never seen, or gaps were not bridged.
 
     noise_var (m2): of one coordinate of a marker.
 
     >>> body = Body(("a", "b"), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([1.0, 3.0]))
     >>> seen = Motion(np.arange(5.0), np.tile(body.position, (5, 1, 1)))
-    >>> found = mass_center(without_gaps(body, seen), inertia_of(body), 1e-6)
+    >>> found = tracked_mass_center(without_gaps(body, seen), inertia_of(body), 1e-6)
     >>> found.center[0].tolist(), round(float(found.var[0]), 10)
     ([0.75, 0.0, 0.0], 6.25e-07)
     """

@@ -46,16 +46,16 @@ def spin_about(time: Array, pose: Pose, free: Array, n: Array, inertia: Inertia)
     noise[seen] = np.einsum("ta,tab,tb->t", along, pose.cov[seen, 3:, 3:], along)
     measured = np.full((len(time), 1), np.nan)
     measured[seen, 0] = np.unwrap(angle)
-    window, smooth, rate, speed, speed_var = smoothed(time, measured, noise)
+    window, smooth, rate, speed, speed_var = smoothed_spin(time, measured, noise)
     none = np.zeros(len(time))
     if inertia.beside is None:
         return Spin(smooth, rate, np.zeros((len(time), 3)), none, none)
-    n = bridged(time, n)
+    n = interpolated(time, n)
     dn = np.gradient(n, time, axis=0) if window is None else derivatives(time, n, window).first
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     dn = dn - np.einsum("ta,ta->t", dn, n)[:, None] * n
     free = np.where(seen[:, None, None], free, np.nan)
-    free = bridged(time, free.reshape(len(time), 9)).reshape(-1, 3, 3)
+    free = interpolated(time, free.reshape(len(time), 9)).reshape(-1, 3, 3)
     R = free @ exp(smooth[:, None] * inertia.line)
     across = np.cross(n, dn)
     omega = across + rate[:, None] * n
@@ -76,7 +76,9 @@ def turn_about(R: Array, free: Array, axis: Array) -> Array:
     return np.asarray(np.arctan2(-0.5 * axial(M) @ axis, cos))
 
 
-def smoothed(time: Array, angle: Array, noise: Array) -> tuple[Window | None, Array, Array, Array, Array]:
+def smoothed_spin(
+    time: Array, angle: Array, noise: Array
+) -> tuple[Window | None, Array, Array, Array, Array]:
     """Angle, rate, and its rate with variance (time,), of an angle (time, 1) with variance noise (time,).
 
     By the window of least error of the last, which comes first; a straight line where a record is too short.
@@ -100,11 +102,11 @@ def smoothed(time: Array, angle: Array, noise: Array) -> tuple[Window | None, Ar
     # in a gap the rate changes as it does elsewhere
     gap = float(np.mean(speed[known] ** 2) + speed_var[known].max())
     speed_var = np.where(known, speed_var, gap)
-    value, rate, speed = (bridged(time, a[:, None])[:, 0] for a in (d.value[:, 0], d.first[:, 0], speed))
+    value, rate, speed = (interpolated(time, a[:, None])[:, 0] for a in (d.value[:, 0], d.first[:, 0], speed))
     return chosen.window, value, rate, speed, speed_var
 
 
-def bridged(time: Array, values: Array) -> Array:
+def interpolated(time: Array, values: Array) -> Array:
     """Values (time, channel) with straight lines where they are NaN."""
     seen = np.isfinite(values).all(1)
     if seen.all():
@@ -112,7 +114,7 @@ def bridged(time: Array, values: Array) -> Array:
     return np.stack([np.interp(time, time[seen], v[seen]) for v in values.T], 1)
 
 
-def turning(state: FlightState, spin: Spin | None, axis: Array | None) -> FlightState:
+def with_spin_rate(state: FlightState, spin: Spin | None, axis: Array | None) -> FlightState:
     """The state of a flight that follows the line `axis` (3,), body axes, with the rate of its spin."""
     if spin is None or axis is None:
         return state

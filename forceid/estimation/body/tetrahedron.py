@@ -37,7 +37,7 @@ def affine_maps(sums: Sums, S: Array) -> Array:
 
     S (4, 4): sum w Z Z of all nodes.
     """
-    Q = whitened(S)
+    Q = whitening_basis(S)
     G = Q.T @ sums.rest @ Q
     maps = np.full_like(sums.moved, np.nan)
     whole = np.linalg.eigvalsh(G)[:, 0] > SEEN
@@ -45,7 +45,7 @@ def affine_maps(sums: Sums, S: Array) -> Array:
     return maps
 
 
-def whitened(S: Array) -> Array:
+def whitening_basis(S: Array) -> Array:
     """Q (4, rank) with Q^T S Q = 1, over the directions in which the nodes have any width."""
     scale = np.sqrt(np.append(S[0, 0], np.full(3, max(np.trace(S[1:, 1:]) / 3, np.finfo(float).tiny))))
     size, axes = np.linalg.eigh(S / np.outer(scale, scale))

@@ -42,7 +42,7 @@ def thinned(inertia: Inertia, X: Array) -> Inertia:
     """
     if not np.isfinite(inertia.tensor).all():
         return inertia
-    second, axes = second_moments(inertia.tensor)
+    second, axes = principal_second_moments(inertia.tensor)
     _, width, length = np.sqrt(np.maximum(second, 0.0) / inertia.mass)
     size = float(np.sqrt((X**2).sum(1).max(initial=0.0)))
     if length <= max(SINGLE * size, ROUNDED):
@@ -61,7 +61,7 @@ def as_sphere(inertia: Inertia, X: Array) -> Inertia:
     return replace(inertia, tensor=inertia.mass * NOMINAL**2 * np.eye(3)) if inertia.point else inertia
 
 
-def second_moments(tensor: Array) -> tuple[Array, Array]:
+def principal_second_moments(tensor: Array) -> tuple[Array, Array]:
     """Principal second moments of mass (3,) kg m2, ascending, and their axes as columns (3, 3)."""
     second, axes = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
     return np.asarray(second), np.asarray(axes)
@@ -71,7 +71,7 @@ def on_line(inertia: Inertia, noise_std: float) -> bool:
     """Whether mass leaves its line by less than a reading errs, m, and by less than NARROW of its length."""
     if inertia.line is None or inertia.beside is None:
         return inertia.on_line
-    second, _ = second_moments(inertia.tensor + inertia.beside)
+    second, _ = principal_second_moments(inertia.tensor + inertia.beside)
     width, length = np.sqrt(np.maximum(second[1:], 0.0) / inertia.mass)
     return bool(width <= min(noise_std, NARROW * length))
 

@@ -17,7 +17,7 @@ from forceid.records import Array
 FARTHEST = 0.25  # of the record, by which a clock is looked for
 
 
-def aligned(flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine) -> Flight:
+def align_clocks(flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine) -> Flight:
     """A flight whose sensors are put on the samples at which they most likely read, to a whole step.
 
     The lag of sensors of a kind is the one at which they read what comes nearest to what the flight of the

@@ -16,7 +16,7 @@ from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.markers import ROUNDOFF
-from forceid.estimation.instruments.clock_offset import aligned
+from forceid.estimation.instruments.clock_offset import align_clocks
 from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.verdict.catalogue import note
@@ -94,7 +94,7 @@ def fused(
         return flight, priors
     force, moment = priors["force"], priors["moment"]
     if turn < FAST:
-        flight = aligned(flight, force, moment, engine)
+        flight = align_clocks(flight, force, moment, engine)
     elif rate_read(flight.time, flight.rotation, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
     known, alone = set(motion.noise_std | settings.noise_std), kin.apart and flight.sensors is None

@@ -21,7 +21,7 @@ from forceid.rounding import CENTRAL_STEP
 
 
 @dataclass(frozen=True)
-class Motion:
+class PartMotion:
     """A rigid part along its reference, world axes: rotation (time, 3, 3), H (time, 3) kg m2/s and T (time,
     3) N m about its center, mass kg, inertia (time, 3, 3) kg m2 in body axes, gravity (3,) m/s2.
     """
@@ -34,7 +34,7 @@ class Motion:
     gravity: Array
 
 
-def moving(motion: Motion, theta: Array, H: Array, F: Array, T: Array) -> tuple[Array, ...]:
+def moving(motion: PartMotion, theta: Array, H: Array, F: Array, T: Array) -> tuple[Array, ...]:
     """Rotation, acceleration of the center, angular velocity and acceleration, all by (time, 3)."""
     R = Rotation.from_rotvec(theta).as_matrix() @ motion.rotation
     J = R @ motion.inertia @ R.swapaxes(1, 2)
@@ -63,7 +63,7 @@ def parting(joint: Joint, arms: tuple[Array, Array], a: tuple[Array, ...], b: tu
     return np.concatenate(rows, 1)
 
 
-def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[Motion], slack: Array) -> Ties:
+def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[PartMotion], slack: Array) -> Ties:
     """What a joint keeps of the accelerations, on wrenches and motion of the parts.
 
     slack (time, 2): variances of the accelerations of the place, and of the angles.
@@ -81,7 +81,7 @@ def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[Motion], 
     time, n = gap.shape
     on_wrench, on_motion = np.zeros((time, n, len(parts), 6)), np.zeros((time, n, len(parts), 9))
     for k in ends:
-        sizes = (1.0, largest(motions[k].H), motions[k].mass, largest(motions[k].T))
+        sizes = (1.0, largest_size(motions[k].H), motions[k].mass, largest_size(motions[k].T))
         columns = (on_motion, 3), (on_motion, 6), (on_wrench, 0), (on_wrench, 3)
         for i, (size, (rows, first)) in enumerate(zip(sizes, columns, strict=True)):
             for axis in range(3):
@@ -99,6 +99,6 @@ def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[Motion], 
     )  # fmt: skip
 
 
-def largest(a: Array) -> float:
+def largest_size(a: Array) -> float:
     """The largest size in an array, one where all of it is zero."""
     return float(np.abs(a).max()) or 1.0

@@ -22,7 +22,7 @@ def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Findin
     """
     findings = []
     if not found.determined.all():
-        names = ", ".join(n for n, told in zip(found.name, found.determined, strict=True) if not told)
+        names = ", ".join(n for n, known in zip(found.name, found.determined, strict=True) if not known)
         findings.append(
             note("joint-undetermined", None if found.determined.any() else "refused", names=names)
         )
@@ -52,7 +52,7 @@ def of_part(finding: Finding, part: str, verdict: Level) -> Finding:
     )
 
 
-def refused(
+def refused_interface(
     recording: Recording, joints: tuple[Joint, ...], parts: tuple[Part, ...], findings: list[Finding]
 ) -> Interface:
     """An answer that says nothing but why."""

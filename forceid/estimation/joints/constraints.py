@@ -39,7 +39,7 @@ class Ties:
     spread: Array
 
 
-def beside(ties: Sequence[Ties]) -> Ties:
+def stacked_constraints(ties: Sequence[Ties]) -> Ties:
     """All ties as one."""
     each = [len(t.spread) for t in ties]
     at = np.cumsum([0, *each])
@@ -59,7 +59,9 @@ def balanced(rows: Array, slack: Array) -> Ties:
     return Ties(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0))
 
 
-def held(joint: Joint, parts: Sequence[Part], rotation: Sequence[Array], pose_cov: Sequence[Array]) -> Ties:
+def held_poses(
+    joint: Joint, parts: Sequence[Part], rotation: Sequence[Array], pose_cov: Sequence[Array]
+) -> Ties:
     """What a joint keeps of the poses: three rows for its place, one for each pair of directions.
 
     rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each.

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.checks import judge_joints, of_part, refused
+from forceid.estimation.joints.checks import judge_joints, of_part, refused_interface
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
-from forceid.estimation.joints.together import together
+from forceid.estimation.joints.together import smooth_linked_parts
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
@@ -25,10 +25,10 @@ from forceid.partition import link_resultants
 from forceid.records import Estimate, Interface, Recording
 from forceid.significance import WILD
 
-Solve = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
+SolveRecording = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
 
 
-def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Interface:
+def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording) -> Interface:
     """Wrench of every joint in the settings, from each part estimated by `solve` as a body of its own.
 
     Raises ConfigError for parts and joints that do not fit the recording; where a part is refused all is NaN.
@@ -42,10 +42,12 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
         for finding in estimate.verdict.findings
     ]
     if refusing(findings):
-        return refused(recording, joints, parts, findings)
+        return refused_interface(recording, joints, parts, findings)
     estimates = [estimate for estimate, _ in solved]
     if blind := [p.name for p, e in zip(parts, estimates, strict=True) if not np.isfinite(e.moment).any()]:
-        return refused(recording, joints, parts, [*findings, note("part-without-moment", part=blind[0])])
+        return refused_interface(
+            recording, joints, parts, [*findings, note("part-without-moment", part=blind[0])]
+        )
     linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
     wrench, cov = about_center(linkage, estimates)
     found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
@@ -54,7 +56,9 @@ def joint_forces(recording: Recording, settings: Settings, solve: Solve) -> Inte
     smoothed = None
     misfit = found.chi_square[np.isfinite(found.chi_square)]
     if not found.dof or not misfit.size or misfit.mean() < WILD**2 * found.dof:  # else they contradict
-        smoothed = together(linkage, parts, joints, estimates, [solution for _, solution in solved], settings)
+        smoothed = smooth_linked_parts(
+            linkage, parts, joints, estimates, [solution for _, solution in solved], settings
+        )
     if smoothed is not None:
         to_joints = -split(linkage)
         g = np.einsum("tij,tj->ti", to_joints, smoothed.wrench.reshape(len(g), -1)).reshape(g.shape)

@@ -77,7 +77,7 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
     own = [np.eye(6)[:, :0]] * len(joints)
     if len(poses.center):
         point, gap, gap_cov = joint_points(joints, parts, poses)
-        null, told = open_wrenches(joints, parts, poses.middle)
+        null, told = undetermined_wrenches(joints, parts, poses.middle)
         own = in_part_axes(joints, parts, poses.middle, null)
         determined = determined_joints(joints, parts, poses)
         findings += judge_joints(
@@ -170,7 +170,9 @@ def determined_joints(joints: tuple[Joint, ...], parts: tuple[Part, ...], poses:
     return found.determined[: len(joints)]
 
 
-def open_wrenches(joints: tuple[Joint, ...], parts: tuple[Part, ...], frame: Poses) -> tuple[Array, int]:
+def undetermined_wrenches(
+    joints: tuple[Joint, ...], parts: tuple[Part, ...], frame: Poses
+) -> tuple[Array, int]:
     """What of one frame is open (joint, 6, k), about the center of all, and how many resultants are told.
 
     Told is what noise of the poses cannot undo: a loop that it alone keeps from closing is one.

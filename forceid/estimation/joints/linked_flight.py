@@ -19,7 +19,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Ties
 from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import climb
+from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.solution import Smoothing, Solution
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Reference, linear_flight
@@ -91,7 +91,7 @@ def tuned_linked(
     of all forces move together, and those of all moments. How likely: the markers, given the ties, and where
     the parts begin; that ties hold is likelier the smaller the loads, and tells nothing of them.
     """
-    each = [{name: widened(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
+    each = [{name: widened_prior(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
     time = len(ties.gap)
     run = middle(time, FLIGHT_SAMPLES)
 
@@ -104,7 +104,7 @@ def tuned_linked(
         except EstimationError:  # numbers so far off that a covariance loses its sign
             return -np.inf
 
-    best = climb(likely, np.zeros(4))
+    best = bfgs_maximum(likely, np.zeros(4))
     return both_moved(each, best), likely(best)
 
 
@@ -114,7 +114,7 @@ def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: E
     size = 6 * len(parts)
     wrench, cov = np.empty((time, size)), np.empty((time, size, size))
     states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
-    for run, kept in stretches(time, max(FLIGHT_SAMPLES, ROOM // 5 // states**2)):
+    for run, kept in overlapping_windows(time, max(FLIGHT_SAMPLES, ROOM // 5 // states**2)):
         model, z, read = linked_model(parts, priors, ties, run)
         path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)
@@ -169,7 +169,7 @@ def standing(spread: Array) -> StateSpace:
     )
 
 
-def widened(prior: LoadPrior, factor: float) -> LoadPrior:
+def widened_prior(prior: LoadPrior, factor: float) -> LoadPrior:
     """The prior of a load with `factor` times its variance, and no axis all but still beside the strongest.
 
     That an axis holds next to no load a part by itself tells badly, and of several parts the one that claims
@@ -185,10 +185,10 @@ def widened(prior: LoadPrior, factor: float) -> LoadPrior:
     return replace(prior.with_kernel(even), lines=lines)
 
 
-def stretches(time: int, longest: int) -> Iterator[tuple[slice, slice]]:
+def overlapping_windows(time: int, longest: int) -> Iterator[tuple[slice, slice]]:
     """Stretches of a record to smooth by themselves, and the part of each that is kept.
 
-    >>> [(run.start, run.stop, kept.start, kept.stop) for run, kept in stretches(500, 300)]
+    >>> [(run.start, run.stop, kept.start, kept.stop) for run, kept in overlapping_windows(500, 300)]
     [(0, 300, 0, 225), (150, 450, 225, 375), (300, 500, 375, 500)]
     """
     if time <= longest:
@@ -206,12 +206,12 @@ def side_by_side(models: list[StateSpace], rows: Array, slack: Array, run: slice
     """The models of the parts as one over the samples of `run`, with rows (time, row, state) of balances."""
     steps, count = run.stop - run.start - 1, run.stop - run.start
     sizes = [len(m.x0) for m in models]
-    told = [m.H.shape[-2] for m in models]
-    N, C = sum(sizes), sum(told)
+    counts = [m.H.shape[-2] for m in models]
+    N, C = sum(sizes), sum(counts)
     F, Q, u = np.zeros((steps, N, N)), np.zeros((steps, N, N)), np.zeros((steps, N))
     H, R = np.zeros((count, C + rows.shape[1], N)), np.zeros((count, C + rows.shape[1], C + rows.shape[1]))
     at = low = 0
-    for model, n, c in zip(models, sizes, told, strict=True):
+    for model, n, c in zip(models, sizes, counts, strict=True):
         own, channels = slice(at, at + n), slice(low, low + c)
         step = slice(run.start, run.stop - 1)
         F[:, own, own], Q[:, own, own] = during(model.F, step, 3), during(model.Q, step, 3)

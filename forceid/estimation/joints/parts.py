@@ -90,8 +90,8 @@ def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
         own = replace(own, internal_momentum=body.internal_momentum)  # nothing turns inside any part
     inertia = inertia_of(own)
     noise = {name: std for name, std in motion.noise_std.items() if name == "position"}
-    told = Motion(motion.time, x, gravity=motion.gravity, noise_std=noise)
-    part = Recording(own, told, title=setting.name, sha256=recording.sha256)
+    tracks = Motion(motion.time, x, gravity=motion.gravity, noise_std=noise)
+    part = Recording(own, tracks, title=setting.name, sha256=recording.sha256)
     return Part(setting.name, part, inertia.mass, inertia.center, setting.external)
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.accelerations import Motion, accelerated
-from forceid.estimation.joints.constraints import PLAY, Ties, balanced, beside, held
+from forceid.estimation.joints.accelerations import PartMotion, accelerated
+from forceid.estimation.joints.constraints import PLAY, Ties, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
@@ -42,7 +42,7 @@ class Together:
     findings: list[Finding]
 
 
-def together(
+def smooth_linked_parts(
     linkage: Linkage,
     parts: tuple[Part, ...],
     joints: tuple[Joint, ...],
@@ -60,7 +60,7 @@ def together(
         if not linked:
             return None
         ties, findings = ties_of(joints, parts, linked, estimates, solutions)
-        tied = beside([balance[0], *ties])
+        tied = stacked_constraints([balance[0], *ties])
         priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
         found.append((likely, linked, priors, tied, findings))
         if likely < max(value for value, *_ in found):
@@ -117,7 +117,7 @@ def ties_of(
     for joint in joints:
         if not all(rigid(linked[k]) for k in (joint.before, joint.behind)):
             continue
-        kept = held(joint, parts, rotation, frame)
+        kept = held_poses(joint, parts, rotation, frame)
         if (off := changed(kept, centers, spread)) > SIGMAS:
             findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
@@ -184,11 +184,11 @@ def changed(ties: Ties, center: Array, pose_cov: list[Array]) -> float:
     return max(ratio)
 
 
-def motion_of(part: LinkedPart) -> Motion:
+def motion_of(part: LinkedPart) -> PartMotion:
     """A part along its reference."""
     reference, flight = part.reference, part.smoothing.flight
     H, T, _ = reference.moment.read(reference.chain)
-    return Motion(reference.rotation, H, T, flight.mass, flight.inertia, flight.gravity)
+    return PartMotion(reference.rotation, H, T, flight.mass, flight.inertia, flight.gravity)
 
 
 def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> Array:

@@ -18,12 +18,12 @@ def bandwidths(kin: Kinematics, gravity: Array, force: bool = True) -> tuple[flo
     force: whether one can be identified at all, the moment where the rotation is seen.
     """
     return (
-        bandwidth(*force_channel(kin, gravity)) if force else None,
-        bandwidth(*moment_channel(kin)) if kin.attitude else None,
+        bandwidth(*center_track(kin, gravity)) if force else None,
+        bandwidth(*angular_track(kin)) if kin.attitude else None,
     )
 
 
-def force_channel(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
+def center_track(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
     """Times, mass center with the fall removed (time, 3), and its noise variance."""
     seen = np.isfinite(kin.pose.center).all(1)
     time = kin.time[seen]
@@ -52,7 +52,7 @@ def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
     return float(min(f, 0.5 / step))
 
 
-def moment_channel(kin: Kinematics) -> tuple[Array, Array, float]:
+def angular_track(kin: Kinematics) -> tuple[Array, Array, float]:
     """Times, integrated angular momentum and its noise variance, for the mean shape."""
     T = len(kin.time)
     J = np.tile(kin.inertia.tensor, (T, 1, 1))

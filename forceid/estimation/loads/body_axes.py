@@ -18,7 +18,9 @@ from forceid.records import Array
 SPAN = np.log([1e-3, 1e3, 1e-2, 1e2])  # factors on the first guess of every std, and of the rate
 
 
-def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, engine: Engine) -> LoadPrior:
+def body_fixed_prior(
+    channel: Channel, prior: LoadPrior, rotation: Array, load: Array, engine: Engine
+) -> LoadPrior:
     """The prior of a load along axes of the body, by maximum likelihood of what it drives.
 
     prior: of the same load along world axes; rotation (time, 3, 3) of the body and the load (time, 3) found
@@ -38,7 +40,7 @@ def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, en
     def at(x: Array) -> LoadPrior:
         # a load that turns with the body leaves little to tell kernels apart
         kernel = prior.kernel.unknown(np.exp(x[:3]), float(np.exp(x[3])))
-        return replace(prior.with_kernel(kernel), axes=np.eye(3), carried=axes)
+        return replace(prior.with_kernel(kernel), axes=np.eye(3), body_axes=axes)
 
     def misfit(x: Array) -> float:
         return -float(likelihood(channel_model(channel, at(x), rotation), z))
@@ -52,7 +54,7 @@ def carried(channel: Channel, prior: LoadPrior, rotation: Array, load: Array, en
     return replace(best, tuned=replace(best.tuned, log_likelihood=-float(found.fun)))
 
 
-def on_body(
+def body_fixed_priors(
     priors: dict[str, LoadPrior],
     channels: dict[str, Channel],
     flight: Flight,
@@ -72,14 +74,14 @@ def on_body(
             else np.full(len(load), True)
         )
         R = state.rotation[seen]
-        found[name] = carried(channel, prior, R, load[seen], engine)
-        gained[f"{name}_body_axes_evidence"] = evidence(channel, found[name], R, engine) - evidence(
-            channel, prior, R, engine
-        )
+        found[name] = body_fixed_prior(channel, prior, R, load[seen], engine)
+        gained[f"{name}_body_axes_evidence"] = channel_likelihood(
+            channel, found[name], R, engine
+        ) - channel_likelihood(channel, prior, R, engine)
     return found, gained
 
 
-def evidence(channel: Channel, prior: LoadPrior, rotation: Array, engine: Engine) -> float:
+def channel_likelihood(channel: Channel, prior: LoadPrior, rotation: Array, engine: Engine) -> float:
     """Log-likelihood of a channel under a prior, whichever axes that holds along."""
     model = channel_model(channel, prior, rotation)
     return float(for_tuning(engine).log_likelihood(model, channel.moved))

@@ -18,7 +18,7 @@ from forceid.significance import WORSE
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 
 
-def allow_for_ringing(
+def widened_by_ringing(
     state: FlightState, flight: Flight, priors: dict[str, LoadPrior], engine: Engine
 ) -> tuple[FlightState, tuple[Finding, ...]]:
     """The same state, with claims that allow for ringing where none was found; said if that matters.

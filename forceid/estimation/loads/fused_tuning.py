@@ -61,10 +61,10 @@ def tune_together(
         part = middle(len(flight.time), FLIGHT_SAMPLES)
         cut, near = stretched(flight, part), stretched_reference(about, part)
         if alone:
-            by = climb(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
+            by = bfgs_maximum(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
             return flight, force, moment.moved(by)
-        value = partial(evidence, cut, force, moment, near, engine, loud)
-        best = climb(value, np.zeros(4 + len(loud)))
+        value = partial(flight_likelihood, cut, force, moment, near, engine, loud)
+        best = bfgs_maximum(value, np.zeros(4 + len(loud)))
         return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
     force, moment = force if alone else force.alike(), moment.alike()
@@ -77,7 +77,7 @@ def tune_together(
     level = float(engine.log_likelihood(model, z))
     # one after the other: one may be uneven, and the other not
     for load in () if even else ("moment",) if alone else ("force", "moment"):
-        pair, turned = uneven(load, force, moment, about)
+        pair, turned = with_own_axes(load, force, moment, about)
         model, z, _, reached = settled(flight, *pair, engine, turned)
         if (likely := float(engine.log_likelihood(model, z))) > level + 5 * NUMBER:  # axes and proportions
             level, about, (force, moment) = likely, reached, pair
@@ -114,7 +114,7 @@ def wandering(
     """A flight whose sensors of these kinds have biases that wander, where it is far likelier than not."""
 
     def level(flight: Flight) -> float:
-        return evidence(flight, force, moment, about, engine, [], np.zeros(4))
+        return flight_likelihood(flight, force, moment, about, engine, [], np.zeros(4))
 
     if not kinds:
         return flight
@@ -138,16 +138,16 @@ def wandering(
     return flight
 
 
-def uneven(
+def with_own_axes(
     load: str, force: LoadPrior, moment: LoadPrior, about: Reference
 ) -> tuple[tuple[LoadPrior, LoadPrior], Reference]:
     """Both priors, that of one load along the axes of what a reference holds of it; the reference on them."""
     assert about.force is not None
     prior, chain = (force, about.force) if load == "force" else (moment, about.chain)
     found = prior.read(chain)[1]
-    if prior.carried is not None:  # its axes turn with the body, its states do not
+    if prior.body_axes is not None:  # its axes turn with the body, its states do not
         along = along_own_axes(prior, np.einsum("tba,tb->ta", about.rotation, found))
-        along = replace(along, axes=prior.axes, carried=along.axes)
+        along = replace(along, axes=prior.axes, body_axes=along.axes)
         return ((along, moment) if load == "force" else (force, along)), about
     along = along_own_axes(prior, found)
     if load == "force":
@@ -155,7 +155,7 @@ def uneven(
     return (force, along), replace(about, chain=along.restated(about.chain, moment), moment=along)
 
 
-def evidence(
+def flight_likelihood(
     flight: Flight,
     force: LoadPrior,
     moment: LoadPrior,
@@ -221,12 +221,12 @@ def stretched_reference(reference: Reference, s: slice) -> Reference:
     return replace(reference, rotation=rotation, chain=chain, force=force, modes=modes)
 
 
-def climb(value: Callable[[Array], float], p: Array) -> Array:
+def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
     """A maximum of value(p) near p (k,), by the rule of Broyden, Fletcher, Goldfarb and Shanno.
 
     A size, a rate and the noise trade places along a ridge, where a search coordinate by coordinate stalls.
 
-    >>> climb(lambda p: -100 * float((p[0] - 0.5) ** 2 + (p[0] + p[1]) ** 2), np.zeros(2)).round(1)
+    >>> bfgs_maximum(lambda p: -100 * float((p[0] - 0.5) ** 2 + (p[0] + p[1]) ** 2), np.zeros(2)).round(1)
     array([ 0.5, -0.5])
     """
     best, H = value(p), np.eye(len(p))

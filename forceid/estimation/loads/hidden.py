@@ -67,7 +67,7 @@ def smallest_found(
     span, samples = float(np.ptp(channel.time)), int(np.isfinite(channel.z).all(1).sum())
     noise = noise / beside_parabola(frequency * span)[:, None]
     information = span / 4 * (1 / (noise + smooth)) @ (axes**2).T  # likelihood that a unit amplitude gains
-    gained = asked(frequency * span, samples, named)
+    gained = required_gain(frequency * span, samples, named)
     return np.sqrt(gained[:, None] / information), smooth / (noise + smooth) @ (axes**2).T
 
 
@@ -89,7 +89,7 @@ def lines_at_spin(
         "force": (state.force, std[:, :3], mass * float(np.linalg.norm(gravity)), "N"),
         "moment": (state.moment, std[:, 3:], length(state.H) * length(state.omega), "N m"),
     }
-    told = []
+    findings = []
     for name, channel in channels.items():
         load, claim, whole, unit = scales[name]
         size, claimed = length(load), length(claim)
@@ -102,10 +102,10 @@ def lines_at_spin(
             least, share = smallest_found(channel, priors[name], np.array([frequency]), named=True)
             hides = float((least * (1 - share)).max())
             if hides > MUCH * claimed and hides > RESOLVED * scale:
-                told.append(
+                findings.append(
                     note("line-at-spin", load=name, hidden=hides, unit=unit, times=times, claim=claimed)
                 )
-    return told
+    return findings
 
 
 def band_of(channel: Channel, prior: LoadPrior, frequency: Array, rotation: Array | None = None) -> Array:
@@ -134,7 +134,7 @@ def densities(
     return noise, prior.spectrum(w[:, 0], rotation), axes
 
 
-def asked(cycles: Array, samples: int, named: bool = False) -> Array:
+def required_gain(cycles: Array, samples: int, named: bool = False) -> Array:
     """Log-likelihood (frequency,) that a line has to gain to be found in half of the records.
 
     Of a frequency that nobody named it has to stand out of all ordinates, and pays for the frequency too. So

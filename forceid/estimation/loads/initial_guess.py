@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.flight.attitude import apply
 from forceid.flight.channels import Start
 from forceid.flight.instruments import ACCELEROMETER
 from forceid.flight.instruments.dead_reckoning import reckoned
@@ -14,6 +13,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import steps_of
 from forceid.flight.tuning import MIDDLE
+from forceid.motion.free_turn import apply
 from forceid.records import Array
 
 RATE = 20.0  # 1/s: where the search for the rate begins

@@ -55,7 +55,7 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
     inner = slice(edge, len(state.wrench_cov) - edge)
     cov = np.nanmean(growth @ state.wrench_cov[inner] @ growth.T, axis=0)[3:, 3:]
     claimed = np.sqrt(np.einsum("ai,ab,bi->i", axes, cov, axes))
-    found = wheels(look, largest(state), TENTH * float(np.linalg.norm(claimed)))
+    found = wheels(look, largest_wheel(state), TENTH * float(np.linalg.norm(claimed)))
     total = 1 + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     within = [wheel for wheel in found if (wheel.off <= SIGMAS * claimed).all()]
@@ -77,7 +77,7 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
     return growth, (wheel,)
 
 
-def largest(state: FlightState) -> float:
+def largest_wheel(state: FlightState) -> float:
     """Size of the largest wheel, kg m2/s along an axis: its momentum is that of the body."""
     return float(length(state.H) / np.sqrt(3))
 

@@ -75,10 +75,10 @@ def with_line(
     for line in find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate):
 
         def likelihood(line: Line, prior: LoadPrior = prior) -> float:
-            model, z = seen_part(flight, beside(prior, line), about)
+            model, z = seen_part(flight, with_another_line(prior, line), about)
             return float(engine.log_likelihood(model, z))
 
-        prior = beside(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
+        prior = with_another_line(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
     return prior
 
 
@@ -87,6 +87,6 @@ def mass_hidden(kin: Kinematics) -> bool:
     return bool(len(kin.shapes) and kin.unfollowed.any())
 
 
-def beside(prior: LoadPrior, line: Line) -> LoadPrior:
+def with_another_line(prior: LoadPrior, line: Line) -> LoadPrior:
     """The prior with one line more."""
     return replace(prior, lines=(*prior.lines, line))

@@ -14,7 +14,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.innovations import NIS_BAND, colored
+from forceid.estimation.verdict.innovations import NIS_BAND, lag_one_correlation
 from forceid.estimation.verdict.sensitivity import MILLIMETER
 from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.model import Flight, seen_part
@@ -30,7 +30,7 @@ from forceid.significance import PATIENCE
 CORRELATED = 0.5  # innovations, from frame to frame
 
 
-def lever(state: FlightState) -> Finding:
+def lever_finding(state: FlightState) -> Finding:
     """What a wrong mass center does to the moment, in numbers of this record."""
     force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
     claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
@@ -51,7 +51,7 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
 
 def slow_and_small(innovation: Array, nis: Array) -> bool:
     """Whether innovations (time, channel) are far smaller than predicted and follow each other."""
-    return bool(np.nanmean(nis) < NIS_BAND[0] and colored(innovation)[0] > CORRELATED)
+    return bool(np.nanmean(nis) < NIS_BAND[0] and lag_one_correlation(innovation)[0] > CORRELATED)
 
 
 def noise_beyond_motion(channel: Channel, stated: bool = False) -> float:
@@ -71,7 +71,7 @@ def noise_beyond_motion(channel: Channel, stated: bool = False) -> float:
     return max(found, 1.0) if stated else found
 
 
-def widened(
+def widened_by_slow_errors(
     state: FlightState, flight: Flight, force: LoadPrior, channel: Channel, noise: float, engine: Engine
 ) -> FlightState:
     """The same state, with a force claimed no better than slow errors and the roughest likely prior allow.

@@ -112,8 +112,8 @@ class Whitened:
         """Log-likelihood of the record over all candidates, beside amounts (column,) of the first signals."""
         amounts = np.asarray(amounts, float)
         v = self.innovation - self.signals[:, :, : len(amounts)] @ amounts
-        told = zip(self.candidates, self.powers(v).T, strict=True)
-        return float(sum(np.logaddexp.reduce(c.log_likelihood(power)) for c, power in told))
+        pairs = zip(self.candidates, self.powers(v).T, strict=True)
+        return float(sum(np.logaddexp.reduce(c.log_likelihood(power)) for c, power in pairs))
 
 
 def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array | None = None) -> Whitened:

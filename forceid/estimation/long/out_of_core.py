@@ -20,7 +20,7 @@ from forceid import __version__
 from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.body.inertia import inertia_of
-from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitened
+from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitening_basis
 from forceid.estimation.long.windows import Progress, estimate_stretches, unwatched
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.catalogue import note
@@ -117,7 +117,7 @@ def reduced(
         noise, beside = compared(positions, recording.motion.time, maps, Z)
     if stamp(path) != before:
         raise DataError("changed while it was read", str(path), "wait until it is complete and try again")
-    corners, Q = np.hstack([np.ones((4, 1)), tetrahedron(S)]), whitened(S)
+    corners, Q = np.hstack([np.ones((4, 1)), tetrahedron(S)]), whitening_basis(S)
     stated = {k: v for k, v in recording.motion.noise_std.items() if k in SENSED and k != "strain"}
     if positions.noise_std is not None:
         spread = w[:, None] * (Z @ Q @ (Q.T @ corners.T))  # of every node in every corner
@@ -144,7 +144,7 @@ def summed(
 ) -> Sums:
     """The sums over all blocks, from where a checkpoint of the same key ends."""
     blocks = positions.blocks()
-    first, sums = restored(checkpoint, key, positions.shape[0])
+    first, sums = restored_sums(checkpoint, key, positions.shape[0])
     wZ = w[:, None] * Z
     room = np.empty(3 * max((a.stop - a.start) * (b.stop - b.start) for a, b in blocks))
     kept = clock.monotonic()
@@ -205,7 +205,7 @@ def keep(checkpoint: Path, key: str, done: int, sums: Sums) -> None:
         np.savez(f, key=np.array(key), done=done, moved=sums.moved, rest=sums.rest)
 
 
-def restored(checkpoint: Path | None, key: str, frames: int) -> tuple[int, Sums]:
+def restored_sums(checkpoint: Path | None, key: str, frames: int) -> tuple[int, Sums]:
     """Where to begin, and the sums until there."""
     fresh = 0, Sums(np.zeros((frames, 4, 3)), np.zeros((frames, 4, 4)))
     if checkpoint is None or not checkpoint.is_file():

@@ -21,7 +21,7 @@ from forceid.config import Settings, to_toml
 from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge
-from forceid.estimation.verdict.innovations import chance_limit, wildest
+from forceid.estimation.verdict.innovations import chance_limit, largest_innovation
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
@@ -55,7 +55,7 @@ def estimate_stretches(
         for a, b in pairwise(edges):
             first, last = max(0, a - MARGIN), min(frames, b + MARGIN)
             path = None if kept is None else kept / f"{a}-{b}.h5"
-            piece = None if path is None else restored(path, recording, settings)
+            piece = None if path is None else restored_window(path, recording, settings)
             if piece is None:
                 part = replace(recording, motion=cut(recording.motion, first, last, frames), truth={})
                 piece = cut(estimate_recording(part, settings), a - first, b - first, last - first)
@@ -63,10 +63,10 @@ def estimate_stretches(
                     write_result(path, piece)
             pieces.append(piece)
             advance()
-    return joined(pieces)
+    return joined_windows(pieces)
 
 
-def restored(path: Path, recording: Recording, settings: Settings) -> Estimate | None:
+def restored_window(path: Path, recording: Recording, settings: Settings) -> Estimate | None:
     """What an earlier run found in a stretch of the same recording, with the same settings and version."""
     try:
         piece, by = read_result(path), read_version(path)
@@ -91,7 +91,7 @@ def cut(record: Any, first: int, last: int, frames: int) -> Any:
 RECORDS = ("loads", "witness")  # records in an estimate that have samples of their own
 
 
-def joined(pieces: Sequence[Estimate]) -> Estimate:
+def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     """Stretches as one estimate: worst verdict, every reason once, sums and medians of the numbers."""
     numbers: dict[str, Any] = {name: medians([getattr(p, name) for p in pieces]) for name in NUMBERS}
     known = [p for p in pieces if p.engine != "none"] or list(pieces)
@@ -152,7 +152,7 @@ def is_wild(whole: Estimate) -> bool:
     """Whether the largest innovation is more than chance in so long a record."""
     if not np.isfinite(whole.innovation).any():
         return False
-    size, _ = wildest(whole.time, whole.innovation)
+    size, _ = largest_innovation(whole.time, whole.innovation)
     return bool(size > chance_limit(whole.innovation) * max(np.sqrt(np.nanmean(whole.nis)), 1.0))
 
 
@@ -176,7 +176,7 @@ def chained(records: Sequence[Any]) -> Any:
             v.ndim and len(v) == n for v, n in zip(values, lengths, strict=True)
         ):
             wide = max(v.shape[1:] for v in values)
-            joint[f.name] = np.concatenate([v if v.shape[1:] == wide else unknown(v, wide) for v in values])
+            joint[f.name] = np.concatenate([v if v.shape[1:] == wide else missing(v, wide) for v in values])
     return replace(records[0], **joint)
 
 
@@ -195,7 +195,7 @@ def samples_of(record: Any) -> Any:
     return record.load if isinstance(record, Loads) else record.force
 
 
-def unknown(values: Any, shape: tuple[int, ...]) -> Any:
+def missing(values: Any, shape: tuple[int, ...]) -> Any:
     """NaN for the samples of a stretch that has nothing of that kind."""
     return np.full((len(values), *shape), np.nan)
 
@@ -208,11 +208,11 @@ def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:
 
 def worst_of(pieces: Sequence[Estimate]) -> Verdict:
     """The worst verdict; a cause that several stretches give is told once, since when and how often."""
-    told: dict[tuple[str, ...], list[tuple[float, Finding]]] = {}
+    by_cause: dict[tuple[str, ...], list[tuple[float, Finding]]] = {}
     for piece in pieces:
         for finding in piece.verdict.findings:
-            told.setdefault(finding.cause, []).append((float(piece.time[0]), finding))
-    return judge([in_stretches(times, len(pieces)) for times in told.values()])
+            by_cause.setdefault(finding.cause, []).append((float(piece.time[0]), finding))
+    return judge([in_stretches(times, len(pieces)) for times in by_cause.values()])
 
 
 def in_stretches(times: Sequence[tuple[float, Finding]], count: int) -> Finding:

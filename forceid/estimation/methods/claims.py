@@ -10,9 +10,9 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_gauges
 from forceid.estimation.loads import free_oscillation, inner_wheel
-from forceid.estimation.loads.body_axes import on_body
+from forceid.estimation.loads.body_axes import body_fixed_priors
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
-from forceid.estimation.loads.noise import lever, widened
+from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.order_uncertainty import growth_along_world
 from forceid.estimation.loads.whitened import whitened
 from forceid.estimation.methods.problem import Problem
@@ -33,7 +33,7 @@ def judge_channels(problem: Problem) -> Problem:
 
 def allow_for_ringing(problem: Problem) -> Problem:
     """Free oscillations of the loads that the record does not show."""
-    state, said = free_oscillation.allow_for_ringing(
+    state, said = free_oscillation.widened_by_ringing(
         problem.state, problem.flight, problem.priors, problem.engine
     )
     return replace(problem, state=state).noting(*said)
@@ -44,7 +44,7 @@ def allow_for_slow_errors(problem: Problem) -> Problem:
     if problem.slow is None:
         return problem
     noise = problem.kin.noise[problem.source]
-    state = widened(
+    state = widened_by_slow_errors(
         problem.state, problem.flight, problem.priors["force"], problem.force_channel, noise, problem.engine
     )
     return replace(problem, state=state)
@@ -54,7 +54,7 @@ def turn_with_body(problem: Problem) -> Problem:
     """Loads along axes of the body where that is asked for; else what a line at the spin may stand for."""
     flight, kin, engine = problem.flight, problem.kin, problem.engine
     if problem.settings.load_axes == "body" and kin.attitude:
-        priors, gained = on_body(problem.priors, problem.channels, flight, problem.state, engine)
+        priors, gained = body_fixed_priors(problem.priors, problem.channels, flight, problem.state, engine)
         state = smooth_flight(flight, priors["force"], priors["moment"], engine, problem.causal)
         return replace(problem, priors=priors, gained=gained, state=state, plain=state.wrench_cov)
     if problem.state.reference is None or flight.sensors is not None:  # these would show what poses do not
@@ -67,7 +67,7 @@ def judge_lever(problem: Problem) -> Problem:
     """The moment of a force about a mass center that errs slowly."""
     if problem.slow is None or not problem.kin.attitude:
         return problem
-    return problem.noting(lever(problem.state))
+    return problem.noting(lever_finding(problem.state))
 
 
 def allow_for_priors(problem: Problem) -> Problem:
@@ -75,7 +75,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     if problem.settings.load_axes == "body":
         return problem
     state, kin, priors = problem.state, problem.kin, problem.priors
-    channels = {name: ch for name, ch in whole(problem).items() if priors[name].kernel.rivals}
+    channels = {
+        name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
+    }
     seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
     inside = "moment" in channels and problem.body.internal_momentum is None and not len(kin.shapes)
     beside = {"moment": inner_wheel.signals(channels["moment"].time, state.rotation[seen])} if inside else {}
@@ -90,7 +92,7 @@ def allow_for_priors(problem: Problem) -> Problem:
     return replace(problem, growth=growth).noting(*said)
 
 
-def whole(problem: Problem) -> dict[str, Channel]:
+def channels_on_every_axis(problem: Problem) -> dict[str, Channel]:
     """Channels that show their load on every axis: the moment of a mass on a line does not."""
     channels = problem.channels
     if problem.kin.inertia.line is not None:
@@ -104,7 +106,7 @@ def solution_of(problem: Problem) -> Solution:
     hidden = None
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
         turned: Array = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
-        hidden = hidden_load(whole(problem), priors, turned)
+        hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),

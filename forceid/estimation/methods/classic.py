@@ -46,7 +46,7 @@ def estimate_classic(
     cov[:, :3, :3] = force_cov(kin, path) * (1 + force.bias_ratio)
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
-        channel = moment_channel(kin)
+        channel = measured_angular_channel(kin)
         chosen = choose_moment(channel, candidates)
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
@@ -79,7 +79,7 @@ def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> W
     return choose_window(candidates, estimate)
 
 
-def moment_channel(kin: Kinematics) -> AngularChannel:
+def measured_angular_channel(kin: Kinematics) -> AngularChannel:
     """Integrated angular momentum of the body with the deformation as it was measured."""
     amplitude = np.nan_to_num(kin.amplitude)
     inertia, h = inertia_along(kin, amplitude, np.gradient(amplitude, kin.time, axis=0))

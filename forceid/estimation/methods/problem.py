@@ -11,7 +11,7 @@ from forceid.config import Settings
 from forceid.estimation.body.cleaning import NONE_DROPPED, Dropped, Wild, kinematics_without
 from forceid.estimation.body.deformation import Deformation, undeformed
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.spin import turning
+from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.loads.inner_wheel import with_momentum
 from forceid.estimation.loads.lines import NO_LINES, Lines
@@ -113,7 +113,7 @@ class Problem:
         moment = self.priors["moment"]
         if not self.apart:
             state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
-            return turning(state, kin.spin, kin.inertia.line)
+            return with_spin_rate(state, kin.spin, kin.inertia.line)
         free = smooth_translation(flight, force, self.engine, self.causal)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
@@ -121,4 +121,4 @@ class Problem:
         state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
         beyond = self.engine.log_likelihood(translation(beside, force.plain()), beside.center)
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
-        return turning(with_translation(state, free), kin.spin, kin.inertia.line)
+        return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)

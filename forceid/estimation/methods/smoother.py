@@ -7,7 +7,7 @@ from functools import reduce
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
-from forceid.estimation.body.cleaning import wildest
+from forceid.estimation.body.cleaning import largest_innovations
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.methods.claims import (
     allow_for_priors,
@@ -96,6 +96,6 @@ def beside_lines(problem: Problem) -> Problem:
             found = with_frames_that_agree(more)
         except EstimationError:  # what does not settle beside lines leaves them in its innovations
             return problem
-        if problem.wild is not None and not wildest(found.state).max() < WILD:
+        if problem.wild is not None and not largest_innovations(found.state).max() < WILD:
             return problem  # an impact holds every line, and stays
         problem = found

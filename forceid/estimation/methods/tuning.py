@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.body.deformation_residual import noise_beyond
-from forceid.estimation.body.kinematics import Kinematics, scaled
+from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
 from forceid.estimation.methods.problem import Problem
@@ -28,7 +28,7 @@ def see_motion(problem: Problem) -> Problem:
     followed, source = kin.apart or not kin.deforms, problem.source
     if not followed and not fixed and not kin.stated[source]:
         beyond = min(noise_beyond(kin, problem.motion), 1.0) * np.eye(3)
-        kin, fixed = problem.look(scaled(kin, {source: beyond})), True
+        kin, fixed = problem.look(scaled_noise(kin, {source: beyond})), True
     factors = FIXED if fixed else range_of(kin, source)
     return replace(problem, noise_range=factors, followed=followed, notes=()).seeing(kin)
 
@@ -53,7 +53,7 @@ def settle_noise(problem: Problem) -> Problem:
     force = problem.priors["force"]
     if np.abs(np.log(force.tuned.noise)).max() <= np.log(SAME_NOISE):
         return problem
-    return problem.seeing(problem.look(scaled(problem.kin, {problem.source: force.noise})))
+    return problem.seeing(problem.look(scaled_noise(problem.kin, {problem.source: force.noise})))
 
 
 def find_slow_errors(problem: Problem) -> Problem:
@@ -62,7 +62,7 @@ def find_slow_errors(problem: Problem) -> Problem:
     stated = kin.stated[source]
     if problem.slow is None and problem.followed and follow_each_other(problem):
         beyond = noise_beyond_motion(force_channel(kin, problem.motion.gravity), stated)
-        slow = scaled(kin, {source: beyond * np.eye(3)})
+        slow = scaled_noise(kin, {source: beyond * np.eye(3)})
         apart = {load: prior for load, prior in problem.near.items() if load != "force"}
         problem = replace(problem, slow=slow, noise_range=FIXED, near=apart).seeing(problem.look(slow))
         problem = tune_force(problem)
@@ -96,5 +96,5 @@ def tune_moment(problem: Problem) -> Problem:
     if not measured:
         return problem
     at_limit = {**problem.at_limit, "orientation": moment.tuned.noise_at_limit}
-    kin = problem.look(scaled(kin, {"orientation": moment.noise}))
+    kin = problem.look(scaled_noise(kin, {"orientation": moment.noise}))
     return replace(problem, kin=kin, at_limit=at_limit)

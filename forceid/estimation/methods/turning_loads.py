@@ -13,8 +13,8 @@ import numpy as np
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.loads.fused_tuning import (
-    climb,
-    evidence,
+    bfgs_maximum,
+    flight_likelihood,
     louder,
     stretched,
     stretched_reference,
@@ -34,7 +34,7 @@ QUIETER = (-0.5, -2.5, -4.5)
 LONGEST = 120  # samples that a start is chosen by
 LOADS = ("force", "moment")
 Kind = tuple[bool, bool]
-Pair = tuple[LoadPrior, LoadPrior]
+PriorPair = tuple[LoadPrior, LoadPrior]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Search:
     """
 
     flight: Flight
-    rough: Pair
+    rough: PriorPair
     settings: Settings
     engine: Engine
     stated: frozenset[str]
@@ -67,7 +67,7 @@ class Search:
     @property
     def loud(self) -> list[int]:
         """Kinds of sensors whose noise is not stated."""
-        return [i for i, one in enumerate(kinds_of(self.flight)) if one.name not in self.stated]
+        return [i for i, one in enumerate(instruments_of(self.flight)) if one.name not in self.stated]
 
 
 def alternatives(first: Reference, search: Search) -> list[Alternative]:
@@ -95,7 +95,7 @@ def alternatives(first: Reference, search: Search) -> list[Alternative]:
     if not found:
         what = f"bears no estimate ({failed})"
         raise EstimationError(what, "the record of the sensors", "raise the sample rate, or record longer")
-    return list(crossed(found, search).values())
+    return list(crossed_alternatives(found, search).values())
 
 
 def likelihood(alternative: Alternative) -> float:
@@ -103,7 +103,7 @@ def likelihood(alternative: Alternative) -> float:
     return alternative.state.log_likelihood
 
 
-def crossed(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Alternative]:
+def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Alternative]:
     """Alternatives, each tuned again from the best of the others that share its force or its moment, where
     that is likelier.
     """
@@ -129,14 +129,14 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     assert about is not None
     pair = turning_as(kind, force.force, moment.moment)
     flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
-    value = evidence(flight, *pair, about, search.engine, [], np.zeros(4))
+    value = flight_likelihood(flight, *pair, about, search.engine, [], np.zeros(4))
     return value > likelihood(own) + GAIN
 
 
-def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> Pair:
+def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> PriorPair:
     """Priors alike along all axes, of loads that turn with the body or do not."""
     was = zip((force, moment), kind, strict=True)
-    a, b = (replace(prior, carried=np.eye(3) if turns else None, axes=np.eye(3)) for prior, turns in was)
+    a, b = (replace(prior, body_axes=np.eye(3) if turns else None, axes=np.eye(3)) for prior, turns in was)
     return a, b
 
 
@@ -164,7 +164,9 @@ def from_near(
     return tuned_and_smoothed(flight, kind, *pair, about, search)
 
 
-def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) -> tuple[Flight, Pair]:
+def begun(
+    flight: Flight, pair: PriorPair, i: int, about: Reference, search: Search
+) -> tuple[Flight, PriorPair]:
     """A flight and priors to begin a search with, of a load (0 force, 1 moment) of which nothing is known.
 
     A fast load explains a record without any noise, and one that does not fit leaves it all to noise: a
@@ -172,32 +174,32 @@ def begun(flight: Flight, pair: Pair, i: int, about: Reference, search: Search) 
     """
     middle = max((len(flight.time) - LONGEST) // 2, 0)
     part = slice(middle, middle + LONGEST)
-    path, kinds = stretched_reference(about, part), telling(search.flight, LOADS[i])
+    path, kinds = stretched_reference(about, part), observing_instruments(search.flight, LOADS[i])
     free = [kind for kind in kinds if kind in search.loud]
-    rough = turning_as((pair[0].carried is not None, pair[1].carried is not None), *search.rough)[i]
+    rough = turning_as((pair[0].body_axes is not None, pair[1].body_axes is not None), *search.rough)[i]
     flight = with_noise_of(flight, search.flight, LOADS[i])
 
-    def by(p: Array) -> tuple[Flight, Pair]:
+    def by(p: Array) -> tuple[Flight, PriorPair]:
         prior = rough.moved(p[:2])
         return louder(flight, free, p[2:]), (prior, pair[1]) if i == 0 else (pair[0], prior)
 
     def value(p: Array) -> float:
         noisy, priors = by(p)
-        return evidence(stretched(noisy, part), *priors, path, search.engine, [], np.zeros(4))
+        return flight_likelihood(stretched(noisy, part), *priors, path, search.engine, [], np.zeros(4))
 
     starts = QUIETER if free else (0.0,)
-    tops = [climb(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]
+    tops = [bfgs_maximum(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]
     return by(max(tops, key=value))
 
 
-def kinds_of(flight: Flight) -> tuple[Instrument, ...]:
+def instruments_of(flight: Flight) -> tuple[Instrument, ...]:
     """The instruments on a flight."""
     return () if flight.sensors is None else flight.sensors.instruments
 
 
-def telling(flight: Flight, load: str) -> list[int]:
+def observing_instruments(flight: Flight, load: str) -> list[int]:
     """Places among the instruments on a flight of those that tell of a load."""
-    return [i for i, one in enumerate(kinds_of(flight)) if one.tells == load]
+    return [i for i, one in enumerate(instruments_of(flight)) if one.tells == load]
 
 
 def with_noise_of(flight: Flight, other: Flight, load: str) -> Flight:
@@ -205,7 +207,7 @@ def with_noise_of(flight: Flight, other: Flight, load: str) -> Flight:
     assert flight.sensors is not None
     assert other.sensors is not None
     noise = flight.sensors.noise_std.copy()
-    kinds = telling(flight, load)
+    kinds = observing_instruments(flight, load)
     noise[kinds] = other.sensors.noise_std[kinds]
     return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
 
@@ -216,7 +218,7 @@ def tuned_and_smoothed(
     """One alternative, tuned from near. No bias is taken to wander unasked: it would pass for a load that
     does.
     """
-    stated = search.stated | {f"{one.name}_walk" for one in kinds_of(flight)}
+    stated = search.stated | {f"{one.name}_walk" for one in instruments_of(flight)}
     flight, force, moment = tune_together(flight, force, moment, search.engine, stated, first, even=True)
     causal = search.settings.method == "filter"
     state = smooth_flight(flight, force, moment, search.engine, causal, first)

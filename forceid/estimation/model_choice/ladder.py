@@ -23,10 +23,17 @@ from forceid.estimation.body.affine_lever import speaks_for_mass
 from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid, principal_axes
 from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
 from forceid.estimation.methods.solution import Solution
-from forceid.estimation.model_choice.levels import Level, Step, brings_modes, explaining, levels, weigh
+from forceid.estimation.model_choice.levels import (
+    LevelCandidate,
+    Step,
+    brings_modes,
+    explaining,
+    levels,
+    weigh,
+)
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
-    Channels,
+    LoadChannels,
     changes,
     channels_of,
     claims_more,
@@ -36,7 +43,7 @@ from forceid.estimation.model_choice.load_seen import (
     view,
     worse,
 )
-from forceid.estimation.model_choice.words import Choice, sentence_of, without_choice
+from forceid.estimation.model_choice.words import LevelChoice, sentence_of, without_choice
 from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
@@ -45,12 +52,12 @@ from forceid.significance import CHANCE, WORSE
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 
-Solve = Callable[[Settings, Kinematics], Solution]
+SolveLevel = Callable[[Settings, Kinematics], Solution]
 
 
-def climb(
-    kin: Kinematics, motion: Motion, settings: Settings, engine: Engine, solve: Solve
-) -> tuple[Choice, Solution]:
+def choose_level(
+    kin: Kinematics, motion: Motion, settings: Settings, engine: Engine, solve: SolveLevel
+) -> tuple[LevelChoice, Solution]:
     """The level that a recording asks for, and the solution at that level.
 
     kin: its kinematics under the settings, which leave the level open; solve: the estimate at a level, from
@@ -62,7 +69,7 @@ def climb(
     if markers is None:
         return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid, kin)
 
-    def without_shapes(reason: str) -> tuple[Choice, Solution]:
+    def without_shapes(reason: str) -> tuple[LevelChoice, Solution]:
         return without_choice("rigid", reason), solve(rigid, at_level(markers, rigid))
 
     if settings.modes == 0:
@@ -79,21 +86,21 @@ def climb(
         solution = solve(settings, at_level(markers, settings))
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
-    told = brings_modes(markers.body, most)
+    own_modes = brings_modes(markers.body, most)
     rungs = [
         level
         for level in levels(markers, settings, most)
         if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
     ]
-    if len(rungs) < 2 or (not told and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
+    if len(rungs) < 2 or (not own_modes and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
         return without_shapes("no deformation stands out of the noise")
     steps = weigh(beyond, rungs, free_shapes(markers.body, most), all(most.stated.values()), engine)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
-    best = len(rungs) - 1 if told else explaining(steps)
+    best = len(rungs) - 1 if own_modes else explaining(steps)
     return descend(motion, rungs, steps, best, engine, solve)
 
 
-def quiet(beyond: Beyond, level: Level, kin: Kinematics) -> bool:
+def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:
     """Whether the amplitudes of a level are no larger than noise."""
     q = beyond.y @ principal_axes(beyond.y, beyond.of(level.shapes))
     dof = q.shape[1] * beyond.frames
@@ -110,12 +117,12 @@ def free_shapes(body: Body, kin: Kinematics) -> bool:
 
 def descend(
     motion: Motion,
-    rungs: list[Level],
+    rungs: list[LevelCandidate],
     steps: list[Step],
     best: int,
     engine: Engine,
-    solve: Solve,
-) -> tuple[Choice, Solution]:
+    solve: SolveLevel,
+) -> tuple[LevelChoice, Solution]:
     """From the level that explains the motion, the best one, down to the smallest that is enough."""
     steps = list(steps)
     solutions: dict[int, Solution] = {}
@@ -131,15 +138,15 @@ def descend(
             solutions[i] = solve(rungs[i].settings, look(i))
         return solutions[i]
 
-    def seen(i: int) -> Channels:
+    def seen(i: int) -> LoadChannels:
         return channels_of(look(i), motion.gravity, engine)
 
-    def chosen(i: int) -> tuple[Choice, Solution]:
+    def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)
         said = sentence_of(steps, i, best)
         if i != best:
             solution = allowing(solution, steps[i])
-        return Choice(steps[i].model, said, steps[i], tuple(steps)), solution
+        return LevelChoice(steps[i].model, said, steps[i], tuple(steps)), solution
 
     if not best:
         return chosen(best)

@@ -25,7 +25,7 @@ RUNGS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32)  # modes tried
 
 
 @dataclass(frozen=True)
-class Level:
+class LevelCandidate:
     """A level before it is judged: the settings that ask for it, its shapes (mode, node, 3), its kinematics.
 
     The kinematics are None where the shapes are the first of those that the markers show: nobody looked yet.
@@ -84,7 +84,7 @@ def brings_modes(body: Body, kin: Kinematics) -> bool:
     return hidden and (body.mode_shape is not None or body.stiffness is not None)
 
 
-def levels(markers: MarkerSet, settings: Settings, most: Kinematics) -> list[Level]:
+def levels(markers: MarkerSet, settings: Settings, most: Kinematics) -> list[LevelCandidate]:
     """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show.
 
     Of a body that brings the modes of its unmarked mass the rigid one and that one: what does not show among
@@ -93,32 +93,36 @@ def levels(markers: MarkerSet, settings: Settings, most: Kinematics) -> list[Lev
     body = markers.body
     own = body.mode_shape is not None or body.stiffness is not None
 
-    def level(**asked: object) -> Level:
+    def level(**asked: object) -> LevelCandidate:
         at = settings.model_copy(update=asked)
         kin = at_level(markers, at)
-        return Level(at, kin.shapes, markers, kin)
+        return LevelCandidate(at, kin.shapes, markers, kin)
 
     rigid = settings.model_copy(update={"model": "rigid"})
     found, room = len(most.shapes), 3 * int(most.seen.sum()) - 6
     if brings_modes(body, most):
-        modal = Level(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most)
-        return [Level(rigid, most.shapes[:0], markers), modal]
+        modal = LevelCandidate(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most)
+        return [LevelCandidate(rigid, most.shapes[:0], markers), modal]
     several = []
     for m in RUNGS if settings.modes is None else ():
         if m < found:
             at = {"model": "modal", "modes": m}
             # of the body's own modes, fewer are not always the first of more
             several.append(
-                level(**at) if own else Level(settings.model_copy(update=at), most.shapes[:m], markers)
+                level(**at)
+                if own
+                else LevelCandidate(settings.model_copy(update=at), most.shapes[:m], markers)
             )
     if found:
-        several.append(Level(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most))
+        several.append(
+            LevelCandidate(settings.model_copy(update={"model": "modal"}), most.shapes, markers, most)
+        )
     stretched = level(model="affine")
     if 0 < len(stretched.shapes) <= room:
         several.append(stretched)
     # of two levels with as many degrees of freedom the affine one has less to choose
     several.sort(key=lambda r: (len(r.shapes), r.settings.model == "modal"))
-    return [Level(rigid, most.shapes[:0], markers, None if found else most), *several]
+    return [LevelCandidate(rigid, most.shapes[:0], markers, None if found else most), *several]
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ class Span:
     columns: list[int]
 
 
-def spans_of(beyond: Beyond, rungs: list[Level]) -> tuple[list[Span], Array]:
+def spans_of(beyond: Beyond, rungs: list[LevelCandidate]) -> tuple[list[Span], Array]:
     """Axes of every level, and the amplitudes (time, column) of all; shared where one goes on from another.
 
     Along its own axes a level has amplitudes that do not correlate, as separate priors take for granted.
@@ -155,7 +159,9 @@ def spans_of(beyond: Beyond, rungs: list[Level]) -> tuple[list[Span], Array]:
     return spans, np.stack(values, 1) if values else np.zeros((len(beyond.y), 0))
 
 
-def weigh(beyond: Beyond, rungs: list[Level], free: bool, stated: bool, engine: Engine) -> list[Step]:
+def weigh(
+    beyond: Beyond, rungs: list[LevelCandidate], free: bool, stated: bool, engine: Engine
+) -> list[Step]:
     """Every level with its static and dynamic evidence from one residual; changes are not yet known.
 
     free: shapes of modal levels were found in the record, each a direction chosen; stated: the noise was.

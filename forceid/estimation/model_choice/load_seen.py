@@ -21,7 +21,7 @@ from forceid.significance import PATIENCE, THOUSANDTH, WORSE
 
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
 
-Channels = tuple[Channel, Channel]  # that force and moment drive
+LoadChannels = tuple[Channel, Channel]  # that force and moment drive
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Seen:
     log_likelihood: float
 
 
-def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> Channels:
+def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> LoadChannels:
     """The channels that force and moment drive, as a level sees them."""
     kin, deformation = undeformed(kin, engine)
     return force_channel(kin, gravity), moment_channel(kin, deformation)
@@ -65,13 +65,13 @@ class View:
         return self.force, self.moment
 
 
-def view(own: Channels, below: Channels, engine: Engine) -> View:
+def view(own: LoadChannels, below: LoadChannels, engine: Engine) -> View:
     """What the channels of a level show, to be compared with those of the level below and of smaller ones."""
-    force = None if alike(below[0], own[0]) else load_seen(own[0], engine)
+    force = None if same_load(below[0], own[0]) else load_seen(own[0], engine)
     return View(force, load_seen(own[1], engine))
 
 
-def alike(one: Channel, other: Channel) -> bool:
+def same_load(one: Channel, other: Channel) -> bool:
     """Whether two channels show the same load."""
     if len(one.time) != len(other.time) or (np.isfinite(one.z) != np.isfinite(other.z)).any():
         return False
@@ -79,7 +79,7 @@ def alike(one: Channel, other: Channel) -> bool:
     return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < THOUSANDTH)
 
 
-def looked(channels: Channels, top: View, engine: Engine) -> tuple[float, float]:
+def looked(channels: LoadChannels, top: View, engine: Engine) -> tuple[float, float]:
     """How far force and moment that channels of a level show are from what the explaining one shows.
 
     In standard errors of either. First under the priors of the explaining level. Where one of them does not

@@ -13,7 +13,7 @@ from forceid.flight.vibration import STATES
 
 
 @dataclass(frozen=True)
-class Choice:
+class LevelChoice:
     """The model taken, a sentence on why, the step taken and all steps from the bottom, if there are any."""
 
     model: str
@@ -26,7 +26,7 @@ class Choice:
         """Chi-square that the rigid level leaves over that of the one of most evidence; None without steps.
 
         >>> steps = (Step("rigid", 0, 12.0, 1.0, 0.0, True, 0.0), Step("modal", 2, 1.5, 1.0, 0.0, False, 9.0))
-        >>> Choice("rigid", "", steps[0], steps).left
+        >>> LevelChoice("rigid", "", steps[0], steps).left
         8.0
         """
         if not self.steps:
@@ -37,7 +37,7 @@ class Choice:
         """Of every step: evidence, chi-square, NIS, and what it would change, as numbers with names.
 
         >>> step = Step("modal", 2, 1.0, 1.0, 0.0, False, 9.0)
-        >>> Choice("modal", "", step, (step,)).numbers()["modal_2_evidence"]
+        >>> LevelChoice("modal", "", step, (step,)).numbers()["modal_2_evidence"]
         9.0
         """
         found: dict[str, float] = {}
@@ -57,9 +57,9 @@ class Choice:
         return found
 
 
-def without_choice(model: str, why: str) -> Choice:
+def without_choice(model: str, why: str) -> LevelChoice:
     """The choice where there is none."""
-    return Choice(model, f"the model is {model}: {why}")
+    return LevelChoice(model, f"the model is {model}: {why}")
 
 
 def sentence_of(steps: list[Step], taken: int, best: int) -> str:

@@ -48,7 +48,7 @@ class Turning:
     arm: Array | None
 
 
-def turning(
+def turning_of(
     kin: Kinematics, deformation: Deformation, state: FlightState, arm: Array | None = None
 ) -> Turning:
     """The motion of an estimate; its angular acceleration from the moment, not from a noisy spin.
@@ -76,7 +76,9 @@ def wrong_mass(motion: Turning, part: float) -> Bias:
     """
     force = part * motion.force
     whole = motion.kin.inertia.nodal is None
-    return Bias(force, about(motion, np.zeros(3), 0 * force if whole else part * motion.moment, force))
+    return Bias(
+        force, moved_to_point(motion, np.zeros(3), 0 * force if whole else part * motion.moment, force)
+    )
 
 
 def wrong_center(motion: Turning, d: Array) -> Bias:
@@ -125,7 +127,7 @@ def columns(motion: Turning) -> tuple[Array, Array]:
     return force, moment
 
 
-def about(motion: Turning, d: Array, moment: Array, force: Array) -> Array:
+def moved_to_point(motion: Turning, d: Array, moment: Array, force: Array) -> Array:
     """A bias of the moment about the mass center, taken to the point that moments are wanted about."""
     if motion.arm is None:
         return moment
@@ -181,7 +183,7 @@ def wrong_shape(motion: Turning, amplitude: Array, change: Array) -> Bias:
     for k, q in enumerate(amplitude.T):
         by_center, by_spread = shape_columns(motion, q)
         force, moment = force + by_center @ center[:, k], moment + by_spread @ spread[:, k]
-    return Bias(force, about(motion, np.zeros(3), moment, force))
+    return Bias(force, moved_to_point(motion, np.zeros(3), moment, force))
 
 
 def shape_columns(motion: Turning, q: Array) -> tuple[Array, Array]:

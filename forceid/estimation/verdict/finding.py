@@ -53,7 +53,7 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     """
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]
-    found = [*known_beforehand(kin), *unseen(kin, motion), *judge_times(kin)]
+    found = [*known_beforehand(kin), *unobserved_motions(kin, motion), *judge_times(kin)]
     turn = largest_turn(kin.time, kin.pose.rotation)
     if turn > FAST and not (motion is not None and reads_turn(kin, motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
@@ -108,7 +108,7 @@ def known_beforehand(kin: Kinematics) -> list[Finding]:
     return [note("mass-on-line")]
 
 
-def unseen(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
+def unobserved_motions(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
     """Motions that the markers do not show."""
     found = []
     marked = int(kin.seen.sum())
@@ -157,11 +157,11 @@ def judge_leakage(found: Leakage | None) -> list[Finding]:
     """Markers that barely fix a turn, and shapes that look like rigid motion from where the markers are."""
     if found is None:
         return []
-    told = []
+    said = []
     if NEARLY_LINE < found.condition < np.inf:
         turn = found.rotation_sigma.max()
-        told.append(note("markers-nearly-on-line", condition=found.condition, turn_deg=turn))
+        said.append(note("markers-nearly-on-line", condition=found.condition, turn_deg=turn))
     for k in np.flatnonzero(found.sine < NEARLY_RIGID):
         part = found.to_rigid[k]
-        told.append(note("shape-looks-rigid", shape=found.name[k], sine=found.sine[k], percent=part))
-    return told
+        said.append(note("shape-looks-rigid", shape=found.name[k], sine=found.sine[k], percent=part))
+    return said

@@ -27,10 +27,10 @@ def judge_innovations(
     level = float(np.nanmean(nis))
     if not NIS_BAND[0] < level < NIS_BAND[1]:
         found.append(note("innovations-small" if level < 1 else "innovations-large", times=np.sqrt(level)))
-    size, when = wildest(time, innovation)
+    size, when = largest_innovation(time, innovation)
     if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
         found.append(note("innovation-wild", sigma=size, time_s=when))
-    color, channel = colored(innovation)
+    color, channel = lag_one_correlation(innovation)
     if color:
         found.append(note("innovations-correlated", channel=channel, correlation=color))
     line, channel = strongest_line(time, innovation, reach)
@@ -42,7 +42,7 @@ def judge_innovations(
 CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
 
 
-def wildest(time: Array, innovation: Array) -> tuple[float, float]:
+def largest_innovation(time: Array, innovation: Array) -> tuple[float, float]:
     """Largest whitened innovation, in standard deviations, and its time."""
     size = np.abs(np.nan_to_num(innovation)).max(1)
     k = int(size.argmax())
@@ -54,7 +54,7 @@ def chance_limit(innovation: Array) -> float:
     return float(ndtri(1 - 0.5 * CHANCE / max(np.isfinite(innovation).sum(), 1)))
 
 
-def colored(innovation: Array) -> tuple[float, str]:
+def lag_one_correlation(innovation: Array) -> tuple[float, str]:
     """Largest lag-one autocorrelation of whitened innovations and its channel, if it is not chance."""
     worst, where = 0.0, ""
     for j, v in enumerate(innovation.T):

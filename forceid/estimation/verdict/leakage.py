@@ -47,20 +47,20 @@ class Leakage:
 
     def numbers(self) -> dict[str, float]:
         """The worst over the shapes, by name: what a result carries."""
-        found = {"condition": self.condition, "rotation_sigma_deg_per_mm": worst(self.rotation_sigma)}
+        found = {"condition": self.condition, "rotation_sigma_deg_per_mm": largest_known(self.rotation_sigma)}
         if self.name:
             found |= {
                 "sine": float(np.nan_to_num(self.sine, nan=0.0).min()),
                 "joint_condition": self.joint_condition,
-                "shape_to_rigid_percent": worst(self.to_rigid),
-                "shape_to_rigid_worst_percent": worst(self.to_rigid_worst),
-                "shape_to_rigid_alone_percent": worst(self.to_rigid_alone),
+                "shape_to_rigid_percent": largest_known(self.to_rigid),
+                "shape_to_rigid_worst_percent": largest_known(self.to_rigid_worst),
+                "shape_to_rigid_alone_percent": largest_known(self.to_rigid_alone),
                 "rigid_to_shape_percent": self.to_shape,
             }
         return found
 
 
-def worst(values: Array) -> float:
+def largest_known(values: Array) -> float:
     """Largest of the values known, NaN where none is."""
     known = values[~np.isnan(values)]
     return float(known.max()) if known.size else np.nan
@@ -85,14 +85,14 @@ def leakage(body: Body, kin: Kinematics) -> Leakage | None:
         weight = kin.seen.astype(float)
     S, flat = summation_operator(kin.shape), shapes.reshape(len(shapes), -1).T
     rows = np.repeat(kin.seen, 3)
-    moved = [crossed(S, flat, kin, pattern, weight) for pattern in patterns(kin)]
+    moved = [cross_blocks(S, flat, kin, pattern, weight) for pattern in patterns(kin)]
     whole = moved[0]
     every = np.array([to_rigid for to_rigid, _ in moved])
     alone = np.linalg.pinv(S[rows]) @ flat[rows]
     return Leakage(
         condition, sigma, name, sine(S[rows], flat[rows]), joint_condition(S[rows], flat[rows]),
         whole[0], np.where(np.isnan(every).all(0), np.nan, np.nan_to_num(every).max(0)),
-        100 * size(S @ alone, weight) / size(flat, weight), worst(np.array([b for _, b in moved])),
+        100 * size(S @ alone, weight) / size(flat, weight), largest_known(np.array([b for _, b in moved])),
     )  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def marker_cov(kin: Kinematics) -> Array:
     return np.asarray(cov + flat.T @ (var[:, None] * flat))
 
 
-def crossed(S: Array, flat: Array, kin: Kinematics, seen: Flags, weight: Array) -> tuple[Array, float]:
+def cross_blocks(S: Array, flat: Array, kin: Kinematics, seen: Flags, weight: Array) -> tuple[Array, float]:
     """The cross blocks of the fit from some markers, in percent: shapes to rigid (shape,), rigid to shapes.
 
     S (dof, 6): rigid-body modes; flat (dof, shape): the shapes; NaN where the markers fix no pose.

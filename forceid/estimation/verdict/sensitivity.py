@@ -21,7 +21,7 @@ from forceid.estimation.verdict.body_errors import (
     columns,
     marker_map,
     shape_columns,
-    turning,
+    turning_of,
     wrong_mass,
 )
 from forceid.flight.channels import CHANNEL_SAMPLES
@@ -112,7 +112,7 @@ def follows(kin: Kinematics, priors: Mapping[str, LoadPrior], name: str) -> floa
     return float(f[priors[name].spectrum(w).mean(1) >= noise(kin, name) * step * w**4].max(initial=0.0))
 
 
-def sensitivity(
+def body_sensitivity(
     kin: Kinematics,
     deformation: Deformation,
     state: FlightState,
@@ -125,7 +125,7 @@ def sensitivity(
     node: names of the nodes; gravity (3,) m/s2; arm (time, 3) m: from the point that the
     moment is about to the mass center, None where it is the mass center. NaN where no rotation is known.
     """
-    motion = turning(kin, deformation, state, arm)
+    motion = turning_of(kin, deformation, state, arm)
     every = slice(None, None, max(1, len(kin.time) // CHANNEL_SAMPLES))
     few = Turning(
         kin, motion.rotation[every], motion.omega[every], motion.rate[every], motion.force[every],
@@ -136,7 +136,7 @@ def sensitivity(
 
     def cost(d: Array, dJ: Array) -> Cost:
         both = np.concatenate([d, dJ])
-        return Cost(*(stretch(G, m) for G, m in ((force, d), (moment, both))))
+        return Cost(*(largest_rms(G, m) for G, m in ((force, d), (moment, both))))
 
     none, shapes = np.zeros((3, 1)), len(kin.shapes) > 0 and kin.attitude
     values, axes = principal(kin.inertia.tensor)
@@ -198,7 +198,7 @@ def gram(c: Array) -> Array:
     )
 
 
-def stretch(G: Array, m: Array) -> float:
+def largest_rms(G: Array, m: Array) -> float:
     """Largest rms length over unit directions e of the columns with Gram matrix G times m e."""
     square = m.T @ G @ m
     return float(np.sqrt(max(np.linalg.eigvalsh(square)[-1], 0.0))) if np.isfinite(square).all() else np.nan

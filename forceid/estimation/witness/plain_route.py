@@ -26,7 +26,7 @@ LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone ma
 
 
 @dataclass(frozen=True)
-class Channel:
+class PlainChannel:
     """What a load drives: z (sample, 3) at times (sample,), of which the load is the second derivative.
 
     frame (sample,): which frame of the recording each sample is; whole (sample,): nothing was bridged there.
@@ -46,14 +46,14 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Route:
+class PlainRoute:
     """Channels of force N s2 and of moment N m s2, None where the recording does not show them plainly."""
 
-    force: Channel | None = None
-    moment: Channel | None = None
+    force: PlainChannel | None = None
+    moment: PlainChannel | None = None
 
 
-def plain_route(body: Body, motion: Motion) -> Route:
+def plain_route(body: Body, motion: Motion) -> PlainRoute:
     """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
     inertia = inertia_of(body)
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
@@ -64,10 +64,10 @@ def plain_route(body: Body, motion: Motion) -> Route:
         return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
     if motion.center is not None:
         return of_mean_motion(inertia, motion, motion.center, inside)
-    return Route()
+    return PlainRoute()
 
 
-def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array) -> Route:
+def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array) -> PlainRoute:
     """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
 
     inside (3,): angular momentum of what turns in the body, reference axes. A rigid fit is a part of them
@@ -77,7 +77,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
     whole = np.asarray(np.isfinite(x).all((1, 2)))
     rigid, rotation = rigid_fits(x, X)
-    x = bridged(motion.time, x, X, rotation)
+    x = interpolated_tracks(motion.time, x, X, rotation)
     if not whole.all():
         rigid = rigid_fits(x, X)[0]
     bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
@@ -95,16 +95,16 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
     elif not bends:
         force = channel(motion, inertia.mass, rigid, whole)
     if not np.isfinite(inertia.tensor).all():
-        return Route(force)
+        return PlainRoute(force)
     J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.tile(inside, (len(x), 1))
     if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
-        J, momentum = momenta(motion.time, body_axes(x, center, rotation), mass)
+        J, momentum = inertia_and_momentum(motion.time, body_axes(x, center, rotation), mass)
         if bends:
-            own = turning(motion, rotation, whole, J, momentum + inside)
-            return Route(force, own if whole.mean() > 1 - SCATTERED else None)
+            own = plain_moment_channel(motion, rotation, whole, J, momentum + inside)
+            return PlainRoute(force, own if whole.mean() > 1 - SCATTERED else None)
         known = np.asarray(np.isfinite(J).all((1, 2)))
         J = np.broadcast_to(J[known].mean(0) if known.any() else inertia.tensor, rotation.shape)
-    return Route(force, None if bends else turning(motion, rotation, whole, J, h))
+    return PlainRoute(force, None if bends else plain_moment_channel(motion, rotation, whole, J, h))
 
 
 def bending_shows(time: Array, b: Array) -> bool:
@@ -113,26 +113,28 @@ def bending_shows(time: Array, b: Array) -> bool:
     return bool(seen.sum() >= FEW and shows_motion(spectrum_of(time[seen], b[seen])))
 
 
-def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> Route:
+def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> PlainRoute:
     """Channels of a measured mass center (time, 3), and of the orientation where it was measured."""
     whole, T = np.asarray(np.isfinite(center).all(1)), len(center)
     force = channel(motion, inertia.mass, center, whole)
     if motion.orientation is None:
-        return Route(force)
+        return PlainRoute(force)
     R, read = np.full((T, 3, 3), np.nan), np.asarray(np.isfinite(motion.orientation).all(1))
     if read.any():
         R[read] = Rotation.from_quat(motion.orientation[read]).as_matrix()
     J = np.broadcast_to(inertia.tensor, R.shape)
-    return Route(force, turning(motion, R, read, J, np.tile(inside, (T, 1))))
+    return PlainRoute(force, plain_moment_channel(motion, R, read, J, np.tile(inside, (T, 1))))
 
 
-def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> Channel | None:
+def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> PlainChannel | None:
     """The channel of the force: mass times the mass center (time, 3) with the fall taken out."""
     t = motion.time - motion.time[0]
     return seen_of(motion.time, mass * (center - 0.5 * t[:, None] ** 2 * motion.gravity), whole)
 
 
-def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Array) -> Channel | None:
+def plain_moment_channel(
+    motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Array
+) -> PlainChannel | None:
     """The channel of the moment: the integral of J omega + h, of inertia (time, 3, 3) and h (time, 3).
 
     None where few rotations (time, 3, 3) are seen, or where J is not known or near singular.
@@ -154,15 +156,15 @@ def turning(motion: Motion, rotation: Array, whole: Flags, inertia: Array, h: Ar
     return None if found is None else replace(found, corner=corner)
 
 
-def seen_of(time: Array, z: Array, whole: Flags) -> Channel | None:
+def seen_of(time: Array, z: Array, whole: Flags) -> PlainChannel | None:
     """A channel of those frames that show z (time, 3); None where they are few."""
     frame = np.flatnonzero(np.isfinite(z).all(1))
     if len(frame) < FEW:
         return None
-    return Channel(time[frame], z[frame], frame, whole[frame], np.zeros((len(frame), 0)))
+    return PlainChannel(time[frame], z[frame], frame, whole[frame], np.zeros((len(frame), 0)))
 
 
-def momenta(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
+def inertia_and_momentum(time: Array, b: Array, mass: Array) -> tuple[Array, Array]:
     """Inertia (time, 3, 3) of nodes b (time, node, 3) about their mass center, and h = sum m b x b'.
 
     NaN in frames where a node is not known.
@@ -184,11 +186,11 @@ def rigid_fits(x: Array, X: Array) -> tuple[Array, Array]:
     patterns, which = seen_together(x)
     S = summation_operator(X).reshape(len(X), 3, 6)
     fixed = np.array([p.sum() > 2 and pose_rank(S[p].reshape(-1, 6)) == 6 for p in patterns])
-    told = fixed[which]
-    return np.where(told[:, None], center, np.nan), np.where(told[:, None, None], R, np.nan)
+    kept = fixed[which]
+    return np.where(kept[:, None], center, np.nan), np.where(kept[:, None, None], R, np.nan)
 
 
-def bridged(time: Array, x: Array, X: Array, rotation: Array) -> Array:
+def interpolated_tracks(time: Array, x: Array, X: Array, rotation: Array) -> Array:
     """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them.
 
     As far as these fix the turn; frames in which they do not stay as they are.

@@ -16,7 +16,7 @@ from scipy.special import fdtri
 
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW
-from forceid.estimation.witness.plain_route import Channel, plain_route
+from forceid.estimation.witness.plain_route import PlainChannel, plain_route
 from forceid.flight.smoother import FlightState
 from forceid.motion.plain_cut import (
     STRETCH,
@@ -73,13 +73,13 @@ def as_measured(motion: Motion) -> Motion:
     return replace(motion, position=np.where(measured, motion.position, np.nan), bridged=None)
 
 
-def spectrum_and_cuts(channel: Channel) -> tuple[MotionSpectrum, list[Cut]]:
+def spectrum_and_cuts(channel: PlainChannel) -> tuple[MotionSpectrum, list[Cut]]:
     """The spectrum of a channel over the shape of its noise, and its cut on every axis."""
     spectrum = spectrum_of(channel.time, channel.z, channel.corner)
     return spectrum, plain_cuts(spectrum)
 
 
-def low_passed(time: Array, channel: Channel, cuts: list[Cut]) -> tuple[Array, Array]:
+def low_passed(time: Array, channel: PlainChannel, cuts: list[Cut]) -> tuple[Array, Array]:
     """The load that a channel shows below its cuts, and its standard deviation, (time, 3) each."""
     at, values, std = channel.frame, np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
     for cutoff in {cut.frequency for cut in cuts}:
@@ -94,7 +94,7 @@ def low_passed(time: Array, channel: Channel, cuts: list[Cut]) -> tuple[Array, A
 
 
 def apart_in_bands(
-    channel: Channel, found: MotionSpectrum, cuts: list[Cut], time: Array, load: Array, claim: Array
+    channel: PlainChannel, found: MotionSpectrum, cuts: list[Cut], time: Array, load: Array, claim: Array
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
@@ -124,8 +124,8 @@ def apart_in_bands(
     for a, cut in enumerate(cuts):
         if not beside[:, a].any():
             continue
-        told = seen[:, a]
-        claimed = float(weight[told] @ claim[told, a] ** 2 / weight[told].sum())
+        known = seen[:, a]
+        claimed = float(weight[known] @ claim[known, a] ** 2 / weight[known].sum())
         noise = np.concatenate([[0.0], cut.noise * found.moved[:, a]])
         carried = np.concatenate([[0.0], found.power[:, a] * found.moved[:, a]]) * inexact
         own, carried, bent, size = (
@@ -141,7 +141,7 @@ def apart_in_bands(
     return numbers
 
 
-def off_by_fit(channel: Channel, bent: Array) -> Array:
+def off_by_fit(channel: PlainChannel, bent: Array) -> Array:
     """Variance of the load that what a fit leaves of a marker gives it, of mean square `bent` when bent."""
     return channel.lever**2 / channel.free * bent if channel.free > 0 else 0.0 * bent
 
@@ -177,25 +177,25 @@ def judge_witness(witness: Witness | None, state: FlightState) -> list[Finding]:
     """Force and moment, where witness and estimate differ by more than both allow."""
     if witness is None:
         return []
-    told = []
+    said = []
     for (name, unit), load in zip(UNITS.items(), (state.force, state.moment), strict=True):
         off = np.flatnonzero(differs(witness, name))
         if not len(off):
             continue
         band, apart, errors = (getattr(witness, f"{key}_{name}") for key in COMPARED[:3])
         a = off[np.argmax(errors[off])]
-        own, plain = (rms(v[:, a]) for v in (load, getattr(witness, name)))
+        own, plain = (central_rms(v[:, a]) for v in (load, getattr(witness, name)))
         others = "".join(f", and so along {'xyz'[k]}" for k in off if k != a)
-        told.append(
+        said.append(
             note(
                 "off-plain-route", load=name, axis="xyz"[a], own=own, unit=unit, plain=plain,
                 band_hz=band[a], apart=apart[a], errors=errors[a], others=others,
             )
         )  # fmt: skip
-    return told
+    return said
 
 
-def rms(values: Array) -> float:
+def central_rms(values: Array) -> float:
     """Root mean square of values (time,) in the central part of a record, of what is known."""
     cut = int(len(values) * (1 - CENTRAL) / 2)
     kept = values[cut : len(values) - cut]

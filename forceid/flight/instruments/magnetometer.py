@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.flight.attitude import apply
 from forceid.flight.instruments.moved import InBody, Slopes
 from forceid.flight.instruments.protocol import BentMount, Instrument
+from forceid.motion.free_turn import apply
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 

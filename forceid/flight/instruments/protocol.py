@@ -16,7 +16,7 @@ from forceid.flight.instruments.moved import InBody, Slopes
 from forceid.records import Array
 
 Read = Callable[[InBody, Array, Array, Array], tuple[Array, Slopes]]
-Start = Callable[[Array, Array, Array], Array]
+SteadyStart = Callable[[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -78,4 +78,4 @@ class Instrument:
     bend: Bend
     tells: str = ""
     steady: tuple[str, ...] = ()
-    start: Start = no_start
+    start: SteadyStart = no_start

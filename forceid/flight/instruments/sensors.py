@@ -175,7 +175,9 @@ def sensed(sensors: Sensors, moved: Moved, steady: Array) -> Sensed:
     return Sensed(y, dict(zip(MOVERS, d, strict=True)), by_steady)
 
 
-def carried(rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior, ...]) -> tuple[Array, Array]:
+def read_later(
+    rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior, ...]
+) -> tuple[Array, Array]:
     """Rows (time, channel, state) on the states of a sample, of what is read by `clock` (kind,) s later.
 
     Also the covariance (time, channel, channel) of what the chains of the loads do in between by chance.
@@ -199,7 +201,7 @@ def carried(rows: Array, sensors: Sensors, clock: Array, loads: tuple[LoadPrior,
     return rows, noise
 
 
-def with_sensors(
+def with_sensor_channels(
     model: StateSpace, sensors: Sensors, H: Array, noise: Array, by_steady: Array, step: Array
 ) -> StateSpace:
     """A model with channels of sensors below its own; behind its states their biases, then steady numbers.

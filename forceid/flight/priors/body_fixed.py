@@ -14,7 +14,7 @@ from forceid.records import Array
 GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # points, weights on 0 to 1
 
 
-def carry(
+def fix_to_body(
     F: Array, Q: Array, P0: Array, n: int, step: Array, rotation: Array, axes: Array
 ) -> tuple[Array, Array, Array]:
     """A chain of n states whose load keeps to axes (3, 3) of a body, with all of its states in world axes.

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from forceid.flight.channels import Channel, Start, load_chain
-from forceid.flight.priors.body_fixed import carry
+from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.lines import Line
 from forceid.kalman.model import StateSpace
@@ -100,15 +100,15 @@ class LoadPrior:
     """A kernel along three axes (columns of `axes`, world), and how unknown the load is at its start.
 
     lines: that the load holds beside, with directions in world axes, or in those of the body for lines that
-    turn with it. carried: axes (3, 3) of the body, as columns, along which the kernel holds instead and with
-    which it turns; `axes` are then the world's.
+    turn with it. body_axes: those (3, 3) of the body, as columns, along which the kernel holds instead and
+    with which it turns; `axes` are then the world's.
     """
 
     tuned: Tuned
     axes: Array
     start: Start
     lines: tuple[Line, ...] = ()
-    carried: Array | None = None
+    body_axes: Array | None = None
 
     @property
     def kernel(self) -> Kernel:
@@ -178,10 +178,10 @@ class LoadPrior:
             return out
 
         F, Q, P0 = interleave(F), interleave(Q), interleave(smooth.P0)
-        if rotation is not None and (self.carried is not None or any(line.turns for line in self.lines)):
+        if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
-            if self.carried is not None:
-                F, Q, P0 = carry(F, Q, P0, n, step, rotation, self.carried)
+            if self.body_axes is not None:
+                F, Q, P0 = fix_to_body(F, Q, P0, n, step, rotation, self.body_axes)
         add_lines((F, Q, P0), self.lines, self.axes, unique, step, rotation)
         return F[which], Q[which], P0
 
@@ -203,8 +203,8 @@ class LoadPrior:
         Along its axes; of one that turns with a rotation (time, 3, 3), the mean along the axes of the world.
         """
         density = self.kernel.density(w[:, None])
-        if self.carried is not None and rotation is not None:
-            density = density @ ((rotation @ self.carried) ** 2).mean(0).T
+        if self.body_axes is not None and rotation is not None:
+            density = density @ ((rotation @ self.body_axes) ** 2).mean(0).T
         return density
 
     def with_kernel(self, kernel: Kernel) -> LoadPrior:
