@@ -26,3 +26,10 @@ def test_the_settings_that_are_printed_are_the_default_ones(tmp_path, capsys):
     path = tmp_path / "printed.toml"
     path.write_text(capsys.readouterr().out)
     assert load_settings(path) == load_settings()
+
+
+def test_a_name_stands_for_one_number():
+    values = {}
+    for number in chosen_numbers():
+        values.setdefault(number.name, set()).add(number.value)
+    assert {name: found for name, found in values.items() if len(found) > 1} == {}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from forceid.config import Settings
 
 ANSWER = 10  # s in which a scheduler answers, and has a worker
-PATIENCE = 60.0  # s without any worker until the rest fails
+NO_WORKER = 60.0  # s without any worker until the rest fails
 
 
 @contextmanager
@@ -88,7 +88,7 @@ def tasks_of(client: Any) -> list[str]:
 
 
 def watch(count: Callable[[], int], clock: Callable[[], float] = time.monotonic) -> Callable[[], bool]:
-    """A question that is answered with yes once `count` has been zero for PATIENCE seconds."""
+    """A question that is answered with yes once `count` has been zero for NO_WORKER seconds."""
     since: list[float] = []
 
     def deserted() -> bool:
@@ -96,7 +96,7 @@ def watch(count: Callable[[], int], clock: Callable[[], float] = time.monotonic)
             since.clear()
         elif not since:
             since.append(clock())
-        return bool(since) and clock() - since[0] >= PATIENCE
+        return bool(since) and clock() - since[0] >= NO_WORKER
 
     return deserted
 

@@ -38,7 +38,7 @@ from forceid.significance import TENTH
 
 LOOK_AFTER = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
-SETTLED = 1e-4  # rad: a path that rounding keeps moving by less is taken
+SETTLED = 1e-4  # rad, m: less is no matter to a path, which rounding may keep moving by so much
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
 MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are no matter
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
+AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 LEAK = 0.01  # of the load on the strongest axis
 
 
@@ -84,7 +85,7 @@ def tune_loads(
         return maximize(lambda p, s: objective(p, s, order), *edges, shared, start, same)
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
-        at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < 0.05) > 0.5
+        at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < AT_LIMIT) > 0.5
         return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))

@@ -16,7 +16,7 @@ from forceid.records import Array
 KNOTS = 8.0  # in a period of the cut-off: the gain there is that of the spline itself within a percent
 JERK = np.array([-1.0, 3.0, -3.0, 1.0])  # third differences of the coefficients
 OVERLAP = {-2: 1 / 120, -1: 26 / 120, 0: 66 / 120, 1: 26 / 120, 2: 1 / 120}  # of quadratic B-splines
-ENDS = 12  # knots from an end beyond which the spline knows nothing of it: a decay of exp(-4.7)
+END_KNOTS = 12  # knots from an end beyond which the spline knows nothing of it: a decay of exp(-4.7)
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,11 @@ class SmoothingSpline:
     def gain(self) -> Array:
         """Variance (time,) of that second derivative per variance of white noise in the record.
 
-        From the weights themselves within ENDS knots of the ends, and constant between; one end of a regular
+        From the weights themselves within END_KNOTS of the ends, and constant between; one end of a regular
         clock is the other's mirror image.
         """
         count = self.pieces + DEGREE
-        near = min(ENDS + DEGREE, count)
+        near = min(END_KNOTS + DEGREE, count)
         found = np.full(len(self.time), np.nan)
         place, steps = (self.time - self.time[0]) / self.interval, np.diff(self.time)
         regular = np.ptp(steps) < 1e-6 * steps[0]

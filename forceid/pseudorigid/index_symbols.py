@@ -20,7 +20,7 @@ QUADRATURE_STEP = (
     0.16  # of the trapezoidal rule: error exp(-2 pi d / step), the poles being d = 1.2 or more off the line
 )
 SHORTEST_AXIS, LONGEST_AXIS = 1e-75, 1e75  # of semi-axes, whose fourth powers are numbers
-ENDS = 3.8  # beyond the logarithms of the squared axes, where the integrand is below 1e-17 of its largest
+FAR_ENDS = 3.8  # beyond the logarithms of the squared axes, where the integrand is below 1e-17 of its largest
 
 
 def checked_axes(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Array, Array]:
@@ -80,9 +80,9 @@ def pair_symbols(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Ar
 def half_line(smallest: Array, largest: Array) -> tuple[Array, Array]:
     """Nodes u and weights (..., n) on (0, inf) for integrands that change about `smallest` to `largest`."""
     span = np.log(largest / smallest)
-    count = int(np.ceil((2 * ENDS + span.max(initial=0.0)) / QUADRATURE_STEP)) + 1
-    step = ((2 * ENDS + span) / (count - 1))[..., None]
-    s = -ENDS + step * np.arange(count)
+    count = int(np.ceil((2 * FAR_ENDS + span.max(initial=0.0)) / QUADRATURE_STEP)) + 1
+    step = ((2 * FAR_ENDS + span) / (count - 1))[..., None]
+    s = -FAR_ENDS + step * np.arange(count)
     left, right = np.exp(-s), np.exp(s - span[..., None])
     u = smallest[..., None] * np.exp(s - left + right)
     return u, step * u * (1 + left + right)

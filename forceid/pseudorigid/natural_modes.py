@@ -21,7 +21,7 @@ from forceid.records import Array
 
 CONTINUED = (1, 8, 64)  # steps of the rate from rest to the one that is asked for
 NEWTON_SETTLED = 1e-14  # of the stretch, in the last step of Newton's method
-RESTING = 1e-9  # of the stiffness, that the stress of a body at rest may be
+AT_REST = 1e-9  # of the stiffness, that the stress of a body at rest may be
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def natural_modes(
     unit = np.eye(9).reshape(9, 3, 3)
     K = np.stack([np.asarray(material.hessian(F, H)).ravel() for H in unit])
     left = np.abs(force - multiplier * cofactor).max()
-    if left > RESTING * np.abs(K).max() * np.abs(F).max():
+    if left > AT_REST * np.abs(K).max() * np.abs(F).max():
         raise DataError(
             f"leaves the force {left:.3g}, so the body is not at rest there",
             "rest",

@@ -17,7 +17,7 @@ from forceid.pseudorigid.index_symbols import potential_integral
 from forceid.pseudorigid.material_law import validated_constant
 from forceid.records import Array
 
-CONVERGED, SETTLED = 1e-14, 1e-7  # of the period, between a rule and the one with twice the nodes
+CONVERGED, NEARLY_CONVERGED = 1e-14, 1e-7  # of the period, between a rule and the one with twice the nodes
 FARTHEST_TURNING = 2.0**40  # times nearer or farther than the start: where the search for it ends
 RULES = tuple(16 * 2**i for i in range(10))
 
@@ -59,7 +59,7 @@ def oscillation(
         speed = np.sqrt(2 * (level - potential(q)) / inertia(q))
         period = float(2 * np.mean(np.pi * abs(half) * np.sin(angle) / speed))
         # more nodes stand closer to the turning points, where rounding grows: past the best rule it rules
-        if change < abs(period - last) < SETTLED * period:
+        if change < abs(period - last) < NEARLY_CONVERGED * period:
             return Oscillation(start, other, last)
         last, change = period, abs(period - last) if nodes > RULES[0] else np.inf
         if change < CONVERGED * period:

@@ -19,7 +19,7 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, settled
+from forceid.flight.smoother import SHORTEST, FlightState, settled
 from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.records import Array
@@ -28,7 +28,6 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
 CLIMB_STEPS = 15  # of a search, at most
-LEAST_SHARE = 0.01  # of a step
 NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
 GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
@@ -238,7 +237,7 @@ def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
         if gain < NO_GAIN:
             break
         share, level = 1.0, value(p + step)
-        while not level > best + GAINED_SHARE * share * gain and share > LEAST_SHARE:
+        while not level > best + GAINED_SHARE * share * gain and share > SHORTEST:
             share /= 3
             level = value(p + share * step)
         if not level > best:

@@ -34,14 +34,13 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight
-from forceid.flight.smoother import FlightState
+from forceid.flight.smoother import SETTLED, FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import TENTH
 
 SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
-HELD = 1e-4  # m, rad: of the pose that the first sample is given
 BIAS_PASSES = 0.5  # claimed error of the force over its size from which a bias passes for force
 
 
@@ -165,7 +164,7 @@ def unmarked_flight(body: Body, motion: Motion, settings: Settings, kin: Kinemat
     T = len(motion.time)
     center, rotation = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan)
     center[0], rotation[0] = 0.0, np.eye(3)
-    cov = np.tile(HELD**2 * np.eye(6), (T, 1, 1))
+    cov = np.tile(SETTLED**2 * np.eye(6), (T, 1, 1))
     inertia = np.tile(kin.inertia.tensor, (T, 1, 1))
     sensors = sensors_of(body, motion, settings, kin.inertia.center)
     if sensors is not None:  # the clock is that of the gyros, and of others in one case with them

@@ -13,6 +13,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.loads.fused_tuning import (
+    NO_GAIN,
     bfgs_maximum,
     flight_likelihood,
     louder,
@@ -28,7 +29,6 @@ from forceid.flight.smoother import FlightState, settled, smooth_flight
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
-GAIN = 0.5  # of a log-likelihood: less is no gain
 # of a logarithm: what differences show as noise is a ceiling, to which motion adds
 QUIETER = (-0.5, -2.5, -4.5)
 LONGEST = 120  # samples that a start is chosen by
@@ -130,7 +130,7 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     pair = turning_as(kind, force.force, moment.moment)
     flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
     value = flight_likelihood(flight, *pair, about, search.engine, [], np.zeros(4))
-    return value > likelihood(own) + GAIN
+    return value > likelihood(own) + NO_GAIN
 
 
 def turning_as(kind: Kind, force: LoadPrior, moment: LoadPrior) -> PriorPair:

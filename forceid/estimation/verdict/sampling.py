@@ -9,8 +9,6 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding
 from forceid.significance import PATIENCE
 
-FLOATS = 4.0  # roundings of a float, at most, that a difference of two intervals holds
-
 
 def judge_times(kin: Kinematics) -> list[Finding]:
     """Times with so few digits that the record would be far likelier with the times of an even clock.
@@ -50,7 +48,8 @@ def rounded_clock(time: Array) -> tuple[float, float, Array] | None:
     """
     if len(time) < 3:
         return None
-    interval, exact = np.diff(time), FLOATS * np.spacing(np.abs(time).max())
+    # a difference of two intervals holds the roundings of four times
+    interval, exact = np.diff(time), 4 * np.spacing(np.abs(time).max())
     low, high = interval.min(), interval.max()
     step = float(high - low)
     if step < 2 * exact or np.minimum(interval - low, high - interval).max() > exact:

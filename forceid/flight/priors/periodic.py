@@ -23,7 +23,7 @@ from scipy.special import ive
 
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
 from forceid.flight.priors.protocol import Tuned
-from forceid.flight.tuning import ORDERS, tune_loads
+from forceid.flight.tuning import AT_LIMIT, ORDERS, tune_loads
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.lines import REACH, Line, winsorized
 from forceid.kalman.model import StateSpace
@@ -35,10 +35,8 @@ MOST_HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen 
 PHASE_LENGTHS = 0.15, 5.0  # rad of the phase: from all of MOST_HARMONICS harmonics alike to none but the mean
 STD_SPAN = 7.0  # of a logarithm: how far the std may be from that of a Matern load on the same record
 LONGEST_COHERENCE = 100.0  # lengths of a record: a coherence beyond does not show
-FINER = 8  # frequencies looked at to one that a record tells apart, for the highest of the harmonics
 SHARED = 4  # numbers of a prior that all axes share; the others are their stds
 TRIED, CLIMBED = 6, 2  # beats whose likelihood is looked at, and those from which a search goes on
-AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 NUDGE = 0.01  # of a logarithm, over which the likelihood is differenced
 
 
@@ -169,8 +167,9 @@ class BeatSearch:
             each = [self.engine.filter(model.one(i), y[:, i]).innovation[:, 0] for i in range(self.axes)]
             white.append(winsorized(np.stack(each, 1)))
         v = max(white, key=len)
-        frequency = np.fft.rfftfreq(FINER * len(v), 0.5 / self.fastest)
-        power = np.abs(np.fft.rfft(v, FINER * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
+        # so fine that the highest harmonic of a beat falls on a frequency that the record tells apart
+        frequency = np.fft.rfftfreq(MOST_HARMONICS * len(v), 0.5 / self.fastest)
+        power = np.abs(np.fft.rfft(v, MOST_HARMONICS * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
         over = np.maximum(power, 1.0)
         gained = (over - 1 - np.log(over)).sum(1)  # log-likelihood, by a harmonic of any size
         gained -= gained.mean()
