@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from forceid.flight.vibration import STATES, Vibration
+from forceid.flight.vibration import STATES, ModeState, Vibration
 from forceid.kalman.model import StateSpace
 from forceid.kalman.process import discretize
 from forceid.motion.frames import Frames
@@ -56,12 +56,12 @@ class FlyingModes:
     @property
     def amplitude(self) -> Array:
         """Amplitudes q (time, mode) along the path."""
-        return self.path[:, ::STATES]
+        return self.path[:, ModeState.AMPLITUDE :: STATES]
 
     @property
     def rate(self) -> Array:
         """Their rates q' (time, mode)."""
-        return self.path[:, 1::STATES]
+        return self.path[:, ModeState.RATE :: STATES]
 
     def part(self, s: slice) -> FlyingModes:
         """A stretch of the flight."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import product
 
 import numpy as np
@@ -16,10 +17,18 @@ from forceid.kalman.search import maximize
 from forceid.records import Array
 from forceid.significance import OUTLIER
 
-STATES = 3  # of a mode: amplitude, rate, load
 FREQUENCIES = 16  # looked at first, evenly spread, beside the tallest of the periodogram
 DAMPED, REMEMBERED = (0.01, 0.1, 1.0), (0.003, 0.1, 3.0)  # rates over the frequency, looked at first
 DETUNED = 0.3  # of a logarithm: how far the frequency may move from the best of these
+
+
+class ModeState(IntEnum):
+    """States of a mode: its amplitude, the rate of that, and the load that drives it."""
+
+    AMPLITUDE, RATE, LOAD = range(3)
+
+
+STATES = len(ModeState)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.leakage import LOOKED
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
@@ -22,7 +23,6 @@ from forceid.kalman.lines import REACH, near
 from forceid.records import Array, Finding, HiddenLoad, deviation
 from forceid.significance import PATIENCE, WILD
 
-POINTS = 64  # frequencies of the curve
 MUCH = 10.0  # times the claim, that a line is which matters
 
 
@@ -36,9 +36,9 @@ def hidden_load(
     """
     clock = channels["force"].time
     span, highest = float(np.ptp(clock)), 0.5 / float(np.median(np.diff(clock)))
-    frequency = np.geomspace(1 / span, highest, POINTS)
-    finer = np.geomspace(1 / span, highest, 8 * POINTS)
-    amplitude, band = np.full((POINTS, 6), np.nan), np.full(6, np.nan)
+    frequency = np.geomspace(1 / span, highest, LOOKED)
+    finer = np.geomspace(1 / span, highest, 8 * LOOKED)
+    amplitude, band = np.full((LOOKED, 6), np.nan), np.full(6, np.nan)
     for first, name in enumerate(("force", "moment")):
         if name in channels:
             own = slice(3 * first, 3 * first + 3)
@@ -155,7 +155,7 @@ def beside_parabola(cycles: Array) -> Array:
     >>> beside_parabola(np.array([1.0, 4.0, 40.0])).round(2).tolist()
     [0.24, 0.98, 1.0]
     """
-    ordinates = 4 * POINTS
+    ordinates = 4 * LOOKED
     t = np.linspace(-1.0, 1.0, ordinates)
     known = np.linalg.qr(np.polynomial.legendre.legvander(t, 2))[0]
     # beyond a quarter of these ordinates the part falls as one over the cycles

@@ -15,7 +15,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, lag_one_correlation
-from forceid.estimation.verdict.sensitivity import MILLIMETER
+from forceid.estimation.verdict.sensitivity import Unit
 from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -34,7 +34,9 @@ def lever_finding(state: FlightState) -> Finding:
     """What a wrong mass center does to the moment, in numbers of this record."""
     force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
     claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
-    return note("moment-lever", off_mm=1e3 * 10 * MILLIMETER, moment=10 * MILLIMETER * force, claim=claim)
+    return note(
+        "moment-lever", off_mm=1e3 * 10 * Unit.MILLIMETER, moment=10 * Unit.MILLIMETER * force, claim=claim
+    )
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:

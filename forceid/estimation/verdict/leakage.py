@@ -19,7 +19,7 @@ from forceid.records import Array, Body, Flags
 from forceid.rounding import SOLVED
 from forceid.significance import TENTH
 
-LOOKED = 64  # frames, nodes, or sets of markers that are looked at where many are alike
+LOOKED = 64  # frames, nodes, sets of markers or points of a curve that are looked at where many are alike
 
 
 @dataclass(frozen=True)

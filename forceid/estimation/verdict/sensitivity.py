@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -30,7 +31,12 @@ from forceid.flight.smoother import FlightState
 from forceid.records import Array
 from forceid.rounding import ROUNDED
 
-PERCENT, MILLIMETER = 0.01, 1e-3  # of a mass or a shape; m: units that costs are told in
+
+class Unit(float, Enum):
+    """Units that costs are told in: of a mass, an inertia, a shape or a clock; m."""
+
+    PERCENT = 0.01
+    MILLIMETER = 1e-3
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,7 @@ def body_sensitivity(
         motion.moment[every], None if arm is None else arm[every],
     )  # fmt: skip
     force, moment = (gram(c) for c in columns(few))
-    mass = wrong_mass(few, PERCENT)
+    mass = wrong_mass(few, Unit.PERCENT)
 
     def cost(d: Array, dJ: Array) -> Cost:
         both = np.concatenate([d, dJ])
@@ -140,16 +146,16 @@ def body_sensitivity(
 
     none, shapes = np.zeros((3, 1)), len(kin.shapes) > 0 and kin.attitude
     values, axes = principal(kin.inertia.tensor)
-    scale = [PERCENT * v * np.outer(a, a) for v, a in zip(values, axes.T, strict=True)]
+    scale = [Unit.PERCENT * v * np.outer(a, a) for v, a in zip(values, axes.T, strict=True)]
     by_axis = [cost(none, np.array([[dJ[i, j]] for i, j in SYMMETRIC])) for dJ in scale]
     by_marker = {
-        k: cost(*(MILLIMETER * part for part in marker_map(kin, k)))
+        k: cost(*(Unit.MILLIMETER * part for part in marker_map(kin, k)))
         for k in (np.flatnonzero(kin.seen).tolist() if kin.attitude and kin.inertia.line is None else ())
     }
     worst = max(by_marker, key=lambda k: relative(by_marker[k], motion), default=None)
     return Budget(
         Cost(length(mass.force), length(mass.moment)),
-        cost(MILLIMETER * np.eye(3), MILLIMETER * center_inertia(kin)),
+        cost(Unit.MILLIMETER * np.eye(3), Unit.MILLIMETER * center_inertia(kin)),
         max(by_axis, key=lambda c: c.moment),
         Cost(np.nan, np.nan) if worst is None else by_marker[worst],
         "" if worst is None else node[worst],
@@ -163,7 +169,7 @@ def clock_cost(motion: Turning, accelerated: Array) -> Cost:
 
     accelerated (time, 3) N: mass times acceleration, weight included.
     """
-    return Cost(2 * PERCENT * length(accelerated), 2 * PERCENT * length(motion.moment))
+    return Cost(2 * Unit.PERCENT * length(accelerated), 2 * Unit.PERCENT * length(motion.moment))
 
 
 def principal(tensor: Array) -> tuple[Array, Array]:
@@ -181,7 +187,7 @@ def shape_cost(motion: Turning, amplitude: Array) -> Cost:
     center, spread = after_fit(kin, np.eye(len(rows))[:, rows])
     force = moment = 0.0
     for shape, q in zip(kin.shapes, amplitude.T, strict=True):
-        size = (5 * PERCENT) ** 2 * float((shape[kin.seen] ** 2).mean())
+        size = (5 * Unit.PERCENT) ** 2 * float((shape[kin.seen] ** 2).mean())
         by_center, by_spread = shape_columns(motion, q)
         force += size * float(np.sum(gram(by_center) * (center @ center.T)))
         moment += size * float(np.sum(gram(by_spread) * (spread @ spread.T)))

@@ -25,7 +25,8 @@ from forceid.kalman.process import Process, discretize
 from forceid.records import Array, Indices
 
 INTEGRAL, MOMENTUM, LOAD = slice(0, 3), slice(3, 6), slice(6, None)  # states of Y, H and the load in a chain
-KERNEL = 9  # state of a chain from which on those of the kernel come
+CONSTANT = slice(6, 9)  # states of what a load has for good; those of its kernel follow
+KERNEL = CONSTANT.stop
 
 
 class Kernel(Protocol):
@@ -140,7 +141,7 @@ class LoadPrior:
         it.
         """
         rows = np.zeros((3, self.states))
-        rows[:, KERNEL - 3 : KERNEL] = self.axes
+        rows[:, CONSTANT] = self.axes
         for share, own in self.weighed(self.kernel.process.output):
             rows[:, own] = share * self.axes
         return line_rows(rows, self.lines, rotation)
