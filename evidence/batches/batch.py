@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 
 from evidence.batches import large
-from evidence.batches.records import Found, cpu, forceid, numbers, results, run, shelf, timed
+from evidence.batches.records import Found, cpu, numbers, results, run, run_command, shelf, timed_into
 from evidence.written import asked, paged, table
 from forceid.cli.output import describe
 from forceid.cli.pool import nis_mean
@@ -45,28 +45,28 @@ if __name__ == "__main__":
 """
 
 
-def stages(paths: list[Path], folder: Path) -> Found:
+def stages_of_files(paths: list[Path], folder: Path) -> Found:
     """CPU time of what happens to a file, one after the other in one process; and of the bytes alone."""
     found: Found = {}
     settings, out = load_settings(model="rigid"), folder / "r.h5"
     estimate_recording(read_motion(paths[0]), settings)
     for path in paths:
-        with timed(found, "hash"):
+        with timed_into(found, "hash"):
             fingerprint(path)
-        with timed(found, "read and check"):
+        with timed_into(found, "read and check"):
             motion = read_motion(path)
-        with timed(found, "kernels"):
+        with timed_into(found, "kernels"):
             estimate = estimate_recording(motion, settings)
-        with timed(found, "write"):
+        with timed_into(found, "write"):
             write_result(out, estimate, motion)
-        with timed(found, "describe"):
+        with timed_into(found, "describe"):
             describe(estimate, path, out, motion.truth)
             nis_mean(out)
-        with timed(found, "raw read"), h5py.File(path) as f:
+        with timed_into(found, "raw read"), h5py.File(path) as f:
             for name in ("motion/time", "motion/position", "body/position", "body/mass"):
                 f[name][...]
         arrays = numbers(out)
-        with timed(found, "raw write"), h5py.File(folder / "raw.h5", "w") as f:
+        with timed_into(found, "raw write"), h5py.File(folder / "raw.h5", "w") as f:
             for name, values in arrays.items():
                 f[name] = values
     found["read and check"] -= found["hash"]
@@ -77,10 +77,10 @@ def many_files(count: int) -> Found:
     """The batch of that many files of 5 MB by two processes, and where its time goes."""
     with tempfile.TemporaryDirectory() as folder:
         paths = shelf(folder, count)
-        each = stages(paths[:SAMPLE], Path(folder))
+        each = stages_of_files(paths[:SAMPLE], Path(folder))
         words = ["batch", *map(str, paths), "-o", f"{folder}/out", "-j", "2", *OPTIONS]
-        whole, wall = forceid(words)
-        again, _ = forceid([*words, "--resume"])
+        whole, wall = run_command(words)
+        again, _ = run_command([*words, "--resume"])
         size = sum(path.stat().st_size for path in paths) / 1e6
     floor = count * (each["raw read"] + each["raw write"] + each["kernels"])
     return {
@@ -93,7 +93,7 @@ def on_cluster(count: int) -> Found:
     """Two dask workers beside -j 2: the same bits, and what it costs."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["batch", *map(str, shelf(folder, count)), *OPTIONS, "-o"]
-        here = forceid([*words, f"{folder}/here", "-j", "2"])
+        here = run_command([*words, f"{folder}/here", "-j", "2"])
         began = cpu()
         said = run([sys.executable, "-c", CLUSTER, *words, f"{folder}/there"])
         started, batch = json.loads(said.splitlines()[-1])

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from evidence.batches.records import GRAVITY, NOISE, Found, body, pose, run
+from evidence.batches.records import GRAVITY, NOISE, Found, pose, random_body, run
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import affine_maps
 from forceid.estimation.long.out_of_core import summed
@@ -27,7 +27,7 @@ NODES = 10_000
 def write_large(path: Path, gigabytes: float) -> None:
     """A file of so many GB, written frame by frame."""
     rng = np.random.default_rng(0)
-    b, frames = body(rng, NODES), int(gigabytes * 1e9 / (24 * NODES))
+    b, frames = random_body(rng, NODES), int(gigabytes * 1e9 / (24 * NODES))
     t = 1e-3 * np.arange(frames)
     c, R = pose(t, rng)
     noise = np.empty((64, NODES, 3))

@@ -188,7 +188,7 @@ def study(first: int, count: int, workers: int) -> list[tuple[Any, ...]]:
         return list(itertools.chain.from_iterable(pool.map(lambda part: list(watched(*part)), parts)))
 
 
-def counted(found: list[tuple[Any, ...]]) -> list[str]:
+def damage_counts(found: list[tuple[Any, ...]]) -> list[str]:
     """The counts on the page."""
     kinds = sorted({row[2] for row in found})
     counts = {kind: Counter(row[3] for row in found if row[2] == kind) for kind in kinds}
@@ -210,7 +210,7 @@ def main() -> int:
     found = study(args.first, args.count, args.jobs)
     about = ABOUT.format(command=args.command, count=len(found))
     title = "Damaged files, and what the reader makes of them"
-    paged(args.output, "mutated_files", title, about, *counted(found))
+    paged(args.output, "mutated_files", title, about, *damage_counts(found))
     return int(any(row[3] not in FINE for row in found))
 
 

@@ -24,7 +24,7 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 Found = dict[str, Any]
 
 
-def body(rng: np.random.Generator, nodes: int) -> Body:
+def random_body(rng: np.random.Generator, nodes: int) -> Body:
     X = rng.standard_normal((nodes, 3)) * [0.2, 0.1, 0.05]
     mass = (0.5 + rng.random(nodes)) / nodes
     return Body(node=tuple(f"n{i}" for i in range(nodes)), position=X - mass @ X / mass.sum(), mass=mass)
@@ -42,7 +42,7 @@ def shelf(folder: str, count: int) -> list[Path]:
     paths = [Path(folder, f"m{k:03d}.h5") for k in range(count)]
     for seed, path in enumerate(paths):
         rng = np.random.default_rng(seed)
-        b, t = body(rng, NODES), 1e-3 * np.arange(FRAMES)
+        b, t = random_body(rng, NODES), 1e-3 * np.arange(FRAMES)
         c, R = pose(t, rng)
         x = c[:, None] + np.einsum("tab,nb->tna", R, b.position)
         x += NOISE * rng.standard_normal(x.shape)
@@ -56,13 +56,13 @@ def cpu() -> float:
 
 
 @contextmanager
-def timed(into: Found, name: str) -> Iterator[None]:
+def timed_into(into: Found, name: str) -> Iterator[None]:
     began = cpu()
     yield
     into[name] = into.get(name, 0.0) + cpu() - began
 
 
-def forceid(words: list[str]) -> tuple[float, float]:
+def run_command(words: list[str]) -> tuple[float, float]:
     """CPU and wall time of a command."""
     began, clock = cpu(), time.perf_counter()
     run([str(Path(sys.executable).with_name("forceid")), *words], (0, 1))

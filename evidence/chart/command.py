@@ -54,13 +54,13 @@ def run(
         asked += [(CHARTED[subject], name) for name in words or names if name in names]
     command = " ".join(["forceid chart", *words, "-o", output.name, *(["--short"] if short else [])])
     output.mkdir(parents=True, exist_ok=True)
-    with progress() as bar:
+    with progress_bar_of() as bar:
         task = bar.add_task("", total=1.0)
         result = chart(
             asked, output, SHORT if short else FULL, command,
             lambda what, part: bar.update(task, description=what, completed=part),
         )  # fmt: skip
-    written, pictures = write(output, result)
+    written, pictures = write_chart(output, result)
     if json:
         print(to_json(result))
         return
@@ -70,7 +70,7 @@ def run(
     print(f"{written} and {len(pictures)} pictures beside it")
 
 
-def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
+def write_chart(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     """The page, the numbers and the pictures; returns the page, and the names of the pictures."""
     import json
 
@@ -88,7 +88,7 @@ def write(folder: Path, result: dict[str, Any]) -> tuple[Path, list[str]]:
     return written(folder, "chart.md", page(result, CHARTED.values())), list(pictures)
 
 
-def progress() -> Progress:
+def progress_bar_of() -> Progress:
     """A bar on stderr with the time left and what is under way."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn

@@ -38,7 +38,7 @@ def draw_case(subject: Charted, case: Mapping[str, Any]) -> Figure:
     for ax, what in zip(axes[:, 0], shown, strict=True):
         note: Any = {"ha": "right", "va": "top", "fontsize": 7.0, "color": GRAY}
         ax.text(1.0, 1.0, left_out(case, what), transform=ax.transAxes, **note)
-        rows = drawn(case, what)
+        rows = drawable_rows(case, what)
         last = {r["line"]: r["name"] for r in rows}
         names = [r["line"] if last[r["line"]] == r["name"] else "" for r in rows]
         xy = np.array([[r["seconds"], error_of(case, r, what)] for r in rows])
@@ -86,7 +86,7 @@ def worthless(case: Mapping[str, Any], row: Mapping[str, Any], what: str) -> boo
     return not case["units"] and row["error"][what] >= WORTHLESS
 
 
-def drawn(case: Mapping[str, Any], what: str) -> list[Mapping[str, Any]]:
+def drawable_rows(case: Mapping[str, Any], what: str) -> list[Mapping[str, Any]]:
     """Rows with an error that is worth something."""
     known = (r for r in case["rows"] if "failed" not in r and np.isfinite(r["error"][what]))
     return [r for r in known if not worthless(case, r, what)]
@@ -104,7 +104,7 @@ def left_out(case: Mapping[str, Any], what: str) -> str:
 
 def draw_points(ax: Axes, case: Mapping[str, Any], what: str) -> None:
     """Every contestant with the range of its rounds and seeds, a line through its steps, front and bound."""
-    rows = drawn(case, what)
+    rows = drawable_rows(case, what)
     for line in dict.fromkeys(r["line"] for r in rows):
         own = [r for r in rows if r["line"] == line]
         x, y = [r["seconds"] for r in own], [error_of(case, r, what) for r in own]

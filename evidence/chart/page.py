@@ -15,7 +15,7 @@ from evidence.written import tabled
 NEAR = 1.25  # times the error of the best point: where default settings are to be
 MEMORY = "Memory is the peak of what Python and numpy allocate."
 
-Case = Mapping[str, Any]
+ChartCase = Mapping[str, Any]
 
 
 def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
@@ -46,49 +46,49 @@ def timing(extent: Mapping[str, Any]) -> str:
     )
 
 
-def of_case(subject: Charted, case: Case) -> list[str]:
+def of_case(subject: Charted, case: ChartCase) -> list[str]:
     """A case: what it is, its picture, what that says, and everyone in a table."""
     picture = f"![{case['name']}](chart_{case['name']}.png)"
     said = subject.described(case), picture, *sentences(subject, case)
-    return [f"### {case['title']}", *said, table(subject, case)]
+    return [f"### {case['title']}", *said, case_table(subject, case)]
 
 
-def overview(subject: Charted, cases: Sequence[Case]) -> str:
+def overview(subject: Charted, cases: Sequence[ChartCase]) -> str:
     """What the cases of a subject say together: who is fastest to an error, or who is most accurate."""
     return to_levels(subject, cases) if subject.levels(cases[0]) else most(subject, cases)
 
 
-def points_of(subject: Charted, case: Case, what: str) -> list[Point]:
+def sorted_points(subject: Charted, case: ChartCase, what: str) -> list[Point]:
     """Points of a case, our default first, or by time where rounding is the end."""
     found = points_in_order(case, what)
     return sorted(found, key=lambda p: p.seconds) if subject.levels(case) else found
 
 
-def to_levels(subject: Charted, cases: Sequence[Case]) -> str:
+def to_levels(subject: Charted, cases: Sequence[ChartCase]) -> str:
     """One line a case, quantity and error: who is fastest to it, of ours and of peers."""
     rows = []
     for case in cases:
         for what in case["quantities"]:
-            points = points_of(subject, case, what)
+            points = sorted_points(subject, case, what)
             for level in subject.levels(case):
-                own, peer = (fastest([p for p in points if p.ours is ours], level) for ours in (True, False))
+                own, peer = (quickest([p for p in points if p.ours is ours], level) for ours in (True, False))
                 over = f"{peer.seconds / own.seconds:.3g}" if own and peer else "-"
-                named = ["none" if p is None else told(subject, case, what, p) for p in (own, peer)]
+                named = ["none" if p is None else point_words(subject, case, what, p) for p in (own, peer)]
                 rows.append([case["name"], what, f"{level:.0e}", *named, over])
     return tabled(("case", "error of", "at most", "fastest of ours", "fastest peer", "peer over ours"), rows)
 
 
-def fastest(points: Sequence[Point], level: float) -> Point | None:
+def quickest(points: Sequence[Point], level: float) -> Point | None:
     """The fastest whose error is small enough."""
     return min((p for p in points if p.error <= level), key=lambda p: p.seconds, default=None)
 
 
-def most(subject: Charted, cases: Sequence[Case]) -> str:
+def most(subject: Charted, cases: Sequence[ChartCase]) -> str:
     """One line a case and quantity: who is most accurate, who is ahead, and where the default is."""
     rows, clear, near = [], 0, 0
     for case in cases:
         for what in case["quantities"]:
-            points = points_of(subject, case, what)
+            points = sorted_points(subject, case, what)
             honest = [p for p in points if not p.told]
             own, peer = [p for p in honest if p.ours], [p for p in honest if not p.ours]
             if not own or not peer or subject.default not in {p.name for p in own}:
@@ -110,15 +110,18 @@ def most(subject: Charted, cases: Sequence[Case]) -> str:
     return said + "\n\n" + tabled(heads, rows)
 
 
-def sentences(subject: Charted, case: Case) -> list[str]:
+def sentences(subject: Charted, case: ChartCase) -> list[str]:
     """What the picture of a case says of each quantity."""
     found = []
     for what in case["quantities"]:
-        points = points_of(subject, case, what)
+        points = sorted_points(subject, case, what)
         if not (own := [p for p in points if p.ours and not p.told]):
             continue
         best = most_accurate(own)
-        mine, on = told(subject, case, what, best), (told(subject, case, what, p) for p in front(points))
+        mine, on = (
+            point_words(subject, case, what, best),
+            (point_words(subject, case, what, p) for p in front(points)),
+        )
         text = f"**{what[0].upper()}{what[1:]}.** Front: {', '.join(on)}. "
         if beaten := ahead([p for p in points if not p.told], subject.margin):
             names = (
@@ -138,20 +141,20 @@ def sentences(subject: Charted, case: Case) -> list[str]:
     return found
 
 
-def told(subject: Charted, case: Case, what: str, point: Point) -> str:
+def point_words(subject: Charted, case: ChartCase, what: str, point: Point) -> str:
     """A contestant with its error and its time."""
     unit, many = subject.clock
     return f"{point.name} ({error(case, what, point)}, {figures(many * point.seconds)} {unit})"
 
 
-def error(case: Case, what: str, point: Point) -> str:
+def error(case: ChartCase, what: str, point: Point) -> str:
     """An error with its unit, or one that is relative, where that is more than rounding."""
     if case["units"]:
         return f"{point.error:.3g} {case['units'][case['quantities'].index(what)]}"
     return f"{point.error:.1e}" if point.error > case["resolved"] else f"below {case['resolved']:.0e}"
 
 
-def table(subject: Charted, case: Case) -> str:
+def case_table(subject: Charted, case: ChartCase) -> str:
     """Every contestant of a case; a column in which nobody has anything is left out."""
     unit, many = subject.clock
     heads = ["", *subject.heads(case), f"CPU {unit}", "range", "times default", "peak MB", "verdict"]
@@ -163,17 +166,17 @@ def table(subject: Charted, case: Case) -> str:
         low, high = (figures(many * s) for s in r["seconds_range"])
         said = ", ".join(v if n == case.get("seeds", 1) else f"{v} {n}" for v, n in r["verdict"].items())
         time = figures(many * r["seconds"]), f"{low} to {high}" if low != high else "-"
-        cost = number(r["times_default"]), number(r["peak_MB"]), said or "-"
+        cost = number_or_dash(r["times_default"]), number_or_dash(r["peak_MB"]), said or "-"
         rows.append([r["name"] + ", of a part" * r["part"], *subject.cells(case, r), *time, *cost])
     full = [row for row in rows if len(row) == len(heads)]
     kept = [i for i in range(len(heads)) if i < 2 or any(row[i] != "-" for row in full)]
     return tabled([heads[i] for i in kept], [[row[i] for i in kept if i < len(row)] for row in rows])
 
 
-def number(value: float | None) -> str:
+def number_or_dash(value: float | None) -> str:
     """Three figures, or a dash.
 
-    >>> number(0.012345), number(float("nan")), number(None)
+    >>> number_or_dash(0.012345), number_or_dash(float("nan")), number_or_dash(None)
     ('0.0123', '-', '-')
     """
     return f"{value:.3g}" if value is not None and np.isfinite(value) else "-"

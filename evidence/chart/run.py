@@ -60,7 +60,7 @@ def run(
     missing: dict[str, None] = {}
     width = 1 / max(len(asked), 1)
     for i, (subject, source) in enumerate(asked):
-        said = partial(progress, advance, i * width, width)
+        said = partial(advance_part, advance, i * width, width)
         found, without = charted(subject, source, extent, journal, said)
         cases.append(found)
         missing |= dict.fromkeys(without)
@@ -71,7 +71,7 @@ def run(
     }  # fmt: skip
 
 
-def progress(advance: Say, start: float, width: float, what: str, part: float) -> None:
+def advance_part(advance: Say, start: float, width: float, what: str, part: float) -> None:
     """Pass on the part that is done of one of several."""
     advance(what, start + width * part)
 
@@ -110,7 +110,7 @@ def charted(
             memory = extent.full and k == 0
             for c in everyone:
                 if subject.worth(c, answers):
-                    work = partial(answered, subject, c, case, job_of, memory)
+                    work = partial(scored_answer, subject, c, case, job_of, memory)
                     answers[c.name].append(once(("answer", memory), case, c, work))
         good = [c for c in everyone if answers[c.name] and "failed" not in answers[c.name][0]]
         seconds: dict[str, list[float]] = {c.name: [] for c in good}
@@ -118,7 +118,7 @@ def charted(
             for c in good[:: 1 if k % 2 == 0 else -1]:
                 spent = answers[c.name][0]["seconds"]
                 if k == 0 or spent * (k + 1) <= extent.budget:
-                    turn = partial(timed, c, first, job_of, spent)
+                    turn = partial(round_seconds, c, first, job_of, spent)
                     seconds[c.name].append(once(("round", k), first, c, turn))
     finally:
         gc.unfreeze()
@@ -127,19 +127,19 @@ def charted(
     once_run = {name: [a["seconds"] for a in found[:1] if "seconds" in a] for name, found in answers.items()}
     default = seconds.get(subject.default) or once_run.get(subject.default, [])
     rows = [
-        row(subject, facts, c, answers[c.name], seconds.get(c.name) or once_run[c.name], default)
+        chart_row(subject, facts, c, answers[c.name], seconds.get(c.name) or once_run[c.name], default)
         for c in everyone
         if answers[c.name]
     ]
     return facts | {"rows": rows}, missing
 
 
-def timed(c: Contestant, case: Any, job_of: Callable[[Contestant, Any], Job], first: float) -> float:
+def round_seconds(c: Contestant, case: Any, job_of: Callable[[Contestant, Any], Job], first: float) -> float:
     """CPU seconds of a contestant in one round."""
     return mean_seconds(job_of(c, case), first)
 
 
-def answered(
+def scored_answer(
     subject: Charted, c: Contestant, case: Any, job_of: Callable[[Contestant, Any], Job], memory: bool
 ) -> dict[str, Any]:
     """What a contestant answers to a case, scored; or why it does not."""
@@ -155,7 +155,7 @@ def answered(
     return {**scored, **said, "iterations": answer.steps, "seconds": spent, "again": again, "peak_MB": peak}
 
 
-def row(
+def chart_row(
     subject: Charted, facts: dict[str, Any], c: Contestant, found: Sequence[dict[str, Any]], own: list[float],
     default: list[float],
 ) -> dict[str, Any]:  # fmt: skip

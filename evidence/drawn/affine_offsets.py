@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated, stacked, told_whole
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated_score, stacked, told_whole
 from evidence.written import asked, each, paged, table
 from forceid.records import Body, Motion, Recording
 
@@ -28,7 +28,7 @@ TOLD = ("total mass", "lumped", "lumped, 2 unmarked")
 SIGMA = 3e-4  # m
 
 
-def drawn(rng: np.random.Generator, offset: float, told: str) -> Recording:
+def drawn_recording(rng: np.random.Generator, offset: float, told: str) -> Recording:
     """A recording with its force and moment."""
     fine, every = np.arange(0, 1.2, 1e-4), 40  # 250 Hz
     size = rng.uniform(0.05, 0.2, 3)
@@ -72,11 +72,11 @@ def drawn(rng: np.random.Generator, offset: float, told: str) -> Recording:
     return Recording(body, Motion(t, x, gravity=GRAVITY, noise_std={"position": SIGMA}), truth)
 
 
-def row(kind: tuple[str, float], scenes: int, seed: int, model: str) -> dict[str, Any]:
+def offset_row(kind: tuple[str, float], scenes: int, seed: int, model: str) -> dict[str, Any]:
     """An offset and a description: error over claim, coverage, silent."""
     told, offset = kind
-    draws = (drawn(np.random.default_rng([seed, scene]), offset, told) for scene in range(scenes))
-    scores = [estimated(draw, model=model) for draw in draws]
+    draws = (drawn_recording(np.random.default_rng([seed, scene]), offset, told) for scene in range(scenes))
+    scores = [estimated_score(draw, model=model) for draw in draws]
     ratio = np.array([[s.over_claim(FORCE), s.over_claim(MOMENT)] for s in scores])
     ok = np.array([s.verdict == "ok" for s in scores])
     force, moment = np.sqrt((ratio**2).mean(0))
@@ -91,7 +91,7 @@ def row(kind: tuple[str, float], scenes: int, seed: int, model: str) -> dict[str
 def main() -> None:
     """Draw, estimate, and write the page."""
     given = asked("evidence.drawn.affine_offsets", __doc__, scenes=8, seed=0, model="affine")
-    work = partial(row, scenes=given.scenes, seed=given.seed, model=given.model)
+    work = partial(offset_row, scenes=given.scenes, seed=given.seed, model=given.model)
     rows = list(each(work, list(product(TOLD, OFFSETS)), 1))
     what = (__doc__ or "").split("]", 2)[2].strip()
     title = "Affine bodies with markers off the mass center"

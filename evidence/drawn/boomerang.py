@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, RATES, recorded
-from evidence.drawn.scored import FORCE, MOMENT, Score, estimated, rms, stacked
+from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, rms, stacked
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
@@ -76,7 +76,7 @@ def routes(recording: Any) -> list[Callable[[int, int], tuple[Any, Any]]]:
     def kabsch(*way: int) -> tuple[Any, Any]:
         at, first, second = (smooth(R, *way, k) for k in range(3))
         spin, inertia = first @ at.mT, at @ J @ at.mT
-        omega, alpha = axial(spin), axial(second @ at.mT - spin @ spin)
+        omega, alpha = axial_vectors(spin), axial_vectors(second @ at.mT - spin @ spin)
         H = np.einsum("tab,tb->ta", inertia, omega)
         return center(*way), np.einsum("tab,tb->ta", inertia, alpha) + np.cross(omega, H)
 
@@ -87,7 +87,7 @@ def routes(recording: Any) -> list[Callable[[int, int], tuple[Any, Any]]]:
     return [*([masses] if np.isfinite(x).all() else []), kabsch, first_moment]
 
 
-def axial(A: Any) -> Any:
+def axial_vectors(A: Any) -> Any:
     """Vectors (time, 3) of the skew parts of matrices (time, 3, 3)."""
     return 0.5 * np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], 1)
 
@@ -102,15 +102,17 @@ def savgol_errors(recording: Any) -> Any:
     return np.array(errors)
 
 
-def one(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
+def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
     """All methods on one record."""
     markers, noise, rate, seed = job
     recording = recorded(SCENES[markers], rate, noise, seed)
-    found: dict[str, Any] = {name: estimated(recording, **settings) for name, settings in METHODS.items()}
+    found: dict[str, Any] = {
+        name: estimated_score(recording, **settings) for name, settings in METHODS.items()
+    }
     return job[:3], found | {"grid": savgol_errors(recording)}
 
 
-def pooled(cases: list[dict[str, Any]], name: str) -> Any:
+def pooled_error(cases: list[dict[str, Any]], name: str) -> Any:
     """Force and moment error over the seeds of a cell; of the rival, with the best setting."""
     if name in ("best savgol", "on our channel"):
         every = np.sqrt(np.mean([np.square(c["grid"]) for c in cases], axis=0))
@@ -119,12 +121,12 @@ def pooled(cases: list[dict[str, Any]], name: str) -> Any:
     return np.sqrt(stacked([c[name] for c in cases], "square").reshape(-1, 2, 3).mean((0, 2)))
 
 
-def row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
+def cell_row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
     """A cell in the table."""
     markers, noise, rate = key
-    ours, rival, strict = (pooled(cases, n) for n in ("smoother", "best savgol", "on our channel"))
+    ours, rival, strict = (pooled_error(cases, n) for n in ("smoother", "best savgol", "on our channel"))
     goal = ASKED.get((markers, noise), ("", "")) if rate == 1000.0 else ("", "")
-    own: list[Score] = [c["smoother"] for c in cases]
+    own: list[RecordScore] = [c["smoother"] for c in cases]
     inside = (f"{100 * stacked(own, 'inside')[:, of].mean():.0f}" for of in (FORCE, MOMENT))
     return [
         f"{markers}", f"{1e3 * noise:g}", f"{rate:g}", f"{ours[0]:.4f}", f"{goal[0]}", f"{rival[0]:.4f}",
@@ -133,7 +135,7 @@ def row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
     ]  # fmt: skip
 
 
-def picture(cells: dict[Key, list[dict[str, Any]]]) -> Any:
+def error_figure(cells: dict[Key, list[dict[str, Any]]]) -> Any:
     """Error over rate at the least and the largest noise, a panel for each number of markers and quantity."""
     figure, axes = panels(2, 2, (8.6, 6.0))
     for (column, markers), (row, quantity) in product(
@@ -141,7 +143,7 @@ def picture(cells: dict[Key, list[dict[str, Any]]]) -> Any:
     ):
         ax = axes[row, column]
         for (name, (color, label)), (noise, line) in product(LINES.items(), ((1e-4, "-"), (1e-3, ":"))):
-            values = [pooled(cells[markers, noise, rate], name)[row] for rate in RATES]
+            values = [pooled_error(cells[markers, noise, rate], name)[row] for rate in RATES]
             text = label if line == "-" else None
             ax.loglog(RATES, values, line, color=color, marker="o", ms=3, label=text)
         ax.set(xlabel="sample rate (Hz)", ylabel=quantity)
@@ -157,22 +159,22 @@ def main() -> int:
     args = asked("evidence.drawn.boomerang", __doc__, seeds=3, jobs=2)
     cells: dict[Key, list[dict[str, Any]]] = {key: [] for key in product(SCENES, NOISES, RATES)}
     jobs = [(*key, seed) for key in cells for seed in range(1, args.seeds + 1)]
-    for key, case in each(one, jobs, args.jobs, args.seeds):
+    for key, case in each(run_record, jobs, args.jobs, args.seeds):
         cells[key].append(case)
     import matplotlib.pyplot as plt
 
     with plt.rc_context(STYLE):
-        pictured(args.output, "flight", picture(cells), dpi=110)
-    beaten = {key: pooled(c, "smoother") < pooled(c, "best savgol") for key, c in cells.items()}
+        pictured(args.output, "flight", error_figure(cells), dpi=110)
+    beaten = {key: pooled_error(c, "smoother") < pooled_error(c, "best savgol") for key, c in cells.items()}
     ahead = sum(bool(better.all()) for better in beaten.values())
     paged(
         args.output, "flight", "The flexible boomerang, cell by cell",
         f"Made by `{args.command}`; every number is from that run.", ABOUT.format(seeds=args.seeds),
-        tabled(HEADS, [row(key, cases) for key, cases in cells.items()]),
+        tabled(HEADS, [cell_row(key, cases) for key, cases in cells.items()]),
         f"Ahead of it in force and moment alike in {ahead} of {len(cells)} cells.",
         "![Error over rate](flight.png)",
     )  # fmt: skip
-    missed = any((pooled(cells[*key, 1000.0], "smoother") > goal).any() for key, goal in ASKED.items())
+    missed = any((pooled_error(cells[*key, 1000.0], "smoother") > goal).any() for key, goal in ASKED.items())
     return int(missed or ahead < len(cells))
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.scored import FORCE, MOMENT, Score, estimated, stacked
+from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
 from evidence.written import asked, each, tabled
 from forceid.records import Recording
 from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample_times
@@ -26,11 +26,11 @@ RATES = (250.0, 500.0, 1000.0, 2000.0)  # Hz
 NOISES = (1e-4, 3e-4, 1e-3)  # m
 BY = {"scene": [0], "rate (Hz)": [1], "noise (m)": [2], "scene, rate, noise": [0, 1, 2], "all": []}
 
-Job = tuple[str, float, float, int]  # scene, rate, noise, seed
+CoverageJob = tuple[str, float, float, int]  # scene, rate, noise, seed
 
 
 @cache
-def flown(scene: str, rate: float) -> tuple[SceneRecipe, Any, Any]:
+def recipe_flight(scene: str, rate: float) -> tuple[SceneRecipe, Any, Any]:
     """A shipped recipe at another rate, its instants, and its exact flight."""
     recipe = load_recipe(SCENES / f"{scene}.toml").model_copy(update={"sample_rate": rate})
     time = sample_times(recipe, np.random.default_rng(recipe.seed))
@@ -39,38 +39,46 @@ def flown(scene: str, rate: float) -> tuple[SceneRecipe, Any, Any]:
 
 def recorded(scene: str, rate: float, noise: float, seed: int) -> Recording:
     """One record of a scene."""
-    recipe, time, flight = flown(scene, rate)
+    recipe, time, flight = recipe_flight(scene, rate)
     rng = np.random.default_rng([seed, int(rate), int(1e6 * noise)])
     return measure(flight, recipe.model_copy(update={"noise_std": noise}), time, rng)
 
 
-def one(job: Job) -> tuple[Job, Score]:
+def scored_record(job: CoverageJob) -> tuple[CoverageJob, RecordScore]:
     """One record of a scene, estimated."""
-    return job, estimated(recorded(*job))
+    return job, estimated_score(recorded(*job))
 
 
-def share(cases: list[Score], of: slice) -> float:
+def share_inside(cases: list[RecordScore], of: slice) -> float:
     """Share inside the intervals, of components that have a truth."""
     inside = stacked(cases, "inside")[:, of]
     return float(np.nanmean(inside)) if np.isfinite(inside).any() else np.nan
 
 
-def over(cases: list[Score], of: slice) -> float:
+def error_over_claim(cases: list[RecordScore], of: slice) -> float:
     """Rms over records and axes of the error over what is claimed."""
     ratio = stacked(cases, "square")[:, of] / stacked(cases, "claimed")[:, of]
     return float(np.sqrt(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.nan
 
 
-def table(title: str, cases: list[tuple[Job, Score]]) -> str:
+def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str:
     """One way to group the records."""
-    groups: dict[str, list[Score]] = {}
+    groups: dict[str, list[RecordScore]] = {}
     for job, case in cases:
         groups.setdefault(", ".join(str(job[k]) for k in BY[title]) or "all", []).append(case)
     rows = []
     for name, of in groups.items():
-        held = (f"{100 * share(of, load):.1f} %" for load in (FORCE, MOMENT))
+        held = (f"{100 * share_inside(of, load):.1f} %" for load in (FORCE, MOMENT))
         ok = sum(c.verdict == "ok" for c in of)
-        rows.append([name, str(len(of)), *held, f"{over(of, FORCE):.2f}, {over(of, MOMENT):.2f}", str(ok)])
+        rows.append(
+            [
+                name,
+                str(len(of)),
+                *held,
+                f"{error_over_claim(of, FORCE):.2f}, {error_over_claim(of, MOMENT):.2f}",
+                str(ok),
+            ]
+        )
     return tabled((title, "records", "force", "moment", "error over claim F, T", "ok"), rows)
 
 
@@ -80,11 +88,11 @@ def main() -> int:
     shipped = sorted(p.stem for p in SCENES.glob("*.toml"))
     names = shipped if "all" in args.scene else args.scene
     jobs = list(product(names, RATES, NOISES, range(1, args.seeds + 1)))
-    cases = list(each(one, jobs, args.jobs, args.seeds))
+    cases = list(each(scored_record, jobs, args.jobs, args.seeds))
     for title in BY:
-        print(table(title, cases), end="\n\n")
+        print(group_table(title, cases), end="\n\n")
     every = [case for _, case in cases]
-    return 0 if all(0.92 <= share(every, load) <= 0.98 for load in (FORCE, MOMENT)) else 1
+    return 0 if all(0.92 <= share_inside(every, load) <= 0.98 for load in (FORCE, MOMENT)) else 1
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.degenerate_bodies import ENOUGH, Drawn, draw
+from evidence.drawn.degenerate_bodies import ENOUGH, DrawnBody, draw_body
 from evidence.written import asked, each, paged, tabled
 from forceid.config import Settings
 from forceid.errors import ForceIdError
@@ -45,7 +45,7 @@ EDGE = 0.1  # of a record at each end that scores leave out: there a load is tol
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BodyOutcome:
     """What became of a recording: verdict or error, and error over claim of force and moment where given."""
 
     seed: int
@@ -72,7 +72,7 @@ def over_claim(error: Array, var: Array) -> float:
     return float(np.sqrt((square + scale**2) / (claimed + scale**2)))
 
 
-def judged(seed: int, drawn: Drawn, path: Path) -> Outcome:
+def judged_body(seed: int, drawn: DrawnBody, path: Path) -> BodyOutcome:
     """What one recording comes to: verdict, what was said, components missing and undue, scores."""
     write_motion(path, drawn.recording)
     expected = {"force": drawn.force, "moment": drawn.moment and drawn.force}
@@ -83,7 +83,7 @@ def judged(seed: int, drawn: Drawn, path: Path) -> Outcome:
         write_result(path.with_suffix(".out.h5"), found, recording)
     except ForceIdError as e:
         due = tuple(name for name, shows in expected.items() if shows)
-        return Outcome(seed, drawn.kind, "error", str(e), due)
+        return BodyOutcome(seed, drawn.kind, "error", str(e), due)
     given = {name: bool(np.isfinite(getattr(found, name)).any()) for name in expected}
     missing = tuple(name for name, due in expected.items() if due and not given[name])
     undue = tuple(name for name, due in expected.items() if given[name] and not due)
@@ -95,24 +95,24 @@ def judged(seed: int, drawn: Drawn, path: Path) -> Outcome:
         var = np.trace(found.wrench_cov[:, part, part], axis1=1, axis2=2)
         scores.append(over_claim(off[seen], var[seen]) if seen.any() else np.nan)
     said = "; ".join(found.verdict.reasons)
-    return Outcome(seed, drawn.kind, found.verdict.level, said, missing, undue, *scores)
+    return BodyOutcome(seed, drawn.kind, found.verdict.level, said, missing, undue, *scores)
 
 
 def work(seed: int, folder: str, pipe: Any) -> None:
     """Send the outcome of one recording."""
     warnings.simplefilter("error", RuntimeWarning)
-    drawn, began = draw(seed), time.process_time()
+    drawn, began = draw_body(seed), time.process_time()
     resource.setrlimit(resource.RLIMIT_CPU, (int(began) + PATIENCE, int(began) + PATIENCE))
     try:
-        found = judged(seed, drawn, Path(folder) / f"{seed}.h5")
+        found = judged_body(seed, drawn, Path(folder) / f"{seed}.h5")
     except Exception as e:  # what a user would see as unexpected
         frames = [f for f in traceback.extract_tb(e.__traceback__) if "forceid/" in f.filename]
         where = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames[:-4:-1])
-        found = Outcome(seed, drawn.kind, "unexpected", f"{type(e).__name__}: {e} {where}")
+        found = BodyOutcome(seed, drawn.kind, "unexpected", f"{type(e).__name__}: {e} {where}")
     pipe.send(replace(found, seconds=time.process_time() - began))
 
 
-def one(seed: int, folder: str) -> Outcome:
+def run_seed(seed: int, folder: str) -> BodyOutcome:
     """The outcome of a seed, in a process that is ended when it takes too long."""
     context = get_context("fork")
     ours, theirs = context.Pipe(False)
@@ -125,7 +125,7 @@ def one(seed: int, folder: str) -> Outcome:
         found = None
     child.kill()
     child.join()
-    return found or Outcome(seed, draw(seed).kind, "too long")
+    return found or BodyOutcome(seed, draw_body(seed).kind, "too long")
 
 
 def quantiles(values: list[float]) -> str:
@@ -137,7 +137,7 @@ def quantiles(values: list[float]) -> str:
     return f"{mid:.2f} ({low:.2f} to {high:.2f})"
 
 
-def counted(found: list[Outcome]) -> str:
+def outcome_counts(found: list[BodyOutcome]) -> str:
     """What the outcomes add up to."""
     verdicts = Counter(o.verdict for o in found)
     rows = {
@@ -160,9 +160,9 @@ def main() -> None:
     given = asked("evidence.drawn.degenerate", __doc__, count=300, first=0)
     with tempfile.TemporaryDirectory() as folder:
         seeds = range(given.first, given.first + given.count)
-        found = list(each(partial(one, folder=folder), seeds, 1))
+        found = list(each(partial(run_seed, folder=folder), seeds, 1))
     title = "Bodies on points, lines and planes"
-    paged(given.output, "degenerate", title, f"`{given.command}`", TEXT, counted(found))
+    paged(given.output, "degenerate", title, f"`{given.command}`", TEXT, outcome_counts(found))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body, Flags, Motion, Recording
 
-Path = Callable[[Array], Array]
+TimeFunction = Callable[[Array], Array]
 
 STEP = 4e-3  # s of the differences: the fastest motion turns by 0.1 rad in it, and the error is its 8th power
 WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
@@ -24,7 +24,7 @@ ENOUGH = 12  # frames that show a component, from which it has to be told
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnBody:
     """A recording, what it is, and which components its geometry determines."""
 
     recording: Recording
@@ -33,7 +33,7 @@ class Drawn:
     moment: bool
 
 
-def rate(of: Path, time: Array) -> Array:
+def time_derivative(of: TimeFunction, time: Array) -> Array:
     """Time derivative of a function of time, differences of order 8."""
     return sum(w * (of(time + k * STEP) - of(time - k * STEP)) for k, w in enumerate(WEIGHTS, 1))  # type: ignore[return-value]
 
@@ -45,7 +45,7 @@ def rank(points: Array) -> int:
     return int((size > SPAN * max(size[0], 1e-3)).sum())
 
 
-def spans(points: Array, point: Array) -> bool:
+def is_affine_combination(points: Array, point: Array) -> bool:
     """Whether a point is an affine combination of points (node, 3)."""
     off = points[1:] - points[0]
     left = point - points[0]
@@ -54,7 +54,7 @@ def spans(points: Array, point: Array) -> bool:
     return bool(np.linalg.norm(left) < 1e-4 * (1e-3 + np.abs(points).max()))
 
 
-def masses(rng: np.random.Generator, kind: str) -> tuple[Array, Array]:
+def draw_masses(rng: np.random.Generator, kind: str) -> tuple[Array, Array]:
     """Masses (node,) kg and their places (node, 3) m."""
     size, n = rng.uniform(0.2, 1.5), {"point": int(rng.integers(1, 3)), "line": int(rng.integers(2, 12))}
     count = n.get(kind, int(rng.integers(3, 9)))
@@ -64,7 +64,7 @@ def masses(rng: np.random.Generator, kind: str) -> tuple[Array, Array]:
     return rng.uniform(0.05, 2.0, count), X
 
 
-def matrix(rng: np.random.Generator, mass: Array) -> Array:
+def draw_mass_matrix(rng: np.random.Generator, mass: Array) -> Array:
     """A mass matrix (dof, dof) that couples nodes: positive, of any rank, of the same total."""
     n = len(mass)
     factor = rng.uniform(0, 1, (int(rng.integers(1, n + 1)), n))
@@ -72,7 +72,7 @@ def matrix(rng: np.random.Generator, mass: Array) -> Array:
     return np.kron(M * mass.sum() / M.sum(), np.eye(3))
 
 
-def motion_of(rng: np.random.Generator, thrown: bool) -> tuple[Path, Path]:
+def random_motion(rng: np.random.Generator, thrown: bool) -> tuple[TimeFunction, TimeFunction]:
     """Path of the center (time, 3) without its fall, and rotation (time, 3, 3), as functions of time."""
     place, speed, wide = rng.normal(0, 1, 3), rng.normal(0, 2, 3), rng.normal(0, 0.2, 3)
     w, p = rng.uniform(2, 15, (2, 3)), rng.uniform(0, 2 * np.pi, (2, 3))
@@ -91,11 +91,11 @@ def motion_of(rng: np.random.Generator, thrown: bool) -> tuple[Path, Path]:
     return center, rotation
 
 
-def draw(seed: int) -> Drawn:
+def draw_body(seed: int) -> DrawnBody:
     """The recording of a seed."""
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(["point", "line", "line", "line", "plane", "plane", "solid"]))
-    mass, X = masses(rng, kind)
+    mass, X = draw_masses(rng, kind)
     size = max(float(np.ptp(X, axis=0).max()), 0.2)
     told = str(rng.choice(["mass", "mass", "matrix", "whole", "whole"]))
     markers, on = int(rng.integers(1, 7)), str(rng.choice(PLACES, p=[3 / 8, 2 / 8, 2 / 8, 1 / 8]))
@@ -113,11 +113,11 @@ def draw(seed: int) -> Drawn:
     else:
         extra = rng.normal(0, size, (markers, 3))
     nodes = np.vstack([X, extra])
-    M = matrix(rng, mass) if told == "matrix" else np.kron(np.diag(mass), np.eye(3))
+    M = draw_mass_matrix(rng, mass) if told == "matrix" else np.kron(np.diag(mass), np.eye(3))
     each = np.asarray(M[::3, ::3])  # (mass, mass): the same along all axes
     total, center = each.sum(), each.sum(0) @ X / each.sum()
     thrown = bool(rng.random() < 0.3)
-    path, turned = motion_of(rng, thrown)
+    path, turned = random_motion(rng, thrown)
     gravity = np.array([0.0, 0.0, -9.81])
     bends = kind == "line" and len(mass) > 3 and told != "whole" and rng.random() < 0.3 and not thrown
     flat = np.zeros(len(nodes))
@@ -136,7 +136,7 @@ def draw(seed: int) -> Drawn:
 
     def momentum(time: Array) -> tuple[Array, Array]:
         """Linear (time, 3) and angular momentum about the mass center (time, 3), summed over the nodes."""
-        x, v = at(time)[:, : len(X)], rate(at, time)[:, : len(X)]
+        x, v = at(time)[:, : len(X)], time_derivative(at, time)[:, : len(X)]
         p = np.einsum("nm,tma->tna", each, v)
         c = np.einsum("nm,tma->ta", each, x) / total
         return p.sum(1), np.cross(x - c[:, None], p).sum(1)
@@ -144,8 +144,8 @@ def draw(seed: int) -> Drawn:
     few = rng.random() < 0.1
     frames = int(rng.integers(2, 20)) if few else int(rng.integers(60, 250))
     time = np.arange(frames) / rng.uniform(50, 300)
-    force = rate(lambda t: momentum(t)[0], time) - total * gravity
-    moment = rate(lambda t: momentum(t)[1], time)
+    force = time_derivative(lambda t: momentum(t)[0], time) - total * gravity
+    moment = time_derivative(lambda t: momentum(t)[1], time)
     noise = 10 ** rng.uniform(-4.3, -2.8)
     clean = at(time)
     x = clean + rng.normal(0, noise, clean.shape)
@@ -173,7 +173,7 @@ def draw(seed: int) -> Drawn:
     else:
         body, seen_nodes = Body(position=reference + shift, mass=np.r_[mass, nothing]), nodes[seen]
     assert body.position is not None
-    body = named(body, len(body.position))
+    body = with_node_names(body, len(body.position))
     stated = {"position": float(noise)} if rng.random() < 0.7 else {}
     motion = Motion(time, x, gravity=gravity, noise_std=stated)
     recording = Recording(body, motion, {"force": force, "moment": moment}, f"drawn body {seed}")
@@ -183,11 +183,13 @@ def draw(seed: int) -> Drawn:
     dim = rank(seen_nodes)
     told_by = told + (", bends" if bends else "") + (", no inertia" if bare else "")
     kind = f"{kind}, {told_by}, {len(seen_nodes)} markers on {on}, {frames} frames"
-    force_shows = dim >= 2 or spans(seen_nodes, center)
-    return Drawn(recording, kind, enough and force_shows, enough and turns(seen_nodes, dim, axes, about))
+    force_shows = dim >= 2 or is_affine_combination(seen_nodes, center)
+    return DrawnBody(
+        recording, kind, enough and force_shows, enough and shows_moment(seen_nodes, dim, axes, about)
+    )
 
 
-def turns(marked: Array, dim: int, axes: int, about: Array) -> bool:
+def shows_moment(marked: Array, dim: int, axes: int, about: Array) -> bool:
     """Whether markers show the turn that a moment makes: of mass on a line, the direction of that line."""
     if axes == 0 or dim >= 2:
         return True
@@ -202,6 +204,6 @@ def shown(seen: Flags) -> int:
     return int(seen[:, seen.any(0)].all(1).sum())
 
 
-def named(body: Body, nodes: int) -> Body:
+def with_node_names(body: Body, nodes: int) -> Body:
     """The body with names for its nodes."""
     return replace(body, node=tuple(f"node_{k}" for k in range(nodes)))

@@ -58,7 +58,7 @@ def box(begin: float, end: float) -> Callable[[int, Array], Array]:
 
 
 @dataclass(frozen=True)
-class Case:
+class DrawnRecord:
     """A drawn record: what acts, and what of it is looked for; motor (time, 3) N m: what spins a wheel up."""
 
     kind: str
@@ -71,25 +71,25 @@ class Case:
     def load(self, name: str) -> Array:
         """The true load (time, 3), with the torque of what spins a wheel up: a moment like any other."""
         t = self.recording.motion.time
-        acts = total(getattr(self, name), 0, t)
+        acts = sum_terms(getattr(self, name), 0, t)
         return acts if self.motor is None or name == "force" else acts + self.motor
 
 
-def total(terms: list[Term], times: int, t: Array) -> Array:
+def sum_terms(terms: list[Term], times: int, t: Array) -> Array:
     """The sum of loads, integrated so many times (time, 3)."""
     return sum(
         (np.multiply.outer(term.at(times, t), term.direction) for term in terms), np.zeros((len(t), 3))
     )
 
 
-def beside_parabola(response: Array) -> float:
+def length_beside_parabola(response: Array) -> float:
     """Length of a response (time, 3) that a parabola does not explain."""
     t = np.linspace(-1, 1, len(response))
     known = np.linalg.qr(np.vander(t, 3))[0]
     return float(np.linalg.norm(response - known @ (known.T @ response)))
 
 
-def turned(t: Array, start: Rotation, H: Array, J: Array, h: Array) -> Array:
+def rotations_under(t: Array, start: Rotation, H: Array, J: Array, h: Array) -> Array:
     """Rotations (time, 3, 3) of a body with angular momentum H (2 * steps + 1, 3) and wheel h, by Runge and
     Kutta."""
     inverse, R = np.linalg.inv(J), start.as_matrix()
@@ -111,7 +111,7 @@ def turned(t: Array, start: Rotation, H: Array, J: Array, h: Array) -> Array:
     return np.array(found)
 
 
-def draw(kind: str, rng: np.random.Generator) -> Case:
+def draw_record(kind: str, rng: np.random.Generator) -> DrawnRecord:
     """A record of a kind."""
     markers, rate = int(rng.integers(3, 11)), float(np.exp(rng.uniform(np.log(50), np.log(1000))))
     samples = int(np.exp(rng.uniform(np.log(150), np.log(700))))
@@ -138,7 +138,7 @@ def draw(kind: str, rng: np.random.Generator) -> Case:
     }  # fmt: skip
 
     def shown(term: Term, name: str) -> float:
-        return SHOWS * size[name] / beside_parabola(total([term], 2, t))
+        return SHOWS * size[name] / length_beside_parabola(sum_terms([term], 2, t))
 
     if smooth:
         for name, terms in loads.items():
@@ -176,9 +176,11 @@ def draw(kind: str, rng: np.random.Generator) -> Case:
         h = h * limit
         facts |= {"times": times * limit, "up": str(up), "h": float(np.linalg.norm(h[-1]))}
     start = Rotation.random(random_state=rng)
-    H = start.as_matrix() @ (J @ spin + h[0]) + total(loads["moment"], 1, fine)
-    R = turned(fine, start, H, J, h)
-    center = np.outer(t, [1.0, 0.5, 3.0]) + 0.5 * np.outer(t**2, GRAVITY) + total(loads["force"], 2, t) / mass
+    H = start.as_matrix() @ (J @ spin + h[0]) + sum_terms(loads["moment"], 1, fine)
+    R = rotations_under(fine, start, H, J, h)
+    center = (
+        np.outer(t, [1.0, 0.5, 3.0]) + 0.5 * np.outer(t**2, GRAVITY) + sum_terms(loads["force"], 2, t) / mass
+    )
     x = center[:, None] + np.einsum("tab,nb->tna", R, X)
     x = x + noise * rng.standard_normal(x.shape)
     stated = bool(rng.random() < 0.5)
@@ -186,4 +188,4 @@ def draw(kind: str, rng: np.random.Generator) -> Case:
     motion = Motion(t, x, gravity=GRAVITY, noise_std={"position": noise} if stated else {})
     speeds_up = np.gradient(h, fine, axis=0)[:: 2 * SUBSTEPS]
     motor = -np.einsum("tab,tb->ta", R, speeds_up) if kind == "wheel" else None
-    return Case(kind, Recording(body, motion), loads["force"], loads["moment"], facts, motor)
+    return DrawnRecord(kind, Recording(body, motion), loads["force"], loads["moment"], facts, motor)

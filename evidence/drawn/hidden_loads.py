@@ -24,8 +24,8 @@ import numpy as np
 from scipy.interpolate import interp1d
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.hidden_bodies import KINDS, Case, draw
-from evidence.drawn.scored import central
+from evidence.drawn.hidden_bodies import KINDS, DrawnRecord, draw_record
+from evidence.drawn.scored import judged_part
 from evidence.written import asked, each, paged, tabled
 from forceid.config import load_settings
 from forceid.errors import EstimationError
@@ -66,7 +66,7 @@ def slow_part(error: Array, band: float, rate: float) -> Array:
         return np.full(1, weight @ error / weight.sum())
     if band < 0.45 * rate:
         error = sosfiltfilt(butter(4, 2 * band / rate, output="sos"), error)
-    return central(error)
+    return judged_part(error)
 
 
 def amplitude_of(error: Array, frequency: float, t: Array) -> float:
@@ -75,27 +75,30 @@ def amplitude_of(error: Array, frequency: float, t: Array) -> float:
     return float(2 * np.abs(weight @ (error * np.exp(-2j * np.pi * frequency * t))) / weight.sum())
 
 
-def without_wave(error: Array, case: Case, t: Array) -> Array:
+def without_wave(error: Array, case: DrawnRecord, t: Array) -> Array:
     """An error (time, 3) without the wave that is beyond the band, which is judged by its amplitude."""
     w = 2 * np.pi * float(case.facts["frequency"])
     A = np.stack([np.cos(w * t), np.sin(w * t)], 1)
     return np.asarray(error - A @ np.linalg.lstsq(A, error, rcond=None)[0])
 
 
-def judge(case: Case, found: Estimate) -> dict[str, float]:
+def judge_record(case: DrawnRecord, found: Estimate) -> dict[str, float]:
     """Error over claim within the band, and the amplitude of an unseen wave beyond it over hidden_load."""
     t, hidden = case.recording.motion.time, found.hidden
     assert hidden is not None
     rate, scores = 1 / float(np.median(np.diff(t))), {}
     for first, name in enumerate(("force", "moment")):
         error = getattr(found, name) - case.load(name)
-        std, band = central(getattr(found, f"{name}_std")), hidden.band[3 * first : 3 * first + 3]
+        std, band = (
+            judged_part(getattr(found, f"{name}_std")),
+            hidden.band[3 * first : 3 * first + 3],
+        )
         slow, waves = error, case.kind == "oscillation" and case.facts["load"] == name
         if waves:
             slow = np.where(float(case.facts["frequency"]) > band, without_wave(error, case, t), error)
         parts = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(slow.T, band, strict=True)]
         scores[name] = float(np.sqrt(np.mean(np.array(parts) / (std**2).mean(0))))
-        scores[f"{name}_plain"] = float(np.sqrt(np.mean((central(error) / std) ** 2)))
+        scores[f"{name}_plain"] = float(np.sqrt(np.mean((judged_part(error) / std) ** 2)))
         if waves:
             frequency, scores["unseen"] = float(case.facts["frequency"]), 0.0
             for axis, beyond in enumerate(frequency > band):
@@ -107,7 +110,7 @@ def judge(case: Case, found: Estimate) -> dict[str, float]:
     return scores
 
 
-def run(case: Case) -> dict[str, Any]:
+def run(case: DrawnRecord) -> dict[str, Any]:
     """What came out of a record, and whether it is silently wrong."""
     began = clock.perf_counter()
     try:
@@ -115,7 +118,7 @@ def run(case: Case) -> dict[str, Any]:
     except EstimationError as e:
         return {"verdict": "refused", "reasons": [str(e)], "wrong": False, "kind": case.kind} | case.facts
     row: dict[str, Any] = {"verdict": found.verdict.level, "reasons": list(found.verdict.reasons)}
-    row |= judge(case, found)
+    row |= judge_record(case, found)
     row["orders"] = [found.tuned[f"{name}_order"] for name in ("force", "moment")]
     row["band"] = found.hidden.band.round(2).tolist() if found.hidden else []
     off = max(row["force"], row["moment"]) > WRONG or row.get("unseen", 0.0) > 1.0
@@ -123,7 +126,7 @@ def run(case: Case) -> dict[str, Any]:
     return row | {"kind": case.kind, "seconds": clock.perf_counter() - began} | case.facts
 
 
-def told(row: dict[str, Any]) -> str:
+def record_line(row: dict[str, Any]) -> str:
     """A row on one line."""
     values = (
         f"{n}={row[n]:.3g}" if isinstance(row[n], float) else f"{n}={row[n]}" for n in COLUMNS if n in row
@@ -131,12 +134,12 @@ def told(row: dict[str, Any]) -> str:
     return f"{row['kind']:12} {row['verdict']:9} {'WRONG' if row['wrong'] else '     '} {' '.join(values)}"
 
 
-def case_of(seed: int, k: int, kinds: list[str]) -> dict[str, Any]:
+def judged_record(seed: int, k: int, kinds: list[str]) -> dict[str, Any]:
     """What came out of record k."""
-    return run(draw(kinds[k % len(kinds)], np.random.default_rng([seed, k]))) | {"record": k}
+    return run(draw_record(kinds[k % len(kinds)], np.random.default_rng([seed, k]))) | {"record": k}
 
 
-def counted(rows: list[dict[str, Any]], kind: str) -> list[str]:
+def counts_of_kind(rows: list[dict[str, Any]], kind: str) -> list[str]:
     """A kind of load in the table."""
     of = [r for r in rows if kind in (r["kind"], "all")]
     level = [r["verdict"] for r in of]
@@ -151,11 +154,11 @@ def main() -> int:
     taken = {"count": 250, "first": 0, "seed": 18, "jobs": 1, "only": KINDS}
     given = asked("evidence.drawn.hidden_loads", __doc__, **taken)
     which = range(given.first, given.first + given.count)
-    rows = list(each(partial(case_of, given.seed, kinds=given.only), which, given.jobs))
-    wrong = [f"- record {r['record']}: `{told(r)}`" for r in rows if r["wrong"]]
+    rows = list(each(partial(judged_record, given.seed, kinds=given.only), which, given.jobs))
+    wrong = [f"- record {r['record']}: `{record_line(r)}`" for r in rows if r["wrong"]]
     paged(
         given.output, "hidden_loads", "Loads that a record may hide", ABOUT.format(command=given.command),
-        tabled(HEADS, [counted(rows, kind) for kind in (*given.only, "all")]),
+        tabled(HEADS, [counts_of_kind(rows, kind) for kind in (*given.only, "all")]),
         *["Silently wrong:"] * bool(wrong), *["\n".join(wrong)] * bool(wrong),
     )  # fmt: skip
     return int(bool(wrong))

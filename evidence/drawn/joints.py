@@ -14,7 +14,7 @@ from time import process_time
 
 import numpy as np
 
-from evidence.subjects.flights.true_prior import fitted
+from evidence.subjects.flights.true_prior import fitted_prior
 from evidence.written import asked, paged, table
 from forceid.config import Settings
 from forceid.estimation.joints import together as joint_smoothing
@@ -98,7 +98,7 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
         for name, load, channel in zip(
             ("force", "moment"), (wrench[:, :3], wrench[:, 3:]), channels, strict=True
         ):
-            tuned, axes = fitted(estimate.time, load)
+            tuned, axes = fitted_prior(estimate.time, load)
             start = start_of(channel.time, channel.moved @ axes, channel.gain)
             priors[name] = LoadPrior(tuned, axes, start)
         state = smooth_flight(solution.smoothing.flight, priors["force"], priors["moment"], passes)
@@ -149,16 +149,18 @@ def flights(name: str, seeds: int) -> Iterator[tuple[list[Array], float, float]]
         inner = slice(count // 8, count - count // 8)
         claimed = np.diagonal(found.wrench_cov, axis1=2, axis2=3)
         limit = np.diagonal(told_cov, axis1=2, axis2=3)
-        sizes = [rms(a[inner]) for a in (off, np.sqrt(claimed), np.sqrt(np.maximum(limit, 0)), told - truth)]
-        yield sizes, nees(off[inner], found.wrench_cov[inner]), took
+        sizes = [
+            joint_rms(a[inner]) for a in (off, np.sqrt(claimed), np.sqrt(np.maximum(limit, 0)), told - truth)
+        ]
+        yield sizes, joint_nees(off[inner], found.wrench_cov[inner]), took
 
 
-def rms(a: Array) -> Array:
+def joint_rms(a: Array) -> Array:
     """Root mean square (joint, 2) of force and moment of (time, joint, 6)."""
     return np.sqrt(np.square(a).reshape(*a.shape[:2], 2, 3).mean((0, 3)))
 
 
-def nees(off: Array, cov: Array) -> float:
+def joint_nees(off: Array, cov: Array) -> float:
     """Squared error by the claimed covariance per direction that a joint can pass at all."""
     size = np.sqrt(np.diagonal(cov, axis1=2, axis2=3).mean(0))
     unit = np.where(size > 1e-9, size, 1.0)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, central
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, judged_part
 from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
@@ -41,7 +41,7 @@ STENCIL = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 
 STEP = 2e-4  # s, of the stencil
 
 
-def body() -> Body:
+def drawn_body() -> Body:
     """Twelve unequal masses, 0.1 kg in all, in a body of the size of a boomerang; about its mass center."""
     rng = np.random.default_rng(7)
     mass = 0.1 * (w := rng.uniform(0.4, 1.6, 12)) / w.sum()
@@ -51,7 +51,7 @@ def body() -> Body:
 
 def shapes(level: str) -> Any:
     """Shapes (mode, node, 3) of a level: strains, or modes in the mass gauge, of one meter rms."""
-    X, m = body().position, body().mass
+    X, m = drawn_body().position, drawn_body().mass
     if level == "affine":
         units = (np.outer(*np.eye(3)[list(k)]) for k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)))
         return np.array([X @ (0.5 * (E + E.T)) for E in units])
@@ -81,7 +81,7 @@ def arms_at(t: Any, level: str, seed: int) -> Any:
     """Nodes about the mass center (time, node, 3), world axes."""
     phi = 0.3 + 8 * np.pi * t + 0.3 * np.sin(2 * np.pi * 1.5 * t)
     angles = np.column_stack([0.4 + 1.5 * t, 0.6 + 0.2 * np.sin(9 * t), phi])
-    s = np.tile(body().position, (len(t), 1, 1))
+    s = np.tile(drawn_body().position, (len(t), 1, 1))
     rng = np.random.default_rng(1000 + seed)  # a different phase in every record
     size = STRAIN if level == "affine" else SIZE
     for k, pattern in enumerate(shapes(level)):
@@ -92,7 +92,7 @@ def arms_at(t: Any, level: str, seed: int) -> Any:
 
 def scene(level: str, noise: float, seed: int) -> Recording:
     """Markers of a scene with noise, and the wrench that moved it."""
-    known, t = body(), np.arange(FRAMES) / RATE
+    known, t = drawn_body(), np.arange(FRAMES) / RATE
     (c, a), rho = center_at(t), arms_at(t, level, seed)
     far = sum(w * arms_at(t + (i - 4) * STEP, level, seed) for i, w in enumerate(STENCIL)) / STEP**2
     moment = np.einsum("n,tna->ta", known.mass, np.cross(rho, far))
@@ -109,14 +109,14 @@ def ladder_to(level: str) -> list[tuple[str, dict[str, Any]]]:
     return steps[: [name for name, _ in steps].index(level) + 1]
 
 
-def expected_error(one: FlightState, other: FlightState) -> float:
+def error_over_right(one: FlightState, other: FlightState) -> float:
     """Error of one over that claimed by the other, which is right, the larger of force and moment.
 
     By what both claim, and by how far they are apart beyond what chance explains.
     """
     std = deviation(other.wrench_cov)
     off = np.concatenate([one.force - other.force, one.moment - other.moment], 1)
-    apart, claimed = (central((a / std) ** 2) for a in (off, deviation(one.wrench_cov)))
+    apart, claimed = (judged_part((a / std) ** 2) for a in (off, deviation(one.wrench_cov)))
     found = []
     for load in (FORCE, MOMENT):
         d, v = float(apart[:, load].mean()), float(claimed[:, load].mean())
@@ -134,7 +134,7 @@ def smallest_sufficient(recording: Recording, level: str) -> tuple[str, dict[str
 
     truth, off = estimate(own), {}
     for name, settings in steps:
-        off[name] = expected_error(estimate(settings), truth)
+        off[name] = error_over_right(estimate(settings), truth)
         if off[name] <= 1.1:
             return name, off
     return level, off
@@ -153,10 +153,10 @@ def taken(recording: Recording) -> tuple[str, str, float]:
     spent = time.process_time() - began
     if choice.level is None:
         return choice.model, choice.model, spent
-    return named(choice.level), named(max(choice.steps, key=lambda step: step.evidence)), spent
+    return level_name(choice.level), level_name(max(choice.steps, key=lambda step: step.evidence)), spent
 
 
-def named(step: Step) -> str:
+def level_name(step: Step) -> str:
     """A step as the scenes name levels."""
     return f"modal {step.modes}" if step.model == "modal" else step.model
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated, told_whole
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated_score, told_whole
 from evidence.written import asked, each, paged, table, tabled
 from forceid.records import Array, Body, Motion, Recording
 
@@ -44,7 +44,7 @@ def plate(rng: np.random.Generator) -> tuple[Array, Array, Array]:
     return X - mass @ X / mass.sum(), mass, K
 
 
-def flown(seed: int, markers: int, told: str) -> Recording:
+def plate_flight(seed: int, markers: int, told: str) -> Recording:
     """A flight of a drawn plate with markers on its upper face, and its truth."""
     rng = np.random.default_rng([seed, markers])
     X, mass, K = plate(rng)
@@ -84,8 +84,8 @@ def rows_of(kind: tuple[int, int], said: tuple[str, ...], lines: str) -> list[di
     """A row a description of one plate, the first of which the others stand against."""
     (markers, seed), rows, untold = kind, [], None
     for told in said:
-        recording = flown(seed, markers, told)
-        auto, *others = (estimated(recording, model=m, lines=lines) for m in ("auto", "rigid", "modal"))
+        recording = plate_flight(seed, markers, told)
+        auto, *others = (estimated_score(recording, model=m, lines=lines) for m in ("auto", "rigid", "modal"))
         untold = untold or auto
         force, moment = (
             (own, own / min(other.error(of) for other in others), own / untold.error(of))

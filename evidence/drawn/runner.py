@@ -76,7 +76,7 @@ def run(seed: int, colored: bool, lost: bool, stated: bool) -> Recording:
     return Recording(Body(tuple(f"p{k}" for k in range(len(m))), x[0], m), motion, truth)
 
 
-def low_passed(recording: Recording, cut: float) -> Array:
+def filtered_force(recording: Recording, cut: float) -> Array:
     """Force by a zero-phase Butterworth filter and second differences, gaps filled by straight lines."""
     motion, m, x = recording.motion, recording.body.mass, np.array(recording.motion.position)
     for track in x.reshape(len(x), -1).T:
@@ -89,7 +89,7 @@ def low_passed(recording: Recording, cut: float) -> Array:
     return np.asarray(m.sum() * (bent - motion.gravity))
 
 
-def row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
+def kind_row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
     """A kind of recording: worst axis over all seeds."""
     found = []
     for seed in range(seeds):
@@ -101,9 +101,11 @@ def row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
         began = time.process_time()
         estimate = estimate_recording(recording, load_settings())
         cpu = time.process_time() - began
-        best = np.min([off(low_passed(recording, cut)) for cut in np.arange(2.0, 25.0, 0.5)], axis=0)
+        best = np.min([off(filtered_force(recording, cut)) for cut in np.arange(2.0, 25.0, 0.5)], axis=0)
         error, claim = off(estimate.force), np.sqrt((estimate.force_std[EDGE:-EDGE] ** 2).mean(0))
-        found.append([np.max(error / of) for of in (best, off(low_passed(recording, 6.0)), claim)] + [cpu])
+        found.append(
+            [np.max(error / of) for of in (best, off(filtered_force(recording, 6.0)), claim)] + [cpu]
+        )
     worst = np.max(found, axis=0).tolist()
     colored, lost, stated = kind
     words = "low-passed" if colored else "white", "3 %" if lost else "none", "stated" if stated else "not"
@@ -114,7 +116,7 @@ def main() -> None:
     """Run, estimate, and write the table."""
     given = asked("evidence.drawn.runner", __doc__, seeds=3)
     kinds = list(product((False, True), (False, True), (True, False)))
-    rows = list(each(partial(row, seeds=given.seeds), kinds, 1))
+    rows = list(each(partial(kind_row, seeds=given.seeds), kinds, 1))
     about = ABOUT.format(seeds=given.seeds)
     paged(given.output, "runner", "Runners of 31 points", f"`{given.command}`", about, table(rows))
 

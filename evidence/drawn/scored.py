@@ -21,7 +21,7 @@ NONE = np.full(6, np.nan)
 
 
 @dataclass(frozen=True)
-class Score:
+class RecordScore:
     """Means over the judged part of a record, by component of force and moment (6,), NaN where none is known.
 
     square: of the error squared; claimed: of the variance; inside: of what lies in the 95 % interval.
@@ -45,7 +45,7 @@ class Score:
         return float(np.sqrt(self.square[of].mean() / self.claimed[of].mean()))
 
 
-def central(values: Array) -> Array:
+def judged_part(values: Array) -> Array:
     """The central three quarters of a record."""
     edge = len(values) // 8
     return values[edge : len(values) - edge]
@@ -53,24 +53,24 @@ def central(values: Array) -> Array:
 
 def rms(values: Array, axis: int | None = None) -> Any:
     """Root mean square over the central three quarters: of all, or along an axis."""
-    return np.sqrt(np.mean(central(values) ** 2, axis=axis))
+    return np.sqrt(np.mean(judged_part(values) ** 2, axis=axis))
 
 
-def scored(found: Any, force: Array, moment: Array, **more: Any) -> Score:
+def scored(found: Any, force: Array, moment: Array, **more: Any) -> RecordScore:
     """What was found of force and moment (time, 3), with `wrench_cov`, beside the truth."""
-    error = central(np.concatenate([found.force - force, found.moment - moment], 1))
-    var = central(np.diagonal(found.wrench_cov, axis1=1, axis2=2))
+    error = judged_part(np.concatenate([found.force - force, found.moment - moment], 1))
+    var = judged_part(np.diagonal(found.wrench_cov, axis1=1, axis2=2))
     inside = np.where(np.isfinite(error), error**2 <= QUANTILE**2 * var, np.nan)
-    return Score((error**2).mean(0), var.mean(0), inside.mean(0), **more)
+    return RecordScore((error**2).mean(0), var.mean(0), inside.mean(0), **more)
 
 
-def estimated(recording: Recording, turn: Array | None = None, **settings: Any) -> Score:
+def estimated_score(recording: Recording, turn: Array | None = None, **settings: Any) -> RecordScore:
     """A recording with its truth, estimated and scored; turn (3, 3): of the truth into its axes."""
     began = process_time()
     try:
         found = estimate_recording(recording, load_settings(**settings))
     except EstimationError as e:
-        return Score(verdict="refused", reasons=(str(e),), seconds=process_time() - began)
+        return RecordScore(verdict="refused", reasons=(str(e),), seconds=process_time() - began)
     spent, none = process_time() - began, np.full((len(found.time), 3), np.nan)
     turn = np.eye(3) if turn is None else turn
     truth = [recording.truth.get(name, none) @ turn for name in ("force", "moment")]
@@ -81,12 +81,12 @@ def estimated(recording: Recording, turn: Array | None = None, **settings: Any) 
     )  # fmt: skip
 
 
-def stacked(scores: Iterable[Score], name: str) -> Array:
+def stacked(scores: Iterable[RecordScore], name: str) -> Array:
     """One number by component of every score (score, 6)."""
     return np.array([getattr(score, name) for score in scores])
 
 
-def pooled(scores: Iterable[Score], of: slice) -> tuple[float, float, float]:
+def pooled(scores: Iterable[RecordScore], of: slice) -> tuple[float, float, float]:
     """Rms error, that over the rms claim, and the share in the 95 % intervals, over all records."""
     square, claimed, inside = (np.nanmean(stacked(scores, n)[:, of]) for n in ("square", "claimed", "inside"))
     return float(np.sqrt(square)), float(np.sqrt(square / claimed)), float(inside)

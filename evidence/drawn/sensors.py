@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, MOMENT, Score, estimated, pooled
+from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, pooled
 from evidence.written import asked, each, tabled
 from forceid.scenes.recipe import SceneRecipe, simulate
 
@@ -42,7 +42,7 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def drawn(size: float, rng: np.random.Generator) -> list[dict[str, Any]]:
+def drawn_sines(size: float, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Sines whose powers follow the spectrum of a Matern 3/2 load."""
     frequency = np.sort(rng.uniform(0.1, HIGHEST, SINES))
     power = (RATE**2 + (2 * np.pi * frequency) ** 2) ** -2.0
@@ -54,13 +54,13 @@ def drawn(size: float, rng: np.random.Generator) -> list[dict[str, Any]]:
     ]
 
 
-def one_flight(job: tuple[str, int]) -> Score:
+def one_flight(job: tuple[str, int]) -> RecordScore:
     """A flight of a row, estimated."""
     name, seed = job
     given, rng = dict(ROWS[name]), np.random.default_rng(1000 + seed)
     sensors, told = given.pop("sensors", True), given.pop("noise_std", {})
     given |= {"marker_every": int(CLOCK / FRAMES) if sensors else 1}
-    loads = {load: drawn(size, rng) for load, size in SIZES.items()}
+    loads = {load: drawn_sines(size, rng) for load, size in SIZES.items()}
     recording = simulate(
         SceneRecipe(
             scene="instrumented", duration=SECONDS, sample_rate=CLOCK if sensors else FRAMES, noise_std=5e-4,
@@ -73,7 +73,7 @@ def one_flight(job: tuple[str, int]) -> Score:
     turn = None
     if not given.get("markers", True):
         turn = Rotation.from_quat(recording.truth["orientation"][0]).as_matrix()
-    return estimated(recording, turn, noise_std=told, lines="none")
+    return estimated_score(recording, turn, noise_std=told, lines="none")
 
 
 def main() -> int:

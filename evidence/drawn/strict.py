@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, Score, pooled, scored, stacked
+from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, RecordScore, pooled, scored, stacked
 from evidence.written import asked, each
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
@@ -89,7 +89,7 @@ def drawn_flight(seed: int) -> tuple[Any, Any, Any, Any]:
     return time, x + NOISE * rng.standard_normal(x.shape), force(time), moment(time)
 
 
-def one_draw(seed: int) -> Score:
+def one_draw(seed: int) -> RecordScore:
     """One flight, smoothed under the prior that it was drawn from; over its central three quarters."""
     time, x, F, T = drawn_flight(seed)
     pose = fit_pose(x, PLACE[MARKED], np.ones(len(MARKED)), NOISE**2 * np.eye(3 * len(MARKED)))

@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import forceid
-from evidence.drawn.scored import QUANTILE, central, rms
+from evidence.drawn.scored import QUANTILE, judged_part, rms
 from evidence.subjects.affine.bodies import hat
 from evidence.written import asked, each, paged, tabled
 from forceid.errors import ForceIdError
@@ -64,7 +64,7 @@ class Thrown:
     R: Array
 
 
-def draw(rng: np.random.Generator) -> Thrown:
+def draw_throw(rng: np.random.Generator) -> Thrown:
     """One throw of a rigid box."""
     edge = np.exp(rng.uniform(np.log(0.05), np.log(0.4), 3))
     mass = float(np.prod(edge) * rng.uniform(100, 1000))
@@ -122,7 +122,7 @@ def waves(rng: np.random.Generator, slow: float, size: float) -> Callable[[Array
     return load
 
 
-def write(path: Path, thrown: Thrown) -> None:
+def write_throw(path: Path, thrown: Thrown) -> None:
     """The file of a throw, by the contract: a body known as a whole, two sensors, nothing else."""
     with h5py.File(path, "w") as f:
         f.attrs["forceid_schema"] = "1"
@@ -137,7 +137,7 @@ def write(path: Path, thrown: Thrown) -> None:
         f["motion"].attrs["gravity"] = [0.0, 0.0, -GRAVITY]
 
 
-def settings_of(thrown: Thrown) -> dict[str, Any]:
+def stated_settings(thrown: Thrown) -> dict[str, Any]:
     """What the user states of the sensors: noise and bias, or nothing."""
     if not thrown.known:
         return {}
@@ -146,7 +146,7 @@ def settings_of(thrown: Thrown) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ThrowOutcome:
     """What became of a throw.
 
     off: rms of error over claim (2,), force and moment; inside: share of components within 95 % intervals;
@@ -161,32 +161,32 @@ class Outcome:
     seconds: float
 
 
-def judge(thrown: Thrown, path: Path) -> Outcome:
+def judge_throw(thrown: Thrown, path: Path) -> ThrowOutcome:
     """Estimate a throw from its file, and compare."""
     rate, began = 1 / float(np.diff(thrown.time)[0]), clock.process_time()
     off, inside, relative = np.full((3, 2), np.nan)
     try:
-        found = forceid.estimate(forceid.open_motion(path), **settings_of(thrown))["estimate"]
+        found = forceid.estimate(forceid.open_motion(path), **stated_settings(thrown))["estimate"]
     except ForceIdError as error:
-        return Outcome(rate, f"stopped: {error}", off, inside, relative, clock.process_time() - began)
+        return ThrowOutcome(rate, f"stopped: {error}", off, inside, relative, clock.process_time() - began)
     took = clock.process_time() - began
     for i, name in enumerate(LOADS):
         truth = getattr(thrown, name)
         error = found[name].values - truth
         z = error / found[f"{name}_std"].values
-        off[i], inside[i] = rms(z), np.mean(np.abs(central(z)) < QUANTILE)
-        if central(truth).any():
+        off[i], inside[i] = rms(z), np.mean(np.abs(judged_part(z)) < QUANTILE)
+        if judged_part(truth).any():
             relative[i] = rms(error) / rms(truth)
-    return Outcome(rate, str(found.attrs["verdict"]), off, inside, relative, took)
+    return ThrowOutcome(rate, str(found.attrs["verdict"]), off, inside, relative, took)
 
 
-def one(k: int, seed: int) -> Outcome:
+def run_throw(k: int, seed: int) -> ThrowOutcome:
     """A throw by its number."""
-    thrown = draw(np.random.default_rng([seed, k]))
+    thrown = draw_throw(np.random.default_rng([seed, k]))
     with TemporaryDirectory() as folder:
         path = Path(folder) / "thrown_box.h5"
-        write(path, thrown)
-        return judge(thrown, path)
+        write_throw(path, thrown)
+        return judge_throw(thrown, path)
 
 
 ABOUT = """\
@@ -204,7 +204,7 @@ come to rest, the verdict says by how much. Every verdict is `degraded`, as plac
 the start are not observable. The slowest throw took {slowest:.0f} s of CPU."""
 
 
-def bands(outcomes: Sequence[Outcome]) -> str:
+def bands(outcomes: Sequence[ThrowOutcome]) -> str:
     """A table by bands of the sample rate."""
     heads, rows = ["sample rate (Hz)", "throws", "ended", "verdicts", "silently wrong"], []
     for name in LOADS:
@@ -230,7 +230,7 @@ def bands(outcomes: Sequence[Outcome]) -> str:
 def main() -> None:
     """Draw, write, estimate, compare, and say what came of it."""
     args = asked("evidence.drawn.thrown_box", __doc__, count=100, seed=0)
-    outcomes = list(each(partial(one, seed=args.seed), range(args.count), 1))
+    outcomes = list(each(partial(run_throw, seed=args.seed), range(args.count), 1))
     about = ABOUT.format(command=f"OPENBLAS_NUM_THREADS=1 {args.command}")
     reading = READING.format(slowest=max(o.seconds for o in outcomes))
     title = "Boxes in flight, seen by a gyro and an accelerometer alone"

@@ -25,7 +25,7 @@ from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.records import Body, Motion, Recording
 
 
-def recording(seed: int, whole: bool) -> Recording:
+def noisy_flight(seed: int, whole: bool) -> Recording:
     """A drawn flight with its noise stated."""
     rng = np.random.default_rng(seed)
     frames, rate = int(rng.choice([120, 240, 500, 1000])), float(rng.choice([60, 100, 200, 400]))
@@ -42,7 +42,7 @@ def recording(seed: int, whole: bool) -> Recording:
     return Recording(Body(NODES, flown.body.position, **known), motion, flown.truth)
 
 
-def over_best(record: Recording, witness: Any) -> list[float]:
+def over_best_cut(record: Recording, witness: Any) -> list[float]:
     """Error of force and moment over that of the best cut, by axis."""
     found = []
     for name in ("force", "moment"):
@@ -69,14 +69,14 @@ def main() -> None:
     for method in ("smoother", "savgol", "spline", "difference"):
         shares, objects, ratios, claims = [], 0, [], []
         for seed in range(seeds):
-            record = recording(seed, seed % 2 == 1)
+            record = noisy_flight(seed, seed % 2 == 1)
             spent.clear()
             began = process_time()
             result = run.estimate_recording(record, load_settings(method=method))
             shares.append(sum(spent) / (process_time() - began))
             witness: Any = result.witness
             objects += "off-plain-route" in result.verdict.codes
-            ratios += over_best(record, witness)
+            ratios += over_best_cut(record, witness)
             for name in ("force", "moment"):
                 error, std = getattr(witness, name) - record.truth[name], getattr(witness, f"{name}_std")
                 claims += list(rms(error, 0) / rms(std, 0))

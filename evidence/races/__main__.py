@@ -12,7 +12,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 
 from evidence.races.paired import run
-from evidence.races.table import lines, summary, write
+from evidence.races.table import goals_table, lines, write_benchmarks
 
 WORKLOADS = {
     "w1": "one_signal",
@@ -46,7 +46,7 @@ def preamble(machine: dict[str, object], rounds: int) -> str:
     )
 
 
-def describe(args: argparse.Namespace) -> dict[str, object]:
+def machine_facts(args: argparse.Namespace) -> dict[str, object]:
     """Versions and machine."""
     from forceid import kalman
 
@@ -58,11 +58,11 @@ def describe(args: argparse.Namespace) -> dict[str, object]:
         "processor": f"{os.cpu_count()} x {cpu[0].split(':')[1].strip() if cpu else platform.machine()}",
         "python": platform.python_version(),
         "engine": kalman.engine("auto").name,
-        "versions": ", ".join(f"{name} {version(name)}" for name in LIBRARIES),
+        "versions": ", ".join(f"{name} {installed_version(name)}" for name in LIBRARIES),
     }
 
 
-def version(name: str) -> str:
+def installed_version(name: str) -> str:
     """The installed version, or that there is none."""
     try:
         return metadata.version(name)
@@ -79,7 +79,7 @@ def main() -> int:
     args = parser.parse_args()
     warnings.simplefilter("ignore")  # the peers deprecate, and miss optional parts
     rounds, budget = (QUICK_ROUNDS, QUICK_BUDGET) if args.quick else (ROUNDS, BUDGET)
-    machine = describe(args) | {"rounds": rounds}
+    machine = machine_facts(args) | {"rounds": rounds}
     print(preamble(machine, rounds), flush=True)
     outcomes = []
     for name in args.only:
@@ -87,9 +87,11 @@ def main() -> int:
         for race in import_module(f"evidence.races.{WORKLOADS[name]}").races(args.quick):
             outcomes.append(run(race, rounds, budget))
             print(lines(outcomes[-1]), flush=True)
-        write(args.output, preamble(machine, rounds), machine, outcomes)  # a later crash loses nothing
+        write_benchmarks(
+            args.output, preamble(machine, rounds), machine, outcomes
+        )  # a later crash loses nothing
         print(f"({name}: {time.perf_counter() - began:.0f} s)\n", file=sys.stderr, flush=True)
-    print(summary(outcomes))
+    print(goals_table(outcomes))
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.races.paired import Answer, Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid.files.hdf5 import read_motion, write_motion
 from forceid.records import Body, Motion, Recording
 
@@ -22,7 +22,7 @@ def races(quick: bool) -> Iterator[Race]:
         paths = [Path(folder) / f"{i:03d}.h5" for i in range(count)]
         rng = np.random.default_rng(0)
         for path in paths:
-            write_motion(path, recording(rng))
+            write_motion(path, random_recording(rng))
         yield Race(
             title=f"W6 {count} files of 5 MB",
             contestants=[
@@ -40,50 +40,50 @@ def races(quick: bool) -> Iterator[Race]:
         )
 
 
-def recording(rng: np.random.Generator) -> Recording:
+def random_recording(rng: np.random.Generator) -> Recording:
     X = rng.standard_normal((NODES, 3))
     body = Body(node=tuple(f"n{i}" for i in range(NODES)), position=X, mass=np.ones(NODES))
     x = X + 0.01 * rng.standard_normal((FRAMES, NODES, 3))
     return Recording(body, Motion(time=1e-3 * np.arange(FRAMES), position=x))
 
 
-def reader(name: str, paths: list[Path], read: Callable[[Path], Answer]) -> Contestant:
+def reader(name: str, paths: list[Path], read: Callable[[Path], RaceAnswer]) -> Racer:
     def prepare(size: int):
         return lambda: [read(path) for path in paths[:size]][-1]
 
-    return Contestant(name, prepare, lambda found: found)
+    return Racer(name, prepare, lambda found: found)
 
 
-def read_ours(path: Path) -> Answer:
+def read_ours(path: Path) -> RaceAnswer:
     """Everything a motion file holds, checked, and the SHA-256 of its bytes."""
     found = read_motion(path)
-    return named(found.motion.time, found.motion.position, found.body.position, found.body.mass)
+    return answer_by_name(found.motion.time, found.motion.position, found.body.position, found.body.mass)
 
 
-def read_groups(path: Path) -> Answer:
+def read_groups(path: Path) -> RaceAnswer:
     import xarray as xr
 
     motion = xr.load_dataset(path, group="motion", engine="h5netcdf")
     body = xr.load_dataset(path, group="body", engine="h5netcdf")
-    return named(motion.time, motion.position, body.position, body.mass)
+    return answer_by_name(motion.time, motion.position, body.position, body.mass)
 
 
-def read_tree(path: Path) -> Answer:
+def read_tree(path: Path) -> RaceAnswer:
     import xarray as xr
 
     with xr.open_datatree(path, engine="h5netcdf") as tree:
         motion, body = tree["motion"].load(), tree["body"].load()
-        return named(motion["time"], motion["position"], body["position"], body["mass"])
+        return answer_by_name(motion["time"], motion["position"], body["position"], body["mass"])
 
 
-def read_h5py(path: Path) -> Answer:
+def read_h5py(path: Path) -> RaceAnswer:
     """No attribute, no check: what h5py itself takes."""
     import h5py
 
     names = ("motion/time", "motion/position", "body/position", "body/mass")
     with h5py.File(path, "r") as f:
-        return named(*(f[name][...] for name in names))
+        return answer_by_name(*(f[name][...] for name in names))
 
 
-def named(*arrays: Any) -> Answer:
+def answer_by_name(*arrays: Any) -> RaceAnswer:
     return dict(zip(("time", "position", "shape", "mass"), map(np.asarray, arrays), strict=True))

@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.strict import shape
-from evidence.races.paired import Answer, Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid import kalman
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight
@@ -39,7 +39,7 @@ WITHIN = 2e-3  # agreement: linearized about what was known so far, and about th
 
 
 @dataclass(frozen=True)
-class Scene:
+class RaceScene:
     """Marker tracks (frame, marker, 3) m of a body: mass kg, inertia (3, 3) kg m2, shape (marker, 3) m."""
 
     position: np.ndarray
@@ -51,22 +51,24 @@ class Scene:
 def races(quick: bool) -> Iterator[Race]:
     frames = 10_000 if quick else 100_000
     for markers in (15,) if quick else (15, 3, 100):
-        scene = flown(frames if markers == 15 else frames // 5, markers)
+        scene = drawn_scene(frames if markers == 15 else frames // 5, markers)
 
-        def read(found: Any) -> Answer:
+        def read(found: Any) -> RaceAnswer:
             """Of the frames behind the start."""
             parts = {"force": slice(3), "moment": slice(3, 6)}
             both = zip(("", "_std"), found, strict=True)
             return {name + kind: a[HEAD:, part] for kind, a in both for name, part in parts.items()}
 
-        def on(job: Callable[[Scene], Any], scene: Scene = scene) -> Callable[[int], Callable[[], Any]]:
+        def on(
+            job: Callable[[RaceScene], Any], scene: RaceScene = scene
+        ) -> Callable[[int], Callable[[], Any]]:
             return lambda size: lambda: job(replace(scene, position=scene.position[:size]))
 
-        contestants = [Contestant("forceid", on(smoothed), read, whole=True)]
+        contestants = [Racer("forceid", on(smoothed), read, whole=True)]
         if markers == 15:
             contestants += [
-                Contestant("forceid, no compiler", on(smoothed_in_numpy), read),
-                Contestant(RIVAL, on(smoothed_by_rival), read),
+                Racer("forceid, no compiler", on(smoothed_in_numpy), read),
+                Racer(RIVAL, on(smoothed_by_rival), read),
             ]
         yield Race(
             title=f"Flight smoother, {markers} markers, 18 states, {len(scene.position):,} frames",
@@ -81,24 +83,24 @@ def races(quick: bool) -> Iterator[Race]:
         )
 
 
-def smoothed(scene: Scene, engine: str = "auto") -> tuple[np.ndarray, np.ndarray]:
+def smoothed(scene: RaceScene, engine: str = "auto") -> tuple[np.ndarray, np.ndarray]:
     """Wrench (frame, 6) and its standard deviations."""
-    found = ours(scene, engine)
+    found = our_flight(scene, engine)
     var = np.diagonal(found.wrench_cov, axis1=1, axis2=2)
     return np.concatenate([found.force, found.moment], 1), np.sqrt(var)
 
 
-def smoothed_in_numpy(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def smoothed_in_numpy(scene: RaceScene) -> tuple[np.ndarray, np.ndarray]:
     return smoothed(scene, "numpy")
 
 
-def smoothed_by_rival(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def smoothed_by_rival(scene: RaceScene) -> tuple[np.ndarray, np.ndarray]:
     x, _, P = rival(scene)
     loads = [6, 7, 8, 15, 16, 17]
     return x[:, loads], np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, loads])
 
 
-def flown(frames: int, markers: int = 15) -> Scene:
+def drawn_scene(frames: int, markers: int = 15) -> RaceScene:
     """The boomerang held rigid, weightless, under loads drawn from the prior; markers beyond 15 at random."""
     rng = np.random.default_rng(markers)
     m, X = shape()
@@ -106,11 +108,11 @@ def flown(frames: int, markers: int = 15) -> Scene:
     F, T = (ornstein_uhlenbeck(*p, frames, rng) for p in ((STD_F, RATE_F), (STD_T, RATE_T)))
     start = Rotation.from_euler("xz", [1.2, 0.3])
     H = start.apply(J @ [0.5, -0.3, 20 * np.pi]) + np.cumsum(STEP * T, 0)
-    R = turning(start.as_matrix(), H, J)
+    R = rotations_under_momenta(start.as_matrix(), H, J)
     c = np.cumsum(STEP * np.cumsum(STEP * F / m.sum(), 0), 0)
     X = X[:markers] if markers <= len(X) else np.concatenate([X, rng.uniform(-0.2, 0.2, (markers - 15, 3))])
     x = c[:, None] + X @ R.swapaxes(1, 2)
-    return Scene(x + NOISE * rng.standard_normal(x.shape), float(m.sum()), J, X)
+    return RaceScene(x + NOISE * rng.standard_normal(x.shape), float(m.sum()), J, X)
 
 
 def ornstein_uhlenbeck(std: float, rate: float, frames: int, rng: np.random.Generator) -> np.ndarray:
@@ -120,7 +122,7 @@ def ornstein_uhlenbeck(std: float, rate: float, frames: int, rng: np.random.Gene
     return lfilter([1.0], [1.0, -keep], white, axis=0)
 
 
-def turning(R: np.ndarray, H: np.ndarray, J: np.ndarray) -> np.ndarray:
+def rotations_under_momenta(R: np.ndarray, H: np.ndarray, J: np.ndarray) -> np.ndarray:
     """Rotations (frame, 3, 3) under angular momenta H (frame, 3), world axes, by midpoints."""
     J_inv, path = np.linalg.inv(J), [R]
     for now, then in pairwise(H):
@@ -150,12 +152,12 @@ def vector(R: np.ndarray) -> np.ndarray:
     return s * (1 + (s @ s) / 6)
 
 
-def cross(v: np.ndarray) -> np.ndarray:
+def cross_product_matrix(v: np.ndarray) -> np.ndarray:
     a, b, c = v.tolist()
     return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
 
 
-def ours(scene: Scene, engine: str) -> Any:
+def our_flight(scene: RaceScene, engine: str) -> Any:
     """Raw markers to the smoothed flight."""
     x, X = scene.position, scene.shape
     n = len(x)
@@ -178,7 +180,7 @@ def process(std: float, rate: float, gain: float) -> tuple[np.ndarray, np.ndarra
     return np.kron(F, np.eye(3)), np.kron(F @ joint[:3, 3:], np.eye(3))
 
 
-def rival(scene: Scene) -> Any:
+def rival(scene: RaceScene) -> Any:
     """State x (frame, 18) with theta = 0, R (frame, 3, 3) and P (frame, 18, 18), smoothed."""
     from filterpy.kalman import ExtendedKalmanFilter
 
@@ -213,7 +215,7 @@ def rival(scene: Scene) -> Any:
         if k:
             R_mid, R_next = runge_kutta(R, ekf.x[12:15], ekf.x[15:], J_inv)
             J_mid = R_mid @ J_inv @ R_mid.T
-            A[:3, :3] = STEP * J_mid @ cross(ekf.x[12:15] + 0.5 * STEP * ekf.x[15:])
+            A[:3, :3] = STEP * J_mid @ cross_product_matrix(ekf.x[12:15] + 0.5 * STEP * ekf.x[15:])
             A[:3, 3:6] = STEP * J_mid
             square = A @ A
             F[9:12, 9:] = (np.eye(9) + A + square / 2 + square @ A / 6)[:3]
@@ -239,7 +241,7 @@ def runge_kutta(
     def rate(phi: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
         turned = rotated(phi) @ R
         w = turned @ (J_inv @ ((H + s * T) @ turned))
-        bent = cross(phi)
+        bent = cross_product_matrix(phi)
         return w - 0.5 * bent @ w + bent @ (bent @ w) / 12, turned
 
     k1, _ = rate(np.zeros(3), 0.0)

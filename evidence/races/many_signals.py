@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from evidence.races import models, peers
-from evidence.races.paired import Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, Racer
 from forceid import kalman
 
 SAMPLES = 1000
@@ -16,7 +16,7 @@ SAMPLES = 1000
 def races(quick: bool) -> Iterator[Race]:
     signals = 100 if quick else 1000
     model = models.matern_bank([3, 3], 2, seed=6)
-    z = models.draw(model, SAMPLES, seed=1, signals=signals)
+    z = models.draw_measurements(model, SAMPLES, seed=1, signals=signals)
     for smooth in (False, True):
         work = "filter and smoother" if smooth else "filter"
         yield Race(
@@ -30,7 +30,7 @@ def races(quick: bool) -> Iterator[Race]:
         )
 
 
-def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterator[Contestant]:
+def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterator[Racer]:
     def on(build, **settings):
         return lambda size: build(model, np.ascontiguousarray(z[:, :size]), smooth, **settings)
 
@@ -38,19 +38,19 @@ def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterat
         jobs = [peers.filterpy(model, z[:, j], smooth) for j in range(size)]
         return lambda: [job() for job in jobs]
 
-    def read_list(found) -> peers.Answer:
+    def read_list(found) -> peers.PeerAnswer:
         x, P = (np.stack([part[i] for part in found], axis=1) for i in (0, 1))
         return {"x": x, "P": P}
 
-    def read_ours(found) -> peers.Answer:
+    def read_ours(found) -> peers.PeerAnswer:
         """Covariances that all signals share may come once."""
         x, P = peers.read_forceid(found).values()
         return {"x": x, "P": P if P.ndim == 4 else np.broadcast_to(P[:, None], (*x.shape, x.shape[-1]))}
 
     for engine in ("auto", "compiled", "numpy"):
-        yield Contestant(f"forceid {engine}", on(peers.forceid, engine=engine), read_ours, whole=True)
-    every = on(peers.forceid, engine="auto", expanded=True)
-    yield Contestant("forceid auto, every P", every, read_ours, whole=True)
-    yield Contestant("filterpy", one_by_one, read_list)
-    yield Contestant("simdkalman", on(peers.simdkalman), peers.read_simdkalman_many, whole=True)
-    yield Contestant("dynamax", on(peers.dynamax), peers.read_pair_many, whole=True)
+        yield Racer(f"forceid {engine}", on(peers.our_engine, engine=engine), read_ours, whole=True)
+    every = on(peers.our_engine, engine="auto", expanded=True)
+    yield Racer("forceid auto, every P", every, read_ours, whole=True)
+    yield Racer("filterpy", one_by_one, read_list)
+    yield Racer("simdkalman", on(peers.simdkalman), peers.read_simdkalman_many, whole=True)
+    yield Racer("dynamax", on(peers.dynamax), peers.read_pair_many, whole=True)

@@ -30,20 +30,20 @@ def matern_bank(orders: list[int], channels: int, seed: int) -> kalman.StateSpac
     return kalman.StateSpace(block_diag(*F), block_diag(*Q), H, R, np.zeros(n), P0)
 
 
-def draw(model: kalman.StateSpace, samples: int, seed: int, signals: int = 1) -> Arrays:
+def draw_measurements(model: kalman.StateSpace, samples: int, seed: int, signals: int = 1) -> Arrays:
     """Measurements (time, signal, channel) of independent runs of the model."""
     rng = np.random.default_rng(seed)
     n, m = len(model.x0), len(model.H)
-    x = rng.standard_normal((signals, n)) @ root(model.P0).T
-    Ft, Ht, Qt = model.F.T.copy(), model.H.T.copy(), root(model.Q).T.copy()
-    z = rng.standard_normal((samples, signals, m)) @ root(model.R).T
+    x = rng.standard_normal((signals, n)) @ root_of(model.P0).T
+    Ft, Ht, Qt = model.F.T.copy(), model.H.T.copy(), root_of(model.Q).T.copy()
+    z = rng.standard_normal((samples, signals, m)) @ root_of(model.R).T
     for k in range(samples):
         z[k] += x @ Ht
         x = x @ Ft + rng.standard_normal((signals, n)) @ Qt
     return z
 
 
-def root(P: Arrays) -> Arrays:
+def root_of(P: Arrays) -> Arrays:
     """C with C C^T = P, of a P that may be singular."""
     spread, axes = np.linalg.eigh(P)
     return axes * np.sqrt(np.maximum(spread, 0.0))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from evidence.races import models, peers
-from evidence.races.paired import Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, Racer
 from forceid import kalman
 
 SIZES = {  # (state, channel): orders of the stacked processes, goals of filter and smoother
@@ -22,7 +22,7 @@ def races(quick: bool) -> Iterator[Race]:
     samples, check = (20_000, 300) if quick else (100_000, 2000)
     for (n, m), (orders, *least) in SIZES.items():
         model = models.matern_bank(orders, m, seed=n)
-        z = models.draw(model, samples, seed=n + m)[:, 0]
+        z = models.draw_measurements(model, samples, seed=n + m)[:, 0]
         for smooth, goal in zip((False, True), least, strict=True):
             yield Race(
                 title=f"W1 one signal, n = {n}, m = {m}: {'filter and smoother' if smooth else 'filter'}",
@@ -34,17 +34,17 @@ def races(quick: bool) -> Iterator[Race]:
             )
 
 
-def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterator[Contestant]:
+def contestants(model: kalman.StateSpace, z: np.ndarray, smooth: bool) -> Iterator[Racer]:
     def on(build, **settings):
         return lambda size: build(model, z[:size], smooth, **settings)
 
     for engine in OURS:
-        ours = on(peers.forceid, engine=engine)
-        yield Contestant(f"forceid {engine}", ours, peers.read_forceid, whole=True)
-    every = on(peers.forceid, engine="auto", expanded=True)
-    yield Contestant("forceid auto, every P", every, peers.read_forceid, whole=True)
-    yield Contestant("filterpy", on(peers.filterpy), peers.read_pair)
-    yield Contestant("statsmodels", on(peers.statsmodels), peers.read_statsmodels)
-    yield Contestant("pykalman", on(peers.pykalman), peers.read_pair)
-    yield Contestant("simdkalman", on(peers.simdkalman), peers.read_simdkalman)
-    yield Contestant("dynamax", on(peers.dynamax), peers.read_pair)
+        ours = on(peers.our_engine, engine=engine)
+        yield Racer(f"forceid {engine}", ours, peers.read_forceid, whole=True)
+    every = on(peers.our_engine, engine="auto", expanded=True)
+    yield Racer("forceid auto, every P", every, peers.read_forceid, whole=True)
+    yield Racer("filterpy", on(peers.filterpy), peers.read_pair)
+    yield Racer("statsmodels", on(peers.statsmodels), peers.read_statsmodels)
+    yield Racer("pykalman", on(peers.pykalman), peers.read_pair)
+    yield Racer("simdkalman", on(peers.simdkalman), peers.read_simdkalman)
+    yield Racer("dynamax", on(peers.dynamax), peers.read_pair)

@@ -22,11 +22,11 @@ LEAST = 0.03  # s that a timed contestant runs at least: shorter ones are repeat
 SLOW = 4.0  # s: who takes longer is not run once more to be warm
 PATIENCE = 6.0  # times the budget that a contestant may take which must not be cut
 
-Answer = Mapping[str, np.ndarray]
+RaceAnswer = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Racer:
     """One way to do the job. `prepare(size)` returns what is timed; `read` takes the answer out, untimed.
 
     whole: never measured on a shorter stretch, because its time is not proportional to the size (unless it
@@ -36,10 +36,10 @@ class Contestant:
 
     name: str
     prepare: Callable[[int], Callable[[], Any]]
-    read: Callable[[Any], Answer]
+    read: Callable[[Any], RaceAnswer]
     whole: bool = False
     judged: bool = True
-    figures: Callable[[Answer], dict[str, float]] | None = None
+    figures: Callable[[RaceAnswer], dict[str, float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Race:
     """
 
     title: str
-    contestants: list[Contestant]
+    contestants: list[Racer]
     base: str
     size: int
     check: int
@@ -108,7 +108,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RaceOutcome:
     """A race that was run."""
 
     race: Race
@@ -130,17 +130,17 @@ class Outcome:
                 found.append((text, "-", None))
                 continue
             low, middle, high = of.times_as_fast_as(against)
-            measured = f"{figure(middle)} ({figure(low)} to {figure(high)})"
+            measured = f"{three_figures(middle)} ({three_figures(low)} to {three_figures(high)})"
             if wrong(of):
                 measured += ", answer wrong"
             found.append((text, measured, middle >= goal.least and not wrong(of)))
         return found
 
 
-def run(race: Race, rounds: int, budget: float) -> Outcome:
+def run(race: Race, rounds: int, budget: float) -> RaceOutcome:
     """Check, then time: `rounds` rounds, each contestant on a stretch that takes it about `budget` s."""
     rows: dict[str, Row] = {}
-    answers: dict[str, Answer] = {}
+    answers: dict[str, RaceAnswer] = {}
     jobs: dict[str, Callable[[], Any]] = {}
     gc.collect()
     gc.freeze()
@@ -148,16 +148,16 @@ def run(race: Race, rounds: int, budget: float) -> Outcome:
         row = rows[c.name] = Row(c.name, judged=c.judged, tolerance=race.tolerance)
         try:
             job = c.prepare(race.check)
-            found, pace = timed(job)
+            found, pace = timed_once(job)
             answers[c.name] = c.read(found)
             if pace < SLOW:
-                pace = clock(job, 1)  # warm, and compiled
+                pace = cpu_seconds(job, 1)  # warm, and compiled
             pace = pace / race.check
             row.size = stretch(c, race, pace, budget)
             if row.size != race.check:
                 job = c.prepare(row.size)
                 job()  # warm, and compiled for this size
-                pace = clock(job, 1) / row.size
+                pace = cpu_seconds(job, 1) / row.size
                 found = job() if c.figures is not None else found
             if c.figures is not None:
                 row.figures = c.figures(c.read(found))
@@ -175,12 +175,12 @@ def run(race: Race, rounds: int, budget: float) -> Outcome:
     for turn in range(min(rounds, race.rounds)):
         for name in list(jobs)[:: 1 if turn % 2 == 0 else -1]:
             row = rows[name]
-            row.seconds.append(clock(jobs[name], row.repeats) / (row.repeats * row.size * race.samples))
+            row.seconds.append(cpu_seconds(jobs[name], row.repeats) / (row.repeats * row.size * race.samples))
     gc.unfreeze()
-    return Outcome(race, rows)
+    return RaceOutcome(race, rows)
 
 
-def stretch(c: Contestant, race: Race, pace: float, budget: float) -> int:
+def stretch(c: Racer, race: Race, pace: float, budget: float) -> int:
     """The size on which a contestant that takes `pace` s a unit is timed."""
     limit = PATIENCE * budget if c.whole else budget
     if pace * race.size <= limit:
@@ -188,7 +188,7 @@ def stretch(c: Contestant, race: Race, pace: float, budget: float) -> int:
     return int(np.clip(limit / pace, min(race.check, race.size), race.size))
 
 
-def clock(job: Callable[[], Any], repeats: int) -> float:
+def cpu_seconds(job: Callable[[], Any], repeats: int) -> float:
     """CPU seconds of so many runs, of this process and of those it starts and waits for."""
     gc.collect()
     gc.disable()
@@ -201,7 +201,7 @@ def clock(job: Callable[[], Any], repeats: int) -> float:
         gc.enable()
 
 
-def timed(job: Callable[[], Any]) -> tuple[Any, float]:
+def timed_once(job: Callable[[], Any]) -> tuple[Any, float]:
     """What a first run finds, and its CPU seconds."""
     start = cpu_time()
     return job(), cpu_time() - start
@@ -213,13 +213,13 @@ def cpu_time() -> float:
     return time.process_time() + children.ru_utime + children.ru_stime
 
 
-def compare(reference: Answer, answer: Answer) -> dict[str, float]:
+def compare(reference: RaceAnswer, answer: RaceAnswer) -> dict[str, float]:
     """Largest difference of each quantity that both have, relative to its largest entry."""
     shared = [name for name in reference if name in answer]
-    return {name: relative(reference[name], answer[name]) for name in shared}
+    return {name: difference(reference[name], answer[name]) for name in shared}
 
 
-def relative(reference: np.ndarray, answer: np.ndarray) -> float:
+def difference(reference: np.ndarray, answer: np.ndarray) -> float:
     """Largest difference relative to the largest entry; infinite where the shapes differ or a NaN is new."""
     if reference.shape != answer.shape:
         return float("inf")
@@ -241,7 +241,7 @@ def agreement(row: Row) -> str:
     return f"wrong at {row.tolerance:.0e}: {text}" if wrong(row) else f"agrees: {text}"
 
 
-def figure(value: float) -> str:
+def three_figures(value: float) -> str:
     """Three figures, without an exponent: 0.0123, 1.23, 123, 12300."""
     if value == 0 or not np.isfinite(value):
         return str(value)

@@ -13,12 +13,14 @@ import numpy as np
 
 from forceid import kalman
 
-Model = kalman.StateSpace
-Job = Callable[[], Any]
-Answer = dict[str, np.ndarray]
+LinearModel = kalman.StateSpace
+PeerJob = Callable[[], Any]
+PeerAnswer = dict[str, np.ndarray]
 
 
-def forceid(model: Model, z: np.ndarray, smooth: bool, engine: str, expanded: bool = False) -> Job:
+def our_engine(
+    model: LinearModel, z: np.ndarray, smooth: bool, engine: str, expanded: bool = False
+) -> PeerJob:
     """Ours; `expanded` asks for every covariance by itself."""
     kalman.engine(engine)  # not there: say so before anything runs
     work = kalman.smooth if smooth else kalman.filter
@@ -30,12 +32,12 @@ def forceid(model: Model, z: np.ndarray, smooth: bool, engine: str, expanded: bo
     return job
 
 
-def read_forceid(found: Any) -> Answer:
+def read_forceid(found: Any) -> PeerAnswer:
     x, P = found if isinstance(found, tuple) else (found.x, found.P)
     return {"x": np.asarray(x), "P": np.asarray(P)}
 
 
-def filterpy(model: Model, z: np.ndarray, smooth: bool) -> Job:
+def filterpy(model: LinearModel, z: np.ndarray, smooth: bool) -> PeerJob:
     """filterpy's KalmanFilter.batch_filter, then rts_smoother on what it returned."""
     from filterpy.kalman import KalmanFilter
 
@@ -51,11 +53,11 @@ def filterpy(model: Model, z: np.ndarray, smooth: bool) -> Job:
     return job
 
 
-def read_pair(found: Any) -> Answer:
+def read_pair(found: Any) -> PeerAnswer:
     return {"x": np.asarray(found[0]), "P": np.asarray(found[1])}
 
 
-def statsmodels(model: Model, z: np.ndarray, smooth: bool) -> Job:
+def statsmodels(model: LinearModel, z: np.ndarray, smooth: bool) -> PeerJob:
     """A new object every time: one that is bound to new data returns the old answer."""
     from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
     from statsmodels.tsa.statespace.kalman_smoother import SMOOTHER_STATE, SMOOTHER_STATE_COV, KalmanSmoother
@@ -80,11 +82,11 @@ def statsmodels(model: Model, z: np.ndarray, smooth: bool) -> Job:
     return job
 
 
-def read_statsmodels(found: Any) -> Answer:
+def read_statsmodels(found: Any) -> PeerAnswer:
     return {"x": np.asarray(found[0]).T, "P": np.asarray(found[1]).transpose(2, 0, 1)}
 
 
-def pykalman(model: Model, z: np.ndarray, smooth: bool) -> Job:
+def pykalman(model: LinearModel, z: np.ndarray, smooth: bool) -> PeerJob:
     from pykalman import KalmanFilter
 
     kf = KalmanFilter(
@@ -94,7 +96,7 @@ def pykalman(model: Model, z: np.ndarray, smooth: bool) -> Job:
     return lambda: kf.smooth(z) if smooth else kf.filter(z)
 
 
-def simdkalman(model: Model, z: np.ndarray, smooth: bool) -> Job:
+def simdkalman(model: LinearModel, z: np.ndarray, smooth: bool) -> PeerJob:
     """Many signals at once; z (time, channel) or (time, signal, channel)."""
     from simdkalman import KalmanFilter
 
@@ -109,17 +111,17 @@ def simdkalman(model: Model, z: np.ndarray, smooth: bool) -> Job:
     return job
 
 
-def read_simdkalman(found: Any) -> Answer:
+def read_simdkalman(found: Any) -> PeerAnswer:
     """Of one signal."""
     return {"x": found.mean[0], "P": found.cov[0]}
 
 
-def read_simdkalman_many(found: Any) -> Answer:
+def read_simdkalman_many(found: Any) -> PeerAnswer:
     """x (time, signal, state), P (time, signal, state, state)."""
     return {"x": found.mean.swapaxes(0, 1), "P": found.cov.swapaxes(0, 1)}
 
 
-def dynamax(model: Model, z: np.ndarray, smooth: bool) -> Job:
+def dynamax(model: LinearModel, z: np.ndarray, smooth: bool) -> PeerJob:
     """Compiled by jax, vmapped over signals where z is (time, signal, channel), float64, waited for."""
     import jax
     import jax.numpy as jnp
@@ -141,6 +143,6 @@ def dynamax(model: Model, z: np.ndarray, smooth: bool) -> Job:
     return lambda: jax.block_until_ready(compiled(data))
 
 
-def read_pair_many(found: Any) -> Answer:
+def read_pair_many(found: Any) -> PeerAnswer:
     """x (time, signal, state), P (time, signal, state, state)."""
     return {"x": np.asarray(found[0]).swapaxes(0, 1), "P": np.asarray(found[1]).swapaxes(0, 1)}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from evidence.races.paired import Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, Racer
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 
@@ -56,13 +56,13 @@ def race(nodes: int, frames: int, moving: bool) -> Race:
         return {"force": found[:, :3], "moment": found[:, 3:]}
 
     contestants = [
-        Contestant("forceid", ours, answer),
-        Contestant("textbook cross product", textbook, answer),
-        Contestant("reading the data once", read_through, lambda found: {}, judged=False),
+        Racer("forceid", ours, answer),
+        Racer("textbook cross product", textbook, answer),
+        Racer("reading the data once", read_through, lambda found: {}, judged=False),
     ]
     goals = [Goal("forceid", "reading the data once", 0.5), Goal("forceid", "textbook cross product", 25)]
     if not moving:
-        contestants.insert(2, Contestant("BLAS on folded weights", folded, answer))
+        contestants.insert(2, Racer("BLAS on folded weights", folded, answer))
     title = f"W3 six resultants, {nodes} {'moving nodes' if moving else 'nodes'}"
     goals = [] if moving else goals
     return Race(title, contestants, "textbook cross product", frames, frames, goals, unit="frame")

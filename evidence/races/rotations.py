@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.races.paired import Contestant, Goal, Limit, Race
+from evidence.races.paired import Goal, Limit, Race, Racer
 from forceid.motion.pose import fit_rotation
 
 CONDITION = 5e5
 FLAT, THIN = "error, flat set (rad)", "error, thin set (rad)"
-Fit = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+RotationFit = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def ours(x: np.ndarray, X: np.ndarray, w: np.ndarray) -> np.ndarray:
+def our_fit(x: np.ndarray, X: np.ndarray, w: np.ndarray) -> np.ndarray:
     return fit_rotation(x, X, w)[1]
 
 
@@ -37,8 +37,8 @@ def batched_svd(x: np.ndarray, X: np.ndarray, w: np.ndarray) -> np.ndarray:
     return U @ Vt
 
 
-FITS: dict[str, Fit] = {
-    "forceid": ours,
+FITS: dict[str, RotationFit] = {
+    "forceid": our_fit,
     "Rotation.align_vectors": align_vectors,
     "batched SVD": batched_svd,
 }
@@ -50,8 +50,8 @@ def races(quick: bool) -> Iterator[Race]:
         frames = (5_000 if quick else 50_000) if markers < 100 else (1_000 if quick else 5_000)
         rng = np.random.default_rng(markers)
         X, w = rng.standard_normal((markers, 3)), rng.uniform(0.5, 1.5, markers)
-        x = turned(X, frames, rng) + 1e-3 * rng.standard_normal((frames, markers, 3))
-        contestants = [contestant(name, fit, x, X, w, errors[name]) for name, fit in FITS.items()]
+        x = rotated_markers(X, frames, rng) + 1e-3 * rng.standard_normal((frames, markers, 3))
+        contestants = [rotation_contestant(name, fit, x, X, w, errors[name]) for name, fit in FITS.items()]
         goals: list[Goal | Limit] = []
         if markers < 100:
             goals = [Goal("forceid", "Rotation.align_vectors", 100)]
@@ -60,22 +60,22 @@ def races(quick: bool) -> Iterator[Race]:
         yield Race(title, contestants, base, frames, 500, goals, unit="frame", clock="us")
 
 
-def contestant(
-    name: str, fit: Fit, x: np.ndarray, X: np.ndarray, w: np.ndarray, errors: dict[str, float]
-) -> Contestant:
+def rotation_contestant(
+    name: str, fit: RotationFit, x: np.ndarray, X: np.ndarray, w: np.ndarray, errors: dict[str, float]
+) -> Racer:
     def prepare(size: int):
         return lambda: fit(x[:size], X, w)
 
-    return Contestant(name, prepare, lambda R: {"R": R}, figures=lambda answer: errors)
+    return Racer(name, prepare, lambda R: {"R": R}, figures=lambda answer: errors)
 
 
-def turned(X: np.ndarray, frames: int, rng: np.random.Generator) -> np.ndarray:
+def rotated_markers(X: np.ndarray, frames: int, rng: np.random.Generator) -> np.ndarray:
     """Markers (frame, node, 3) under rotations drawn evenly."""
     R = Rotation.random(frames, rng=rng).as_matrix()
     return X @ R.swapaxes(1, 2)
 
 
-def ill_conditioned_errors(fit: Fit) -> dict[str, float]:
+def ill_conditioned_errors(fit: RotationFit) -> dict[str, float]:
     """Largest error against the fit in extended precision, same data, of two marker sets with G of CONDITION.
 
     Flat: the smallest singular value of G is that much below the largest. Thin: the two smaller ones are, so
@@ -88,8 +88,8 @@ def ill_conditioned_errors(fit: Fit) -> dict[str, float]:
     for name, size in {FLAT: (1.0, 0.8, weak), THIN: (1.0, 1.2 * weak, weak)}.items():
         # askew in the body: along its axes, the columns of G would keep their own relative accuracy
         X, w = corners * size @ Rotation.from_rotvec([0.4, -0.9, 0.6]).as_matrix(), np.ones(4)
-        x = turned(X, 300, rng)
-        found[name] = float(angle(extended(x, X), fit(x, X, w)).max())
+        x = rotated_markers(X, 300, rng)
+        found[name] = float(small_angle(extended(x, X), fit(x, X, w)).max())
     return found
 
 
@@ -103,11 +103,11 @@ def extended(x: np.ndarray, X: np.ndarray) -> np.ndarray:
         slope = np.cross(arm, body).sum(1)
         B = np.einsum("na,tnb->tab", arm, body)
         hessian = np.trace(B, axis1=1, axis2=2)[:, None, None] * np.eye(3) - 0.5 * (B + B.swapaxes(1, 2))
-        R = orthogonal(R @ (np.eye(3) + cross_matrix(solve(hessian, slope))))
+        R = orthogonal(R @ (np.eye(3) + extended_cross_matrix(solve_by_cramer(hessian, slope))))
     return R
 
 
-def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def solve_by_cramer(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """A^-1 b of 3 by 3 matrices by Cramer's rule, in the precision given (LAPACK has double only)."""
     columns = A.swapaxes(1, 2)
     adjugate = np.stack([np.cross(columns[:, i - 2], columns[:, i - 1]) for i in range(3)], axis=1)
@@ -122,13 +122,13 @@ def orthogonal(R: np.ndarray) -> np.ndarray:
     return R
 
 
-def cross_matrix(r: np.ndarray) -> np.ndarray:
+def extended_cross_matrix(r: np.ndarray) -> np.ndarray:
     X = np.zeros((*r.shape, 3), r.dtype)
     X[..., 2, 1], X[..., 0, 2], X[..., 1, 0] = r[..., 0], r[..., 1], r[..., 2]
     return X - X.swapaxes(-1, -2)
 
 
-def angle(R: np.ndarray, other: np.ndarray) -> np.ndarray:
+def small_angle(R: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Angle between small-angle neighbors, in extended precision."""
     D = R.swapaxes(1, 2) @ other.astype(np.longdouble)
     return np.sqrt(((D - D.swapaxes(1, 2)) ** 2).sum((1, 2)) / 8)

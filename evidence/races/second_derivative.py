@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.races import peers
-from evidence.races.paired import Answer, Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid import kalman
 
 STEP, NOISE = 1e-3, 1e-4  # s, m
@@ -30,7 +30,7 @@ def races(quick: bool) -> Iterator[Race]:
     R = np.array([[NOISE**2]])
     model = kalman.StateSpace(F, Q, np.eye(1, 3), R, np.zeros(3), np.diag([1.0, 1.0, 100.0]))
 
-    def rmse(answer: Answer) -> dict[str, float]:
+    def rmse(answer: RaceAnswer) -> dict[str, float]:
         n = len(answer["x"])
         inner = slice(EDGE, n - EDGE)
         error = (answer["x"] - truth[:n])[inner]
@@ -39,25 +39,25 @@ def races(quick: bool) -> Iterator[Race]:
             found["claimed (m/s2)"] = float(np.median(answer["std"][inner]))
         return found
 
-    def entry(name: str, job: Any, read: Callable[[Any], Answer], judged: bool = True) -> Contestant:
+    def entry(name: str, job: Any, read: Callable[[Any], RaceAnswer], judged: bool = True) -> Racer:
         """A job on the first samples of z."""
-        return Contestant(name, lambda n: partial(job, z[:n]), read, "forceid" in name, judged, rmse)
+        return Racer(name, lambda n: partial(job, z[:n]), read, "forceid" in name, judged, rmse)
 
     def peer(build: Callable[..., Any]) -> Callable[[Any], Any]:
         return lambda z: build(model, z, smooth=True)()
 
-    third = acceleration(peers.read_pair)
+    third = read_acceleration(peers.read_pair)
     filterpy, statsmodels = peer(peers.filterpy), peer(peers.statsmodels)
     yield Race(
         title=f"W5 second derivative of {samples:.0e} samples".replace("e+0", "e"),
         contestants=[
-            entry("forceid", partial(kalman.smooth, model), acceleration(peers.read_forceid)),
-            entry("forceid, every deviation", partial(deviations, model), pair),
+            entry("forceid", partial(kalman.smooth, model), read_acceleration(peers.read_forceid)),
+            entry("forceid, every deviation", partial(deviations, model), with_deviation),
             entry("filterpy", filterpy, third),
-            entry("statsmodels", statsmodels, acceleration(peers.read_statsmodels)),
-            entry("savgol, no deviation", savgol, alone, judged=False),
-            entry("PyNumDiff, its smoother on our model", partial(pynumdiff, model), third),
-            entry("PyNumDiff rtsdiff twice, no deviation", rtsdiff_twice, alone, judged=False),
+            entry("statsmodels", statsmodels, read_acceleration(peers.read_statsmodels)),
+            entry("savgol, no deviation", race_savgol, without_deviation, judged=False),
+            entry("PyNumDiff, its smoother on our model", partial(pynumdiff_smoother, model), third),
+            entry("PyNumDiff rtsdiff twice, no deviation", rtsdiff_twice, without_deviation, judged=False),
         ],
         base="filterpy",
         size=samples,
@@ -82,21 +82,21 @@ def signal(samples: int) -> tuple[np.ndarray, np.ndarray]:
     return (x + NOISE * rng.standard_normal(samples))[:, None], a
 
 
-def acceleration(read: Callable[[Any], Answer]) -> Callable[[Any], Answer]:
+def read_acceleration(read: Callable[[Any], RaceAnswer]) -> Callable[[Any], RaceAnswer]:
     """The third state and its deviation."""
 
-    def of(found: Any) -> Answer:
+    def of(found: Any) -> RaceAnswer:
         x, P = read(found).values()
         return {"x": x[:, 2], "std": np.sqrt(P[:, 2, 2])}
 
     return of
 
 
-def alone(x: np.ndarray) -> Answer:
+def without_deviation(x: np.ndarray) -> RaceAnswer:
     return {"x": x}
 
 
-def pair(found: Any) -> Answer:
+def with_deviation(found: Any) -> RaceAnswer:
     return {"x": found[0], "std": found[1]}
 
 
@@ -105,11 +105,11 @@ def deviations(model: kalman.StateSpace, z: np.ndarray) -> Any:
     return found.x[:, 2], found.std[:, 2]
 
 
-def savgol(z: np.ndarray) -> np.ndarray:
+def race_savgol(z: np.ndarray) -> np.ndarray:
     return savgol_filter(z[:, 0], WINDOW, ORDER, deriv=2, delta=STEP)
 
 
-def pynumdiff(model: kalman.StateSpace, z: np.ndarray) -> Any:
+def pynumdiff_smoother(model: kalman.StateSpace, z: np.ndarray) -> Any:
     """Its public Kalman filter and smoother, given the same model."""
     from pynumdiff.kalman_smooth import kalman_filter, rts_smooth
 

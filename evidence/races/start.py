@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from evidence.races.paired import Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, Racer
 
 HELP, NUMPY = "forceid --help", 'python -c "import numpy"'
 
@@ -28,9 +28,9 @@ def races(quick: bool) -> Iterator[Race]:
     yield Race("Start of the command", contestants, NUMPY, 1, 1, goals, repeats, "start", "ms")
 
 
-def starter(name: str, command: list[str], repeats: int) -> Contestant:
+def starter(name: str, command: list[str], repeats: int) -> Racer:
     def job() -> None:
         for _ in range(repeats):
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
-    return Contestant(name, lambda size: job, lambda found: {}, judged=False)
+    return Racer(name, lambda size: job, lambda found: {}, judged=False)

@@ -7,14 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from evidence.races.paired import Outcome, Row, agreement, figure, wrong
+from evidence.races.paired import RaceOutcome, Row, agreement, three_figures, wrong
 from evidence.written import tabled, written
 
 CLOCKS = {"ns": 1e9, "us": 1e6, "ms": 1e3}
 MARK = {True: "met", False: "NOT MET", None: "not measured"}
 
 
-def lines(outcome: Outcome) -> str:
+def lines(outcome: RaceOutcome) -> str:
     """The race as a markdown section."""
     race, base = outcome.race, outcome.rows[outcome.race.base]
     names = sorted({name for row in outcome.rows.values() for name in row.figures})
@@ -24,9 +24,9 @@ def lines(outcome: Outcome) -> str:
         if row.absent:
             rows.append([row.name, f"not here: {row.absent}"])
             continue
-        fast = " / ".join(map(figure, row.times_as_fast_as(base))) if base.seconds else "-"
+        fast = " / ".join(map(three_figures, row.times_as_fast_as(base))) if base.seconds else "-"
         said = "the reference" if row.name == race.base else agreement(row)
-        cells = [row.name, figure(CLOCKS[race.clock] * row.median), timed_on(outcome, row), fast, said]
+        cells = [row.name, three_figures(CLOCKS[race.clock] * row.median), timed_on(outcome, row), fast, said]
         rows.append([*cells, *(f"{row.figures[n]:.3g}" if n in row.figures else "" for n in names)])
     heads = ["", f"{race.clock} a {race.unit}", "timed on", ratio, "answer", *names]
     parts = [f"## {race.title}", tabled(heads, rows)]
@@ -35,18 +35,18 @@ def lines(outcome: Outcome) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def goals(outcome: Outcome) -> list[list[str]]:
+def goals(outcome: RaceOutcome) -> list[list[str]]:
     """Goals in words, what was measured, and whether they are met."""
     return [[text, measured, MARK[met]] for text, measured, met in outcome.verdicts()]
 
 
-def timed_on(outcome: Outcome, row: Row) -> str:
+def timed_on(outcome: RaceOutcome, row: Row) -> str:
     """How much of the job was measured; of the rest, the time is taken in proportion."""
     part, whole = row.size * outcome.race.samples, outcome.race.size * outcome.race.samples
     return f"{part:,}" + ("" if part == whole else f" of {whole:,}")
 
 
-def as_data(outcome: Outcome) -> dict[str, Any]:
+def as_data(outcome: RaceOutcome) -> dict[str, Any]:
     """The race as plain data."""
     race = outcome.race
     base = outcome.rows[race.base]
@@ -61,14 +61,16 @@ def as_data(outcome: Outcome) -> dict[str, Any]:
     return {"title": race.title, "base": race.base, **sizes, "rows": rows, "goals": asked}
 
 
-def summary(outcomes: list[Outcome]) -> str:
+def goals_table(outcomes: list[RaceOutcome]) -> str:
     """All goals in one table."""
     rows = [[outcome.race.title, *row] for outcome in outcomes for row in goals(outcome)]
     return "## Goals\n\n" + tabled(("race", "goal", "measured", ""), rows) + "\n"
 
 
-def write(folder: Path, preamble: str, machine: dict[str, Any], outcomes: list[Outcome]) -> None:
+def write_benchmarks(
+    folder: Path, preamble: str, machine: dict[str, Any], outcomes: list[RaceOutcome]
+) -> None:
     """benchmarks.md and benchmarks.json in `folder`."""
-    written(folder, "benchmarks.md", "\n".join([preamble, summary(outcomes), *map(lines, outcomes)]))
+    written(folder, "benchmarks.md", "\n".join([preamble, goals_table(outcomes), *map(lines, outcomes)]))
     data = {**machine, "races": [as_data(outcome) for outcome in outcomes]}
     written(folder, "benchmarks.json", json.dumps(data, indent=1) + "\n")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from evidence.races import models, peers
-from evidence.races.paired import Answer, Contestant, Goal, Race
+from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid import kalman
 from forceid.flight.channels import driven, start_of
 from forceid.flight.tuning import tune_loads
@@ -18,19 +18,19 @@ OURS, PASS = "forceid, six channels tuned and smoothed", "filterpy, one filter p
 
 def races(quick: bool) -> Iterator[Race]:
     samples = 20_000 if quick else 100_000
-    time, z, load = channels(samples)
+    time, z, load = drawn_channels(samples)
     chain = kalman.integrate(kalman.integrate(kalman.matern(1, 1.0, 10.0), 1.0), 1.0)
     F, Q = kalman.discretize(chain, STEP)
     one = kalman.StateSpace(F, Q, chain.output[None], np.array([[NOISE**2]]), np.zeros(3), chain.P0)
 
-    def error(answer: Answer) -> dict[str, float]:
+    def error(answer: RaceAnswer) -> dict[str, float]:
         n = len(answer["load"])
         inner = slice(n // 20, n - n // 20)
         power = np.mean(load[:n][inner] ** 2, 0)
         relative = np.sqrt(np.mean((answer["load"] - load[:n])[inner] ** 2, 0) / power)
         return {"rms error of the load over its rms": float(np.median(relative))}
 
-    def read(found) -> Answer:
+    def read(found) -> RaceAnswer:
         return {"load": np.stack([x @ row for x, row in found], axis=1)}
 
     def ours(size: int):
@@ -42,8 +42,8 @@ def races(quick: bool) -> Iterator[Race]:
     yield Race(
         title=f"Tuned smoother, six channels of {samples:,} samples",
         contestants=[
-            Contestant(OURS, ours, read, whole=True, judged=False, figures=error),
-            Contestant(PASS, reference, lambda found: {}, judged=False),
+            Racer(OURS, ours, read, whole=True, judged=False, figures=error),
+            Racer(PASS, reference, lambda found: {}, judged=False),
         ],
         base=PASS,
         size=samples,
@@ -53,7 +53,7 @@ def races(quick: bool) -> Iterator[Race]:
     )
 
 
-def channels(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def drawn_channels(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, noisy z (time, channel) with z'' = load, and the loads: Matérn 3/2 of six sizes and rates."""
     loads, z = [], []
     for i in range(CHANNELS):
@@ -62,7 +62,7 @@ def channels(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         F, Q = kalman.discretize(chain, STEP)
         H = np.stack([chain.output, np.eye(4)[2]])
         model = kalman.StateSpace(F, Q, H, np.diag([NOISE**2, 0.0]), np.zeros(4), chain.P0)
-        found = models.draw(model, samples, seed=i)[:, 0]
+        found = models.draw_measurements(model, samples, seed=i)[:, 0]
         z.append(found[:, 0])
         loads.append(found[:, 1])
     return STEP * np.arange(samples), np.stack(z, 1), np.stack(loads, 1)

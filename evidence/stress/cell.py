@@ -84,14 +84,14 @@ def judge_cell(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = (
         color = "red"
     else:
         most = max(CAUTIOUS, key=verdicts.count)  # the first of the equally frequent
-        fine = "pale" if coarse and over(ok, "bound").max(initial=0.0) > TWICE else "green"
+        fine = "pale" if coarse and rms_ratio(ok, "bound").max(initial=0.0) > TWICE else "green"
         color = {"refused": "grey", "degraded": "amber"}.get(most, fine)  # type: ignore[assignment]
     reasons = [t.reason for t in trials if t.reason]
     return Cell(
         color,
         cause,
-        pair(over(answered, "bound")),
-        pair(over(answered, "claimed")),
+        plain_pair(rms_ratio(answered, "bound")),
+        plain_pair(rms_ratio(answered, "claimed")),
         sum(bool(fault([t], coarse)) and not budgeted([t]) for t in trials),
         len(ok),
         verdicts.count("degraded"),
@@ -106,13 +106,13 @@ def fault(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = ("forc
     if not ok:
         return ""
     known = np.all(np.isfinite([t.bound for t in ok]), axis=0).tolist()
-    claims = over(ok, "claimed")
+    claims = rms_ratio(ok, "claimed")
     if not np.isfinite(claims).all():
         return "nothing claimed"
     for name, ratio in zip(names, claims, strict=True):
         if ratio > TWICE:
             return f"{name} error {ratio:.1f} times the claimed one"
-    bounds = over(ok, "bound")
+    bounds = rms_ratio(ok, "bound")
     for name, ratio, told in zip(names, bounds, known, strict=True):
         if told and ratio > TWICE and not coarse:
             return f"{name} error {ratio:.1f} times {BEYOND}"
@@ -129,7 +129,7 @@ def budgeted(trials: Sequence[Trial]) -> bool:
     return bool((error <= TWICE**2 * (claimed + told)).all())
 
 
-def over(trials: Sequence[Trial], what: Literal["bound", "claimed"]) -> np.ndarray:
+def rms_ratio(trials: Sequence[Trial], what: Literal["bound", "claimed"]) -> np.ndarray:
     """Rms error over rms bound or claim of all trials together, of both quantities (2,)."""
     if not trials:
         return np.full(2, np.nan)
@@ -140,6 +140,6 @@ def over(trials: Sequence[Trial], what: Literal["bound", "claimed"]) -> np.ndarr
     return np.asarray(np.where(error == 0, 0.0, ratio))
 
 
-def pair(values: np.ndarray) -> tuple[float, float]:
+def plain_pair(values: np.ndarray) -> tuple[float, float]:
     """Two plain numbers."""
     return float(values[0]), float(values[1])

@@ -15,7 +15,7 @@ from forceid.cli.output import finite_or_none, to_json
 from forceid.cli.progress import progress
 
 if TYPE_CHECKING:
-    from evidence.stress.run import Job, Map
+    from evidence.stress.run import Map, StressJob
 
 SEEDS = 5
 
@@ -66,11 +66,11 @@ def run(
             records[job] = finite_or_none(record)
             advance()
     maps = maps_of(records.values(), chosen, short)
-    write(maps, output, count, short)
-    print(to_json(as_plain(maps, count, short)) if json else summary(maps, output))
+    write_map(maps, output, count, short)
+    print(to_json(as_plain(maps, count, short)) if json else color_counts(maps, output))
 
 
-def done(todo: Sequence[Job], workers: int) -> Iterator[tuple[Job, dict[str, Any]]]:
+def done(todo: Sequence[StressJob], workers: int) -> Iterator[tuple[StressJob, dict[str, Any]]]:
     """Each job with its record as it comes, from processes with one BLAS thread each."""
     import sys
     from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -101,7 +101,7 @@ def done(todo: Sequence[Job], workers: int) -> Iterator[tuple[Job, dict[str, Any
         pool.shutdown(cancel_futures=True)
 
 
-def write(maps: Sequence[Map], folder: Path, seeds: int, short: bool) -> None:
+def write_map(maps: Sequence[Map], folder: Path, seeds: int, short: bool) -> None:
     """The pictures, stress.json and stress.md."""
     from evidence.stress.figures import draw_map, draw_overview
     from evidence.stress.page import page_of
@@ -115,7 +115,7 @@ def write(maps: Sequence[Map], folder: Path, seeds: int, short: bool) -> None:
     written(folder, "stress.md", page_of(maps, seeds))
 
 
-def summary(maps: Sequence[Map], folder: Path) -> str:
+def color_counts(maps: Sequence[Map], folder: Path) -> str:
     """The count of each color, and where to read on."""
     from evidence.stress.run import counts
 

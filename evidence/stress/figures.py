@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from evidence.stress.cell import Cell
-from evidence.stress.run import Map, Row
+from evidence.stress.run import Map, MapRow
 from evidence.stress.subjects import default_of, subject_of
 from forceid.report.style import INK, STYLE
 
@@ -40,7 +40,7 @@ def draw_map(of: Map) -> Figure:
     ax.set_yticks(range(rows), [row.who.name for row in of.rows])
     ax.set_xticks(range(len(of.levels)), [short_number(level) for level in of.levels])
     subject = subject_of(of.failure)
-    name = named(of)
+    name = titled(of)
     ax.set_xlabel(name[0].lower() + name[1:])
     worse = " and ".join(subject.quantities)
     ax.set_title(f"{of.failure.title}: error over {subject.against}, the worse of {worse}")
@@ -52,11 +52,11 @@ def draw_map(of: Map) -> Figure:
 def draw_overview(maps: Sequence[Map]) -> Figure:
     """All failures for the default contestant: a row for every failure, with the level in each cell."""
     names = list(dict.fromkeys(subject_of(m.failure).default for m in maps))
-    shown = [(m, row_of(m, default_of(m.failure))) for m in maps]
+    shown = [(m, contestant_row(m, default_of(m.failure))) for m in maps]
     figure = Figure(figsize=(9.6, 1.6 + 0.31 * len(shown)), layout="constrained")
     ax = figure.subplots()
     draw_cells(ax, [row.cells for _, row in shown], [m.levels for m, _ in shown])
-    ax.set_yticks(range(len(shown)), [named(m) for m, _ in shown])
+    ax.set_yticks(range(len(shown)), [titled(m) for m, _ in shown])
     columns = max(len(m.levels) for m, _ in shown)
     end = "hopeless" if all(m.levels == m.failure.levels for m in maps) else "worse"
     ax.set_xticks(range(columns), ["healthy", *[""] * (columns - 2), end])
@@ -70,12 +70,12 @@ def draw_overview(maps: Sequence[Map]) -> Figure:
     return figure
 
 
-def named(of: Map) -> str:
+def titled(of: Map) -> str:
     """A failure with the unit of its levels."""
     return f"{of.failure.title} ({of.failure.unit})" if of.failure.unit else of.failure.title
 
 
-def row_of(of: Map, who: str) -> Row:
+def contestant_row(of: Map, who: str) -> MapRow:
     """The row of a contestant."""
     return next(row for row in of.rows if row.who.name == who)
 
@@ -91,7 +91,7 @@ def draw_cells(
         for j, one in enumerate(cells):
             box = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=face_of(one), edgecolor="white", lw=1.5)
             ax.add_patch(box)
-            number = short_number(levels[i][j]) if levels else ratio(one)
+            number = short_number(levels[i][j]) if levels else ratio_text(one)
             style: Any = {"color": "white" if face_of(one) in ON_DARK else INK, "fontsize": 8.5}
             ax.text(j, i, f"{MARKS[one.color]} {number}".strip(), ha="center", va="center", **style)
     ax.set_xlim(-0.5, max(map(len, rows)) - 0.5)
@@ -114,7 +114,7 @@ def face_of(one: Cell) -> str:
     return HONEST_RED if one.honest_red else COLORS[one.color]
 
 
-def ratio(one: Cell) -> str:
+def ratio_text(one: Cell) -> str:
     """The worse of both errors over bound; without a bound over the claim, in brackets."""
     known = [r for r in one.over_bound if np.isfinite(r)]
     claimed = [r for r in one.over_claim if np.isfinite(r)]

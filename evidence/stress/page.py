@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evidence.stress.cell import Cell
-from evidence.stress.figures import MARKS, MEANING, ratio, row_of, short_number
-from evidence.stress.run import Map, Row, counts, leaves_green, needless, threshold
+from evidence.stress.figures import MARKS, MEANING, contestant_row, ratio_text, short_number
+from evidence.stress.run import Map, MapRow, counts, leaves_green, needless, threshold
 from evidence.stress.subjects import SUBJECTS, default_of, subject_of
 from evidence.written import tabled
 
@@ -44,7 +44,7 @@ def defaults(maps: Sequence[Map]) -> list[str]:
     """Where the default leaves green, where it is first red, what breaks there and what it says."""
     rows = []
     for m in maps:
-        row = row_of(m, default_of(m.failure))
+        row = contestant_row(m, default_of(m.failure))
         at, red = leaves_green(m.levels, row.cells), threshold(m.levels, row.cells, "red")
         said = "" if at is None else row.cells[m.levels.index(at)].reason
         rows.append([m.failure.title, level(at, m), level(red, m), m.failure.breaks, said or "-"])
@@ -76,15 +76,15 @@ def of_map(of: Map) -> list[str]:
     heads = [f.unit, *map(short_number, of.levels), "leaves green at", "first red at"]
     breaks = f"{f.breaks[0].upper()}{f.breaks[1:]}."
     picture = f"![{f.title}]({f.name}.png)"
-    parts = [f"## {f.title}", breaks, picture, tabled(heads, [line_of(of, row) for row in of.rows])]
+    parts = [f"## {f.title}", breaks, picture, tabled(heads, [failure_row(of, row) for row in of.rows])]
     amber = [row.who.name for row in of.rows if row.cells[0].color == "amber"]
     return parts + [f"Amber at the healthy end already: {', '.join(amber)}."] * bool(amber)
 
 
-def line_of(of: Map, row: Row) -> list[str]:
+def failure_row(of: Map, row: MapRow) -> list[str]:
     """A row of the table of a failure: mark, error over bound, and error over claim of every level."""
     cells = [
-        f"{MARKS[one.color]} {ratio(one)}; {worst(one)}{' (needless)' if needless(one) else ''}"
+        f"{MARKS[one.color]} {ratio_text(one)}; {worst(one)}{' (needless)' if needless(one) else ''}"
         for one in row.cells
     ]
     at, red = leaves_green(of.levels, row.cells), threshold(of.levels, row.cells, "red")

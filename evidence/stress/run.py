@@ -25,7 +25,7 @@ ONCE = ("length",)  # groups of records so long that one seed tells
 
 
 @dataclass(frozen=True)
-class Job:
+class StressJob:
     """One record to make: a failure by name, a level, a seed; short: for the default method only."""
 
     failure: str
@@ -35,7 +35,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Row:
+class MapRow:
     """One contestant on one failure: a cell for every level, and the process time of all its estimates, s."""
 
     who: Contestant
@@ -49,13 +49,13 @@ class Map:
 
     failure: Failure
     levels: tuple[float, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[MapRow, ...]
 
 
-def plan(chosen: Sequence[Failure], seeds: int, short: bool) -> list[Job]:
+def plan(chosen: Sequence[Failure], seeds: int, short: bool) -> list[StressJob]:
     """Every record of a study, seed by seed, so that a map fills evenly; one seed of very long ones."""
     return [
-        Job(f.name, level, seed, short)
+        StressJob(f.name, level, seed, short)
         for seed in range(1, seeds + 1)
         for f in chosen
         if seed == 1 or f.group not in ONCE
@@ -73,7 +73,7 @@ def by_name(name: str) -> Failure:
     return next(f for f in FAILURES if f.name == name)
 
 
-def do(job: Job) -> dict[str, Any]:
+def do(job: StressJob) -> dict[str, Any]:
     """The trials of one record, with the key under which they are kept."""
     failure = by_name(job.failure)
     subject = subject_of(failure)
@@ -81,7 +81,7 @@ def do(job: Job) -> dict[str, Any]:
     return {"key": key_of(job), **done}
 
 
-def key_of(job: Job) -> str:
+def key_of(job: StressJob) -> str:
     """What the trials of a record depend on: code under test or that makes the record, and who meets it."""
     failure = by_name(job.failure)
     subject = subject_of(failure)
@@ -92,7 +92,7 @@ def key_of(job: Job) -> str:
     return hashlib.sha256("\n".join([__version__, code, repr(job), *names]).encode()).hexdigest()[:16]
 
 
-def finished(path: Path, jobs: Iterable[Job]) -> dict[Job, dict[str, Any]]:
+def finished(path: Path, jobs: Iterable[StressJob]) -> dict[StressJob, dict[str, Any]]:
     """The records of earlier runs that are still current, from the JSON lines in `path`.
 
     A line that an interruption cut short is left out.
@@ -124,7 +124,7 @@ def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short:
             cells = tuple(
                 judge_cell([trial_of(t) for t in some], coarse, subject.quantities) for some in trials
             )
-            rows.append(Row(who, cells, sum(t["seconds"] for some in trials for t in some)))
+            rows.append(MapRow(who, cells, sum(t["seconds"] for some in trials for t in some)))
         maps.append(Map(failure, levels, tuple(rows)))
     return maps
 
@@ -158,7 +158,7 @@ def needless(one: Cell) -> bool:
     return one.color == "amber" and all(ratio <= cell.TWICE for ratio in off)
 
 
-def counts(rows: Iterable[Row]) -> dict[str, int]:
+def counts(rows: Iterable[MapRow]) -> dict[str, int]:
     """How many cells are of each color, how many are needlessly amber, and how many seeds are red alone."""
     cells = [one for row in rows for one in row.cells]
     found = {

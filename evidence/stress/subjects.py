@@ -89,7 +89,7 @@ FLIGHTS = Subject(
     ("estimation", "kalman", "motion", "principal"),
     (sys.modules[drawn_loads.draw_matern.__module__], flown_bodies, record, oracle, trial, subject),
     trial.errors,
-    bound=trial.bound_of,
+    bound=trial.bound_of_trial,
 )
 PARTS = Subject(
     partition_trial.solvers,

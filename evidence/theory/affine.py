@@ -20,8 +20,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from evidence.drawn.coverage import SCENES as DATA
-from evidence.drawn.scored import QUANTILE, central
-from evidence.subjects.flights.true_prior import fitted
+from evidence.drawn.scored import QUANTILE, judged_part
+from evidence.subjects.flights.true_prior import fitted_prior
 from evidence.written import asked, each, pictured, tabled, written
 from forceid.config import load_settings
 from forceid.estimation.affine.channels import AffineChannels, affine_channels, prior_in_body_axes
@@ -90,7 +90,7 @@ class Held:
     seconds: float
 
 
-def flown(name: str, seed: int) -> tuple[Recording, Array]:
+def scene_record(name: str, seed: int) -> tuple[Recording, Array]:
     """A record of a scene with loads and noise of its own, and the true positions."""
     base, parameters, measurement, _ = SCENES[name]
     recipe = load_recipe(DATA / f"{base}.toml", seed)
@@ -104,14 +104,14 @@ def flown(name: str, seed: int) -> tuple[Recording, Array]:
 
 def held(prefix: str, found: Array, cov: Array, truth: Array) -> dict[str, Array]:
     """Mean squares of error and claim, and the share inside, of something with covariance, by name."""
-    square, var = central((found.reshape(truth.shape) - truth) ** 2), central(variance(cov))
+    square, var = judged_part((found.reshape(truth.shape) - truth) ** 2), judged_part(variance(cov))
     inside = square <= QUANTILE**2 * var
     return {f"{prefix}{k}": v.mean(0) for k, v in (("square", square), ("claimed", var), ("inside", inside))}
 
 
-def one(job: tuple[str, int]) -> Held:
+def judged_scene(job: tuple[str, int]) -> Held:
     """One record of a scene, judged."""
-    recording, position = flown(*job)
+    recording, position = scene_record(*job)
     settings, chosen = load_settings(), engine()
     truth, force = recording.truth["first_moment"].reshape(-1, 9), recording.truth["force"]
     began = clock.process_time()
@@ -129,7 +129,7 @@ def one(job: tuple[str, int]) -> Held:
         **held("force_", judged.force, judged.wrench_cov[:, :3, :3], force),
         **held("force_alone_", alone.force, alone.force_cov, force),
         "bound": known["told_claimed"], "told": known["told_square"],
-        "alone": central((alone.first_moment.reshape(-1, 9) - truth) ** 2).mean(0),
+        "alone": judged_part((alone.first_moment.reshape(-1, 9) - truth) ** 2).mean(0),
     }  # fmt: skip
     rungs = {k.split("_ev")[0]: v for k, v in estimate.ladder.items() if k.endswith("_evidence")}
     modal = max((v for k, v in rungs.items() if k.startswith("modal")), default=np.nan)
@@ -144,7 +144,7 @@ def true_priors(channels: AffineChannels, recording: Recording, position: Array)
     K = recording.truth["first_moment"] @ np.linalg.inv(F).mT @ channels.axes
     priors = []
     for B, column in enumerate(channels.columns):
-        tuned, axes = fitted(channels.time, np.einsum("tba,tb->ta", channels.rotation, K[..., B]))
+        tuned, axes = fitted_prior(channels.time, np.einsum("tba,tb->ta", channels.rotation, K[..., B]))
         start = start_of(channels.time, column.moved, column.gain)
         priors.append(prior_in_body_axes(LoadPrior(tuned, axes, start), column))
     return priors
@@ -160,14 +160,15 @@ def mean_of(cases: list[Held], key: str) -> Array:
     return np.asarray(np.mean([c.means[key] for c in cases], axis=0))
 
 
-def over(cases: list[Held], key: str, other: str) -> float:
+def rms_over(cases: list[Held], key: str, other: str) -> float:
     """Rms of one over that of the other, of all components together."""
     return float(np.sqrt(mean_of(cases, key).sum() / mean_of(cases, other).sum()))
 
 
 def said_of(cases: list[Held], load: str) -> str:
     """Error over claim and coverage of a force."""
-    inside, ratio = mean_of(cases, f"{load}_inside").mean(), over(cases, f"{load}_square", f"{load}_claimed")
+    inside = mean_of(cases, f"{load}_inside").mean()
+    ratio = rms_over(cases, f"{load}_square", f"{load}_claimed")
     return f"error over claim {ratio:.2f}, inside 95 %: {100 * inside:.1f} %"
 
 
@@ -182,8 +183,8 @@ def section(name: str, own: list[Held]) -> tuple[str, bool]:
     ratio = np.sqrt(square / bound)
     rows = [line(title, root, float(np.sqrt((root**2).mean())), ".1f") for title, root in roots.items()]
     rows += [
-        line("error over bound", ratio, over(own, "square", "bound"), ".2f"),
-        line("error over claim", np.sqrt(square / claimed), over(own, "square", "claimed"), ".2f"),
+        line("error over bound", ratio, rms_over(own, "square", "bound"), ".2f"),
+        line("error over claim", np.sqrt(square / claimed), rms_over(own, "square", "claimed"), ".2f"),
         line("inside 95 %, %", 100 * inside, 100 * float(inside.mean()), ".1f"),
     ]
     models, vetoed = [c.model for c in own], sum(c.vetoed for c in own)
@@ -209,7 +210,7 @@ not rigid: {"met" if good else "NOT MET"}.
 
 
 @rc_context(STYLE)
-def draw(recording: Recording, estimate: Estimate) -> Figure:
+def moment_figure(recording: Recording, estimate: Estimate) -> Figure:
     """Nine first moments of a flight with their bands and truth, and their errors below."""
     found, true = np.asarray(estimate.first_moment), recording.truth["first_moment"]
     std = np.sqrt(variance(np.asarray(estimate.first_moment_cov))).reshape(found.shape)
@@ -234,7 +235,7 @@ def main() -> int:
     """The tables; 1 where a goal is missed."""
     args = asked("evidence.theory.affine", __doc__, seeds=8, jobs=2, scene=tuple(SCENES))
     jobs = [(name, seed) for name in args.scene for seed in range(1, args.seeds + 1)]
-    cases = list(each(one, jobs, args.jobs))
+    cases = list(each(judged_scene, jobs, args.jobs))
     parts = {name: section(name, [c for c in cases if c.scene == name]) for name in args.scene}
     text = "\n\n".join([
         "# First moments of force on affine bodies", (__doc__ or "").strip(),
@@ -242,8 +243,8 @@ def main() -> int:
         "\n".join(part for part, _ in parts.values()),
     ])  # fmt: skip
     written(args.output, "affine.md", text)
-    shown, _ = flown("spinning_block", 1)
-    pictured(args.output, "affine", draw(shown, estimate_recording(shown, load_settings())), dpi=110)
+    shown, _ = scene_record("spinning_block", 1)
+    pictured(args.output, "affine", moment_figure(shown, estimate_recording(shown, load_settings())), dpi=110)
     print(text)
     return int(not all(good for name, (_, good) in parts.items() if name in STATED))
 

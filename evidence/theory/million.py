@@ -32,7 +32,7 @@ HEADS = (
     "factors", "stopped by",
 )  # fmt: skip
 
-Found = dict[str, Any]
+MethodResult = dict[str, Any]
 
 
 def cube(r: int) -> tuple[Parts, Array, Flags]:
@@ -44,10 +44,10 @@ def cube(r: int) -> tuple[Parts, Array, Flags]:
     return body, f, np.isclose(body.place[:, 0], 0)
 
 
-def in_parts(preconditioner: str) -> Callable[[int], Found]:
+def in_parts(preconditioner: str) -> Callable[[int], MethodResult]:
     """Projected conjugate gradients of ours."""
 
-    def solve(r: int) -> Found:
+    def solve(r: int) -> MethodResult:
         body, f, held = cube(r)
         load, began = f[~held].ravel(), process_time()
         system = body.system(held)
@@ -61,12 +61,12 @@ def in_parts(preconditioner: str) -> Callable[[int], Found]:
         return {
             "iterations": done.iterations.count, "set up, s": factored - began, "solve, s": ended - factored,
             "factors": len(each),
-        } | judged(assembled(body, held), load, u)  # fmt: skip
+        } | judged_answer(assembled(body, held), load, u)  # fmt: skip
 
     return solve
 
 
-def by_multigrid(r: int) -> Found:
+def by_multigrid(r: int) -> MethodResult:
     """Conjugate gradients with PyAMG's smoothed aggregation that knows the rigid modes."""
     import pyamg
 
@@ -82,10 +82,10 @@ def by_multigrid(r: int) -> Found:
     ended = process_time()
     return {
         "iterations": len(residuals) - 1, "set up, s": ready - began, "solve, s": ended - ready,
-    } | judged(A, load, u)  # fmt: skip
+    } | judged_answer(A, load, u)  # fmt: skip
 
 
-def directly(r: int) -> Found:
+def directly(r: int) -> MethodResult:
     """scipy.sparse.linalg.spsolve on the assembled matrix."""
     from scipy.sparse.linalg import spsolve
 
@@ -93,10 +93,10 @@ def directly(r: int) -> Found:
     A, load = sp.csc_array(assembled(body, held)), f[~held].ravel()
     began = process_time()
     u = spsolve(A, load, permc_spec="MMD_AT_PLUS_A")
-    return {"solve, s": process_time() - began} | judged(A, load, u)
+    return {"solve, s": process_time() - began} | judged_answer(A, load, u)
 
 
-METHODS: dict[str, Callable[[int], Found]] = {
+METHODS: dict[str, Callable[[int], MethodResult]] = {
     "projected CG, lumped": in_parts("lumped"),
     "projected CG, dirichlet": in_parts("dirichlet"),
     "CG with PyAMG": by_multigrid,
@@ -111,22 +111,22 @@ def assembled(body: Parts, held: Flags) -> Any:
     return sp.csr_array(sp.csr_array(L.T @ K @ L)[free][:, free])
 
 
-def judged(A: Any, load: Array, u: Array) -> Found:
+def judged_answer(A: Any, load: Array, u: Array) -> MethodResult:
     """Unknowns, residual of the assembled equations and energy of an answer."""
     left = float(np.linalg.norm(load - A @ u) / np.linalg.norm(load))
     return {"unknowns": len(u), "residual": left, "energy, J": f"{0.5 * float(load @ u):.12g}"}
 
 
-def alone(method: str, r: int) -> Found:
+def run_alone(method: str, r: int) -> MethodResult:
     """What one method does in a process of its own, or what stopped it."""
     argv = [sys.executable, "-m", "evidence.theory.million", "-o", ".", "--one", method, "--r", str(r)]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     last = (done.stderr.strip().splitlines() or [f"stopped by signal {-done.returncode}"])[-1]
-    found: Found = json.loads(done.stdout) if done.returncode == 0 else {"stopped by": last[:80]}
+    found: MethodResult = json.loads(done.stdout) if done.returncode == 0 else {"stopped by": last[:80]}
     return {"method": method, "r": r} | found
 
 
-def one(method: str, r: int) -> None:
+def run_method(method: str, r: int) -> None:
     """The one method, as JSON; a direct one within the limit of memory, which it would take all of."""
     if METHODS[method] is directly:
         resource.setrlimit(resource.RLIMIT_AS, (int(LIMIT * 1e9),) * 2)
@@ -139,12 +139,12 @@ def main() -> None:
     """The study."""
     given = asked("evidence.theory.million", __doc__, r=(8, 17), one="all")
     if given.one != "all":
-        one(given.one, given.r[0])
+        run_method(given.one, given.r[0])
         return
     rows = []
     for r in given.r:
         for method in METHODS:
-            rows.append(alone(method, r))
+            rows.append(run_alone(method, r))
             print(rows[-1], flush=True)
     about = (
         f"`{given.command}`: a cube of {PARTS} x {PARTS} x {PARTS} parts of "

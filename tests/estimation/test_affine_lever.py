@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evidence.drawn.plate_face import SIGMA, flown
+from evidence.drawn.plate_face import SIGMA, plate_flight
 from forceid.config import load_settings
 from forceid.estimation.body.affine_lever import lever
 from forceid.estimation.model_choice.load_seen import expected_error
@@ -52,7 +52,7 @@ def test_expected_error_takes_what_chance_explains_for_none_of_the_bias():
 
 @pytest.mark.parametrize(("markers", "told"), [(4, "total mass"), (3, "modes")])
 def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(markers, told):
-    recording = flown(1, markers, told)
+    recording = plate_flight(1, markers, told)
     taken, rigid = (
         estimate_recording(recording, load_settings(model=m, lines="none")) for m in ("auto", "rigid")
     )
@@ -63,14 +63,14 @@ def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(mark
 
 def test_poses_that_allow_for_deformation_show_no_noise_below_the_stated():
     """Four markers hardly tell three modes from the pose: rigid, the force is 30 N off."""
-    recording = flown(100, 4, "modes")
+    recording = plate_flight(100, 4, "modes")
     found = estimate_recording(recording, load_settings(lines="none"))
     assert found.tuned["noise_std_position"] == SIGMA
     assert np.sqrt(((found.force - recording.truth["force"])[60:-60] ** 2).mean()) < 0.1
 
 
 def test_total_mass_and_markers_that_do_not_move_as_one_are_never_ok():
-    found = estimate_recording(flown(0, 5, "total mass"), load_settings(lines="none"))
+    found = estimate_recording(plate_flight(0, 5, "total mass"), load_settings(lines="none"))
     assert found.verdict.level == "degraded"
     (said,) = (r for r in found.verdict.reasons if "total mass and inertia do not say" in r)
     assert 12 < float(said.split("chi-square ")[1].split()[0]) < 13

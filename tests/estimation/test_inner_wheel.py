@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.hidden_bodies import SUBSTEPS, Term, box, total, turned, wave
+from evidence.drawn.hidden_bodies import SUBSTEPS, Term, box, rotations_under, sum_terms, wave
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
@@ -21,8 +21,8 @@ def flown(h, moment=(), samples=240, spin=(3.0, 5.0, 2.0), noise=NOISE, seed=0):
     t = np.arange(samples) / RATE
     fine = np.arange(2 * SUBSTEPS * (samples - 1) + 1) / (2 * SUBSTEPS * RATE)
     inside = np.tile(h, (len(fine), 1))
-    H = J @ np.array(spin) + h + total(list(moment), 1, fine)
-    R = turned(fine, Rotation.identity(), H, J, inside)
+    H = J @ np.array(spin) + h + sum_terms(list(moment), 1, fine)
+    R = rotations_under(fine, Rotation.identity(), H, J, inside)
     gravity = np.array([0.0, 0.0, -9.81])
     center = np.outer(t, [1.0, 0.5, 2.0]) + 0.5 * np.outer(t**2, gravity)
     x = center[:, None] + np.einsum("tab,nb->tna", R, X)
@@ -69,7 +69,7 @@ def test_a_moment_that_oscillates_between_few_samples_keeps_its_size(samples):
     acts = [Term(np.array([size, 0.0, 0.0]), wave(frequency, 0.3))]
     recording = flown(np.zeros(3), acts, samples, noise=1e-5)
     found = estimated(recording, lines=(frequency,))
-    true = total(acts, 0, recording.motion.time)
+    true = sum_terms(acts, 0, recording.motion.time)
     inner = slice(samples // 8, -samples // 8)
     rest = (found.moment - true)[inner, 0]
     assert np.sqrt(np.mean(rest**2)) < 0.04 * size
@@ -93,7 +93,7 @@ def test_a_wheel_that_a_larger_moment_hides_is_said_until_it_is_stated():
         open_, stated = estimated(recording), estimated(recording, internal_momentum=tuple(size * WHEEL))
         assert WHEELS & {*open_.verdict.codes}
         assert stated.verdict.level == "ok"
-        error = stated.moment - total(slow, 0, recording.motion.time)
+        error = stated.moment - sum_terms(slow, 0, recording.motion.time)
         assert np.sqrt(np.mean((error / stated.moment_std)[30:-30] ** 2)) < 2.0
 
 

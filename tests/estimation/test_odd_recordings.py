@@ -63,14 +63,14 @@ def test_innovations_that_are_zero_or_missing_are_judged_without_a_warning():
 @pytest.mark.long
 def test_a_flight_that_does_not_settle_beside_its_lines_is_estimated_without_them():
     # a plate whose bending, unseen by a rigid model, stands out of its innovations as lines
-    found = estimate_recording(plate_face.flown(300, 5, "masses"), Settings(model="rigid"))
+    found = estimate_recording(plate_face.plate_flight(300, 5, "masses"), Settings(model="rigid"))
     assert np.isfinite(found.force).all()
     assert np.isfinite(found.moment).all()
     assert found.verdict.level == "degraded"
 
 
 def test_a_force_is_given_where_markers_that_bend_let_no_flight_settle():
-    recording = plate_face.flown(300, 5, "total mass")
+    recording = plate_face.plate_flight(300, 5, "total mass")
     kin = kinematics(recording.body, recording.motion, Settings(model="rigid"))
     error = EstimationError("does not settle", "the smoother on rotations", "record faster")
     found = stand_in(recording.body, recording.motion, kin, error)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evidence.drawn.thrown_box import draw, judge, settings_of, write
+from evidence.drawn.thrown_box import draw_throw, judge_throw, stated_settings, write_throw
 from forceid.config import load_settings
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics
@@ -25,14 +25,14 @@ BODY_17 = 0, 6  # 17 Hz, 0.4 rev/s
 
 
 def thrown_box(seed, number, folder):
-    thrown = draw(np.random.default_rng([seed, number]))
-    write(folder / "box.h5", thrown)
+    thrown = draw_throw(np.random.default_rng([seed, number]))
+    write_throw(folder / "box.h5", thrown)
     return thrown, folder / "box.h5"
 
 
 @pytest.mark.parametrize("which", [WORLD_95, BODY_17])
 def test_a_thrown_box_without_markers_ends_with_force_and_moment_within_their_claims(which, tmp_path):
-    found = judge(*thrown_box(*which, tmp_path))
+    found = judge_throw(*thrown_box(*which, tmp_path))
     assert found.said == "degraded"
     assert (found.inside > 0.8).all(), found.inside
     assert (found.off < 1.7).all(), found.off
@@ -57,7 +57,7 @@ def test_a_load_that_turns_with_a_box_is_told_where_that_turns_by_radians_betwee
     thrown, path = thrown_box(*BODY_25, tmp_path)
     step = np.diff(thrown.time)
     assert np.linalg.norm(thrown.omega, axis=1).max() * step.max() > 2
-    found = estimate_recording(read_motion(path), load_settings(load_axes="body", **settings_of(thrown)))
+    found = estimate_recording(read_motion(path), load_settings(load_axes="body", **stated_settings(thrown)))
     z = (found.moment - thrown.moment) / np.sqrt(np.diagonal(found.wrench_cov, axis1=1, axis2=2)[:, 3:])
     assert np.sqrt(np.mean(z[4:-4] ** 2)) < 1.7
     assert np.abs(found.moment - thrown.moment)[4:-4].max() < 0.1 * np.abs(thrown.moment).max()

@@ -20,7 +20,7 @@ TIGHT = 1e-13
 
 
 @dataclass(frozen=True)
-class Frames:
+class DeformedFrames:
     """Deformations F and rates dF (frame, 3, 3), in time steps of `step` s; factors: of bipolar frames."""
 
     F: Array
@@ -75,7 +75,7 @@ class Throw:
 
 
 @dataclass(frozen=True)
-class Springs:
+class LinearSprings:
     """W = k |F|^2 / 2, as a material: F'' = -k F / mu has closed form, and no barrier at det F = 0."""
 
     k: float
@@ -98,18 +98,18 @@ def hat(w: Array) -> Array:
     return np.asarray(np.cross(w[..., None, :], EYE).swapaxes(-1, -2))
 
 
-def turns(rng: np.random.Generator, count: int) -> Array:
+def random_rotations(rng: np.random.Generator, count: int) -> Array:
     """Rotations (count, 3, 3) at random."""
     return np.asarray(Rotation.random(count, random_state=rng).as_matrix())
 
 
-def natural(a: float, b: float, c: float) -> tuple[float, ...]:
+def natural_constants(a: float, b: float, c: float) -> tuple[float, ...]:
     """Constants of a Mooney-Rivlin material without stress at F = I."""
     return a, b, c, 2 * a + 4 * b + 2 * c
 
 
 BALL, BLOCK = 1.7 * EYE, np.diag([1.0, 1.5, 2.2])  # second moments, kg m2
-SOFT = natural(0.6, 0.25, 0.4)
+SOFT = natural_constants(0.6, 0.25, 0.4)
 
 
 def unstrained(rng: np.random.Generator, size: float) -> tuple[Array, Array]:

@@ -18,11 +18,11 @@ from evidence.subjects.affine.bodies import (
     BLOCK,
     EYE,
     SOFT,
-    Frames,
+    DeformedFrames,
     Throw,
     followed,
-    natural,
-    turns,
+    natural_constants,
+    random_rotations,
     unstrained,
 )  # fmt: skip
 from evidence.subjects.affine.exact_polar import exact_polar
@@ -44,7 +44,7 @@ class AffineCase:
     title: str
     kind: str
     quantities: tuple[str, str]
-    given: Frames | Throw
+    given: DeformedFrames | Throw
     resolved: float
     find: Callable[[], tuple[Array, Array]]
     starts: tuple[Array, Array] | None = None
@@ -59,7 +59,9 @@ class AffineCase:
         """Hash of what is given and of the truth."""
         digest = hashlib.sha256(self.name.encode())
         given = self.given
-        arrays = (given.F,) if isinstance(given, Frames) else (given.F0, given.dF0, given.time, given.E)
+        arrays = (
+            (given.F,) if isinstance(given, DeformedFrames) else (given.F0, given.dF0, given.time, given.E)
+        )
         for array in (*arrays, *self.truth):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
@@ -69,7 +71,7 @@ def factors(name: str, condition: float) -> AffineCase:
     """Many frames of one condition, two axes short."""
     rng = np.random.default_rng(1)
     D = np.array([1.0, 1 / condition, 0.5 / condition])
-    F = (turns(rng, FRAMES) * D) @ turns(rng, FRAMES)
+    F = (random_rotations(rng, FRAMES) * D) @ random_rotations(rng, FRAMES)
 
     def find() -> tuple[Array, Array]:
         L = exact_polar(F[:KNOWN], F[:KNOWN])[0]
@@ -77,7 +79,7 @@ def factors(name: str, condition: float) -> AffineCase:
         return L, 0.5 * (U + U.swapaxes(1, 2))
 
     title = f"Polar factors of {FRAMES} frames, condition {condition:.0e}"
-    return AffineCase(name, title, "factors", ("rotation", "stretch"), Frames(F, F), 1e-15, find)
+    return AffineCase(name, title, "factors", ("rotation", "stretch"), DeformedFrames(F, F), 1e-15, find)
 
 
 def thrown(name: str, title: str, kind: str, throw: Throw) -> AffineCase:
@@ -107,7 +109,7 @@ def many(name: str) -> AffineCase:
     return AffineCase(name, title, "bodies", ("F", "F'"), throw, 1e-11, find, (F0, V0))
 
 
-def made(name: str) -> AffineCase:
+def case_called(name: str) -> AffineCase:
     """The case of a name."""
     if name.startswith("polar_"):
         return factors(name, float(name.removeprefix("polar_")))
@@ -115,7 +117,7 @@ def made(name: str) -> AffineCase:
         return thrown(name, "Mooney-Rivlin ball, 20 s", "body", swinging())
     start = unstrained(np.random.default_rng(4), 0.1)
     if name == "stiff_ball":
-        throw = Throw(BALL, natural(0.6, 0.25, 1.7e4 / 4), *start, np.linspace(0, 2, 21))
+        throw = Throw(BALL, natural_constants(0.6, 0.25, 1.7e4 / 4), *start, np.linspace(0, 2, 21))
         return thrown(name, "Nearly incompressible ball, lambda 1e4 mu, 2 s", "stiff", throw)
     if name == "held_block":
         throw = Throw(BLOCK, (0.6, 0.25, 0.0, 0.0), *start, np.linspace(0, 10, 21), held=True)

@@ -9,8 +9,8 @@ import numpy as np
 
 from evidence.chart.charted import Charted
 from evidence.subject import Answer
-from evidence.subjects.affine.cases import AffineCase, made
-from evidence.subjects.affine.problem import relative
+from evidence.subjects.affine.cases import AffineCase, case_called
+from evidence.subjects.affine.problem import relative_error
 from evidence.subjects.affine.ways import ways
 from forceid.errors import EstimationError
 
@@ -33,7 +33,7 @@ def errors(case: AffineCase, answer: Answer) -> dict[str, float]:
     if any(len(got) < len(true) or not np.isfinite(got).all() for got, true in pairs):
         raise EstimationError("does not get to the end")
     return {
-        what: relative(got[: len(true)], true)
+        what: relative_error(got[: len(true)], true)
         for what, (got, true) in zip(case.quantities, pairs, strict=True)
     }
 
@@ -56,7 +56,7 @@ AFFINE = Charted(
         for name in ("bodies", "cases", "contestants", "movers", "problem", "ways", "chart", "exact_polar")
     ),
     folders=("pseudorigid", "motion"),
-    records=lambda name, seeds: [made(name)],
+    records=lambda name, seeds: [case_called(name)],
     contestants=lambda case: (ways(case.kind), []),
     score=lambda case, answer: {"error": errors(case, answer)},
     facts=facts,

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import polar as scipy_polar
 
 from evidence.subject import Answer, at_once
-from evidence.subjects.affine.bodies import EYE, Frames
-from evidence.subjects.affine.problem import Problem
+from evidence.subjects.affine.bodies import EYE, DeformedFrames
+from evidence.subjects.affine.problem import AffineProblem
 from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
 from forceid.pseudorigid.bipolar_path import FRAME_TURN
 from forceid.records import Array, Flags
@@ -20,15 +20,15 @@ RESIDUAL = 1e-13  # of F, that factors may leave
 TOLD = "rates are not defined about axes between close values"
 
 
-def polar_factor(problem: Problem) -> Answer:
+def polar_factor(problem: AffineProblem) -> Answer:
     """`polar` and `polar_rates`."""
-    given: Frames = problem.given
+    given: DeformedFrames = problem.given
     found = polar_rates(given.F, given.dF)
     every = np.tile(found.rounding[:, None] / np.sqrt(3), (1, 3))
     return with_rounding(problem, polar(given.F)[0], found.omega, every)
 
 
-def with_rounding(problem: Problem, motion: Array, rate: Array, rounding: Array) -> Answer:
+def with_rounding(problem: AffineProblem, motion: Array, rate: Array, rounding: Array) -> Answer:
     """An answer whose rates come with what rounding may have cost."""
     at = np.isfinite(rate) & np.isfinite(rounding)
     told = float(np.linalg.norm(rounding[at])) / max(float(np.linalg.norm(rate[at])), 1e-300)
@@ -58,9 +58,9 @@ def unscaled(F: Array) -> Array:
     return np.asarray(X)
 
 
-def by_formula(by: Callable[[Array], Array], problem: Problem) -> Answer:
+def by_formula(by: Callable[[Array], Array], problem: AffineProblem) -> Answer:
     """Rotations by a function, and their rates by the formula of section 2."""
-    given: Frames = problem.given
+    given: DeformedFrames = problem.given
     L = by(given.F)
     A, U = L.swapaxes(1, 2) @ given.dF, L.swapaxes(1, 2) @ given.F
     skew = A - A.swapaxes(1, 2)
@@ -69,9 +69,9 @@ def by_formula(by: Callable[[Array], Array], problem: Problem) -> Answer:
     return Answer((L, np.linalg.solve(inertia, vee[..., None])[..., 0]))
 
 
-def rates_here(problem: Problem) -> Answer:
+def rates_here(problem: AffineProblem) -> Answer:
     """`bipolar_rates`."""
-    given: Frames = problem.given
+    given: DeformedFrames = problem.given
     r = bipolar_rates(given.F, given.dF)
     both = np.concatenate([r.rounding, r.rounding], -1)
     answer = with_rounding(problem, r.D, spins(r.L, r.R, r.omega, r.lam), both)
@@ -92,7 +92,7 @@ def svd_rotations(F: Array) -> tuple[Array, Array, Array]:
     return L, D, R
 
 
-def svd_rates(given: Frames, L: Array, D: Array, R: Array) -> Array:
+def svd_rates(given: DeformedFrames, L: Array, D: Array, R: Array) -> Array:
     """Spins (frame, 6) of factors by the formulas of section 2."""
     A = L.swapaxes(1, 2) @ given.dF @ R.swapaxes(1, 2)
     i, j = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -101,15 +101,15 @@ def svd_rates(given: Frames, L: Array, D: Array, R: Array) -> Array:
     return spins(L, R, (s + d) / 2, (s - d) / 2)
 
 
-def rates_svd(problem: Problem) -> Answer:
+def rates_svd(problem: AffineProblem) -> Answer:
     """numpy.linalg.svd and the formulas."""
     L, D, R = svd_rotations(problem.given.F)
     return Answer((D, svd_rates(problem.given, L, D, R)))
 
 
-def path_here(problem: Problem) -> Answer:
+def path_here(problem: AffineProblem) -> Answer:
     """`bipolar_path`."""
-    given: Frames = problem.given
+    given: DeformedFrames = problem.given
     p = bipolar_path(given.F, given.dF)
     assert p.omega is not None
     assert p.lam is not None
@@ -124,7 +124,7 @@ def path_here(problem: Problem) -> Answer:
 
 
 def of_path(
-    problem: Problem, L: Array, D: Array, R: Array, rate: Array, shown: Flags, defined: Flags
+    problem: AffineProblem, L: Array, D: Array, R: Array, rate: Array, shown: Flags, defined: Flags
 ) -> tuple[float, float]:
     """Largest unflagged turn of a basis between frames over TURN, or residual over 1e-13; error of rates."""
     F = problem.given.F
@@ -137,13 +137,13 @@ def of_path(
     return float(max(jump / FRAME_TURN, left[defined].max() / RESIDUAL)), float(miss)
 
 
-def path_svd(problem: Problem) -> Answer:
+def path_svd(problem: AffineProblem) -> Answer:
     """numpy.linalg.svd frame by frame."""
     L, D, R = svd_rotations(problem.given.F)
     return unflagged(problem, L, D, R)
 
 
-def path_signs(problem: Problem) -> Answer:
+def path_signs(problem: AffineProblem) -> Answer:
     """The same, with signs as in the frame before."""
     L, D, R = svd_rotations(problem.given.F)
     for k in range(1, len(L)):
@@ -152,7 +152,7 @@ def path_signs(problem: Problem) -> Answer:
     return unflagged(problem, L, D, R)
 
 
-def unflagged(problem: Problem, L: Array, D: Array, R: Array) -> Answer:
+def unflagged(problem: AffineProblem, L: Array, D: Array, R: Array) -> Answer:
     """Factors of a path that say nothing."""
     every = np.ones(len(L), bool)
     off = of_path(problem, L, D, R, svd_rates(problem.given, L, D, R), every, every)

@@ -8,7 +8,7 @@ import numpy as np
 
 from evidence.stress.failure import failure
 from evidence.subjects.affine.flights import SWING, toned
-from evidence.subjects.affine.problem import Problem
+from evidence.subjects.affine.problem import AffineProblem
 from forceid.records import Array, Body, Motion, Recording
 
 SIZE = np.array([0.24, 0.18, 0.14])  # m
@@ -30,7 +30,7 @@ def filmed(
     wild: float = 0.0,
     frames: int = FRAMES,
     whole: float | None = None,
-) -> Problem:
+) -> AffineProblem:
     """Markers at place (marker, 3) m, of equal masses, on a toned flight; its force and first moments.
 
     bent: out of the affine map, of the length; wild: share of samples that are off by a third of that; whole:
@@ -56,32 +56,32 @@ def filmed(
         known = {"total_mass": MASS, "mass_center": np.zeros(3), "inertia": inertia}
     body = Body(node=tuple(f"m{k}" for k in range(len(X))), position=X, **known)
     motion = Motion(flight.time, x, gravity=GRAVITY, noise_std={"position": noise})
-    return Problem(Recording(body, motion, {}), force, first, (np.nan, np.nan))
+    return AffineProblem(Recording(body, motion, {}), force, first, (np.nan, np.nan))
 
 
 @failure(
     "affine_loads", "Markers near a plane", "of the thickness of the others", (1.0, 0.3, 0.1, 0.03, 0.01,
     1e-3, 1e-5, 0.0),
 )  # fmt: skip
-def plane_markers(level: float, rng: np.random.Generator) -> Problem:
+def plane_markers(level: float, rng: np.random.Generator) -> AffineProblem:
     """Markers in a plane do not show how the body stretches across it."""
     return filmed(rng, CORNERS * [1.0, 1.0, level])
 
 
 @failure("affine_loads", "Few markers, affine body", "markers", (12, 8, 7, 6, 5, 4, 3, 2))
-def few_affine_markers(level: float, rng: np.random.Generator) -> Problem:
+def few_affine_markers(level: float, rng: np.random.Generator) -> AffineProblem:
     """Twelve unknowns a frame: from four markers on nothing is left to check."""
     return filmed(rng, np.concatenate([SPREAD, 0.4 * CORNERS[:4]])[: int(level)])
 
 
 @failure("affine_loads", "Loud markers, affine body", "m", (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 1.0))
-def loud_markers(level: float, rng: np.random.Generator) -> Problem:
+def loud_markers(level: float, rng: np.random.Generator) -> AffineProblem:
     """Loads drown in the noise."""
     return filmed(rng, noise=level)
 
 
 @failure("affine_loads", "Not affine", "of the length", (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1))
-def not_affine(level: float, rng: np.random.Generator) -> Problem:
+def not_affine(level: float, rng: np.random.Generator) -> AffineProblem:
     """The body bends, and an affine map does not."""
     return filmed(rng, SPREAD[:6], bent=level)  # of eight corners an affine map takes nothing of it
 
@@ -90,18 +90,18 @@ def not_affine(level: float, rng: np.random.Generator) -> Problem:
     "affine_loads", "Wild markers, affine body", "of the samples", (0.0, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2,
     0.4),
 )  # fmt: skip
-def wild_markers(level: float, rng: np.random.Generator) -> Problem:
+def wild_markers(level: float, rng: np.random.Generator) -> AffineProblem:
     """Markers are taken for others."""
     return filmed(rng, wild=level)
 
 
 @failure("affine_loads", "Short flight, affine body", "frames", (200, 100, 60, 40, 25, 15, 12, 6))
-def short_flight(level: float, rng: np.random.Generator) -> Problem:
+def short_flight(level: float, rng: np.random.Generator) -> AffineProblem:
     """Too few frames tell a load from its noise."""
     return filmed(rng, frames=int(level))
 
 
 @failure("affine_loads", "Inertia known as a whole", "of F", (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1))
-def known_as_whole(level: float, rng: np.random.Generator) -> Problem:
+def known_as_whole(level: float, rng: np.random.Generator) -> AffineProblem:
     """The inertia of a body that stretches changes."""
     return filmed(rng, whole=level)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from evidence.subject import Answer, at_once
-from evidence.subjects.affine.problem import Problem
+from evidence.subjects.affine.problem import AffineProblem
 from forceid.config import load_settings
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.run import estimate_recording
@@ -18,7 +18,7 @@ from forceid.records import Array, Recording
 WINDOW, ORDER = 21, 4  # frames, of a polynomial
 
 
-def estimated(problem: Problem) -> Answer:
+def estimated_flight(problem: AffineProblem) -> Answer:
     """`estimate_recording` with the affine model, as `forceid estimate --model affine` has it."""
     check_recording(problem.given)
     found = estimate_recording(problem.given, load_settings(model="affine"))
@@ -27,11 +27,13 @@ def estimated(problem: Problem) -> Answer:
         return Answer((found.force, found.force), None, "refused", said.reasons)
     moment_var = np.diagonal(found.first_moment_cov, axis1=1, axis2=2)
     first = found.first_moment.reshape(-1, 9)
-    return judged(problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons)
+    return judged_flight(
+        problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons
+    )
 
 
-def judged(
-    problem: Problem,
+def judged_flight(
+    problem: AffineProblem,
     force: Array,
     moment: Array,
     force_var: Array,
@@ -42,17 +44,17 @@ def judged(
     """Errors N and N m and claims, rms a component over the central three quarters."""
     n = len(force)
     at = slice(n // 8, n - n // 8)
-    off = rms(force[at] - problem.motion[at]), rms(moment[at] - problem.rate[at])
-    claimed = rms(np.sqrt(force_var[at])), rms(np.sqrt(moment_var[at]))
+    off = rms_of(force[at] - problem.motion[at]), rms_of(moment[at] - problem.rate[at])
+    claimed = rms_of(np.sqrt(force_var[at])), rms_of(np.sqrt(moment_var[at]))
     return Answer((force, moment), claimed, verdict, reasons, off)
 
 
-def rms(x: Array) -> float:
+def rms_of(x: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(x**2)))
 
 
-def differentiated(window: int, problem: Problem) -> Answer:
+def differentiated(window: int, problem: AffineProblem) -> Answer:
     """Least squares of every frame, then second differences, or a polynomial along `window` frames.
 
     Claims the noise of the markers that goes through, and nothing of what the window cuts off.
@@ -83,11 +85,11 @@ def differentiated(window: int, problem: Problem) -> Answer:
     A = E @ F.swapaxes(1, 2)
     along = np.einsum("tkb,kl,tlb->tb", A, cov[1:, 1:], A)  # alike for the three rows
     force_var = np.full(force.shape, mass**2 * cov[0, 0])
-    return judged(problem, force, (ddF @ A).reshape(-1, 9), force_var, np.tile(along, (1, 3)))
+    return judged_flight(problem, force, (ddF @ A).reshape(-1, 9), force_var, np.tile(along, (1, 3)))
 
 
 LOADS = (
-    at_once("estimate, affine", estimated),
+    at_once("estimate, affine", estimated_flight),
     at_once("least squares, Savitzky-Golay", partial(differentiated, WINDOW), kind="peer"),
     at_once("least squares, differenced", partial(differentiated, 0), kind="peer"),
 )

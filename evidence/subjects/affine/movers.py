@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from evidence.subject import Answer, at_once
-from evidence.subjects.affine.bodies import EYE, Springs, Throw, hat
-from evidence.subjects.affine.problem import Problem, relative
+from evidence.subjects.affine.bodies import EYE, LinearSprings, Throw, hat
+from evidence.subjects.affine.problem import AffineProblem, relative_error
 from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
 from forceid.pseudorigid.rigid_body import free_rotation
 from forceid.pseudorigid.trajectory import Trajectory
@@ -32,12 +32,12 @@ REFERRED = 1e-10  # what the reference is good for
 def material_of(throw: Throw) -> Any:
     """The material, as forceid has it."""
     if len(throw.material) == 1:
-        return Springs(throw.material[0])
+        return LinearSprings(throw.material[0])
     a, b, c, d = throw.material
     return MooneyRivlin(a, b, incompressible=True) if throw.held else MooneyRivlin(a, b, c, d)
 
 
-def stepped(method: str, problem: Problem) -> Answer:
+def stepped(method: str, problem: AffineProblem) -> Answer:
     """`Body.simulate` at the step of the problem, and at half of it."""
     throw: Throw = problem.given
     return halved(Body(throw.E, material_of(throw)), throw, method)
@@ -49,14 +49,14 @@ def halved(body: Body, throw: Throw, method: str) -> Answer:
     coarse, fine = (body.simulate(throw.F0, throw.dF0, throw.time, method, step / n) for n in (1, 2))
     if not np.isfinite(coarse.F[1:]).any():
         return Answer((coarse.F, coarse.dF), None, "refused", (str(coarse.event),))
-    return ended(coarse, (changed(coarse.F, fine.F), changed(coarse.dF, fine.dF)))
+    return ended(coarse, (change_by_half_step(coarse.F, fine.F), change_by_half_step(coarse.dF, fine.dF)))
 
 
-def changed(coarse: Array, fine: Array) -> float:
+def change_by_half_step(coarse: Array, fine: Array) -> float:
     """4/3 of what half the step changes, no less than the truth is known to; 1 where one of them ends."""
     if (np.isfinite(coarse) & ~np.isfinite(fine)).any():
         return 1.0
-    return max(4 / 3 * relative(np.where(np.isfinite(coarse), fine, np.nan), coarse), REFERRED)
+    return max(4 / 3 * relative_error(np.where(np.isfinite(coarse), fine, np.nan), coarse), REFERRED)
 
 
 def ended(found: Trajectory, claimed: tuple[float, float] | None = None) -> Answer:
@@ -66,14 +66,14 @@ def ended(found: Trajectory, claimed: tuple[float, float] | None = None) -> Answ
     return Answer((found.F, found.dF), claimed, verdict, reasons)
 
 
-def referred(problem: Problem) -> Answer:
+def referred(problem: AffineProblem) -> Answer:
     """`Body.simulate` by its reference."""
     throw: Throw = problem.given
     body = Body(throw.E, material_of(throw))
     return ended(body.simulate(throw.F0, throw.dF0, throw.time, "dop853"), (REFERRED, REFERRED))
 
 
-def rattled(problem: Problem) -> Answer:
+def rattled(problem: AffineProblem) -> Answer:
     """RATTLE on det F = 1 of a body that is nearly so; what the pressure would change of it is claimed too.
 
     Lambda = -Gamma'(J), so J - 1 = (Gamma'(1) + Lambda) / -Gamma''(1), which comes and goes at the rate of
@@ -93,14 +93,14 @@ def rattled(problem: Problem) -> Answer:
     )
 
 
-def reduced(form: Any, problem: Problem) -> Answer:
+def by_reduced_form(form: Any, problem: AffineProblem) -> Answer:
     """The `simulate` of a reduced form."""
     throw: Throw = problem.given
     found = form.simulate(throw.E, material_of(throw), throw.F0, throw.dF0, throw.time)
     return Answer((found.F, found.dF))
 
 
-def integrated(method: str, problem: Problem) -> Answer:
+def integrated_ode(method: str, problem: AffineProblem) -> Answer:
     """solve_ivp as it comes."""
     throw: Throw = problem.given
     y, reason = run(throw.rates, throw.start, throw.time, method)
@@ -124,10 +124,10 @@ def run(
     return y, "" if found.status == 0 else found.message
 
 
-def two_sided_plain(problem: Problem) -> Answer:
+def two_sided_plain(problem: AffineProblem) -> Answer:
     """The two-sided equations by DOP853 at 1e-10, with nothing that looks at the chart."""
     throw: Throw = problem.given
-    W, mu = Springs(throw.material[0]), float(throw.E[0, 0])
+    W, mu = LinearSprings(throw.material[0]), float(throw.E[0, 0])
     state = two_sided_state(throw.F0, throw.dF0)
     ends = np.cumsum([len(part) for part in state])[:-1]
 
@@ -146,14 +146,14 @@ def two_sided_plain(problem: Problem) -> Answer:
     return so_far(F, V, 1e-9, reason)
 
 
-def rigid(problem: Problem) -> Answer:
+def free_turning(problem: AffineProblem) -> Answer:
     """`free_rotation`."""
     J, w0, time = problem.given
     found = free_rotation(J, w0, time)
     return Answer((found.L, found.omega))
 
 
-def rigid_integrated(method: str, problem: Problem) -> Answer:
+def rigid_integrated(method: str, problem: AffineProblem) -> Answer:
     """Euler's equations and the rotation matrix by solve_ivp as it comes."""
     J, w0, time = problem.given
     inverse = np.linalg.inv(J)
@@ -167,7 +167,7 @@ def rigid_integrated(method: str, problem: Problem) -> Answer:
 
 
 SCIPY = ("RK45", "DOP853", "Radau")
-PEERS = tuple(at_once(f"scipy {m}", partial(integrated, m), kind="peer") for m in SCIPY)
+PEERS = tuple(at_once(f"scipy {m}", partial(integrated_ode, m), kind="peer") for m in SCIPY)
 STEPS = (
     at_once("Verlet", partial(stepped, "verlet")),
     at_once("midpoint", partial(stepped, "implicit_midpoint")),
@@ -176,7 +176,7 @@ STEPS = (
 FREE = (*STEPS, at_once("Blanes-Moan 6", partial(stepped, "blanes_moan_6")), *PEERS)
 COLLAPSING = (
     *STEPS[:2], at_once("reference", referred),
-    at_once("left-reduced", partial(reduced, left_reduced)), *PEERS,
+    at_once("left-reduced", partial(by_reduced_form, left_reduced)), *PEERS,
 )  # fmt: skip
 STIFF = (*STEPS, at_once("RATTLE", rattled), *PEERS)
 HELD = (
@@ -184,12 +184,13 @@ HELD = (
     at_once("RATTLE, Suzuki 4", partial(stepped, "suzuki_4")), at_once("reference", referred), *PEERS,
 )  # fmt: skip
 CHARTS = (
-    at_once("two-sided", partial(reduced, two_sided)),
-    at_once("general", partial(reduced, general_reduced)),
-    at_once("left-reduced", partial(reduced, left_reduced)), at_once("reference", referred),
+    at_once("two-sided", partial(by_reduced_form, two_sided)),
+    at_once("general", partial(by_reduced_form, general_reduced)),
+    at_once("left-reduced", partial(by_reduced_form, left_reduced)), at_once("reference", referred),
     at_once("two-sided, unguarded", two_sided_plain, kind="peer"),
 )  # fmt: skip
 RIGID = (
-    at_once("free_rotation", rigid), at_once("scipy RK45", partial(rigid_integrated, "RK45"), kind="peer"),
+    at_once("free_rotation", free_turning),
+    at_once("scipy RK45", partial(rigid_integrated, "RK45"), kind="peer"),
     at_once("scipy DOP853", partial(rigid_integrated, "DOP853"), kind="peer"),
 )  # fmt: skip

@@ -11,7 +11,7 @@ from forceid.records import Array
 
 
 @dataclass(frozen=True)
-class Problem:
+class AffineProblem:
     """What a contestant gets, and the truth of it.
 
     given: the input, of a kind that its contestants know; motion, rate (sample, ...): the truth of the first
@@ -25,12 +25,12 @@ class Problem:
     promised: tuple[float, float]
 
 
-def relative(found: Array, true: Array) -> float:
+def relative_error(found: Array, true: Array) -> float:
     """Length of the difference over that of the truth, of what both give; 1 where there was none to give.
 
-    >>> relative(np.array([[3.0, 4.5], [np.nan, 1.0]]), np.array([[3.0, 4.0], [0.0, 0.0]]))
+    >>> relative_error(np.array([[3.0, 4.5], [np.nan, 1.0]]), np.array([[3.0, 4.0], [0.0, 0.0]]))
     0.1
-    >>> relative(np.array([[3.0], [4.0]]), np.array([[3.0], [np.nan]]))
+    >>> relative_error(np.array([[3.0], [4.0]]), np.array([[3.0], [np.nan]]))
     1.0
     """
     known, given = (np.isfinite(x.reshape(len(x), -1)).all(1) for x in (true, found))

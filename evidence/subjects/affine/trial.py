@@ -9,7 +9,7 @@ from evidence.subject import Answer, Contestant
 from evidence.subjects.affine import contestants as affine_contestants
 from evidence.subjects.affine import fliers as affine_fliers
 from evidence.subjects.affine import movers as affine_movers
-from evidence.subjects.affine.problem import Problem, relative
+from evidence.subjects.affine.problem import AffineProblem, relative_error
 from forceid.errors import EstimationError
 
 MEETS = {
@@ -32,14 +32,14 @@ def takers(failure: Failure, short: bool = False) -> tuple[Contestant, ...]:
     return every[:1] if short else every
 
 
-def errors(problem: Problem, answer: Answer) -> tuple[float, float]:
+def errors(problem: AffineProblem, answer: Answer) -> tuple[float, float]:
     """Relative errors of both quantities."""
     motion, rate = answer.found
     if not np.isfinite(motion).any():
         raise EstimationError(next(iter(answer.reasons), "gives nothing"))
-    return answer.off or (relative(motion, problem.motion), relative(rate, problem.rate))
+    return answer.off or (relative_error(motion, problem.motion), relative_error(rate, problem.rate))
 
 
-def promised(problem: Problem) -> tuple[float, float]:
+def promised(problem: AffineProblem) -> tuple[float, float]:
     """Relative errors that an answer without a word is held to."""
     return problem.promised

@@ -15,7 +15,7 @@ from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.affine.bodies import Throw
 from evidence.subjects.affine.cases import BODIES, FOLLOWED, AffineCase
 from evidence.subjects.affine.contestants import by_loop, by_svd
-from evidence.subjects.affine.movers import material_of, reduced, run
+from evidence.subjects.affine.movers import by_reduced_form, material_of, run
 from forceid.pseudorigid import Body, left_reduced, polar, two_sided
 from forceid.records import Array
 
@@ -51,7 +51,7 @@ def ways(kind: str) -> list[Contestant]:
     own.append(at_once("reference", partial(simulated, "dop853", None), about="Body.simulate, dop853"))
     if kind == "body":
         forms = {"left-reduced": left_reduced, "two-sided": two_sided}
-        own += [at_once(n, partial(reduced, f), about=n.replace("-", "_")) for n, f in forms.items()]
+        own += [at_once(n, partial(by_reduced_form, f), about=n.replace("-", "_")) for n, f in forms.items()]
     return [*own, *tolerated(("RK45", "DOP853", "LSODA", "Radau"))]
 
 

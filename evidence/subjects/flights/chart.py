@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evidence.chart.charted import Charted
-from evidence.chart.page import number
+from evidence.chart.page import number_or_dash
 from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import LOADS, Case, records
 from evidence.subjects.flights.methods import DEFAULT, ours, worth_while
@@ -30,7 +30,7 @@ READING = (
 )
 
 
-def score(case: Case, answer: Answer) -> dict[str, list[float]]:
+def scored_by_axis(case: Case, answer: Answer) -> dict[str, list[float]]:
     """An answer against the truth: means over the central three quarters, by axis (6,), NaN where unknown.
 
     error: squares of the answer's; claimed: its variance; inside: share in the 95 % interval.
@@ -47,21 +47,21 @@ def score(case: Case, answer: Answer) -> dict[str, list[float]]:
     return {"error": (error**2).mean(0).tolist(), "claimed": claimed.tolist(), "inside": inside.tolist()}
 
 
-def rms(squares: Any) -> Array:
+def rms_by_load(squares: Any) -> Array:
     """Rms per axis of force and of moment (2,), of mean squares by axis (..., 6); over all that lead.
 
-    >>> rms([[1.0, 4.0, 4.0, 0.0, 0.0, float("nan")]]).round(3).tolist()
+    >>> rms_by_load([[1.0, 4.0, 4.0, 0.0, 0.0, float("nan")]]).round(3).tolist()
     [1.732, nan]
     """
-    return np.sqrt(mean(squares))
+    return np.sqrt(mean_by_load(squares))
 
 
-def mean(by_axis: Any) -> Array:
+def mean_by_load(by_axis: Any) -> Array:
     """Mean of force and of moment (2,), of numbers by axis (..., 6)."""
     return np.asarray(np.asarray(by_axis, float).reshape(-1, 2, 3).mean((0, 2)))
 
 
-def loads(pair: Any) -> dict[str, float]:
+def by_load(pair: Any) -> dict[str, float]:
     """Force and moment by name."""
     return {load: float(value) for load, value in zip(LOADS, pair, strict=True)}
 
@@ -72,7 +72,7 @@ def contestants(case: Case) -> tuple[list[Contestant], list[str]]:
     return [*ours(), told_the_prior(), *theirs], missing
 
 
-def bound(case: Case) -> list[float]:
+def bound_by_load(case: Case) -> list[float]:
     """The bound of a case, force and moment."""
     return [float(b) for b in bound_of(case, problem_of(case).smoothed())]
 
@@ -86,22 +86,22 @@ def facts(runs: Sequence[Case], bounds: Sequence[Sequence[float]]) -> dict[str, 
         "rate_Hz": float(1 / np.median(np.diff(motion.time))), "seeds": len(runs),
         "markers": 0 if x is None else int(np.isfinite(x).all(2).any(0).sum()), "noise_std": motion.noise_std,
         "quantities": list(LOADS), "units": list(UNITS.values()), "resolved": 0.0,
-        "load": loads(rms([np.mean(case.wrench[case.judged] ** 2, axis=0)])),
-        "bound": loads(np.sqrt(np.mean(np.square(bounds), axis=0))),
+        "load": by_load(rms_by_load([np.mean(case.wrench[case.judged] ** 2, axis=0)])),
+        "bound": by_load(np.sqrt(np.mean(np.square(bounds), axis=0))),
     }  # fmt: skip
 
 
-def judged(facts: Mapping[str, Any], found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def judged_seeds(facts: Mapping[str, Any], found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Errors, claims and coverage over all seeds."""
-    error, claimed = (rms([a[name] for a in found]) for name in ("error", "claimed"))
-    each = np.array([rms(a["error"]) for a in found])
+    error, claimed = (rms_by_load([a[name] for a in found]) for name in ("error", "claimed"))
+    each = np.array([rms_by_load(a["error"]) for a in found])
     least = np.array(list(facts["bound"].values()))
     return {
-        "error": loads(error), "claimed": loads(claimed), "over_bound": loads(error / least),
-        "over_claimed": loads(error / np.where(claimed > 0, claimed, np.nan)),
+        "error": by_load(error), "claimed": by_load(claimed), "over_bound": by_load(error / least),
+        "over_claimed": by_load(error / np.where(claimed > 0, claimed, np.nan)),
         "spread": {load: [float(each[:, i].min()), float(each[:, i].max())] for i, load in enumerate(LOADS)},
         "error_by_axis": np.sqrt(np.mean([a["error"] for a in found], axis=0)).tolist(),
-        "coverage": loads(mean([a["inside"] for a in found])),
+        "coverage": by_load(mean_by_load([a["inside"] for a in found])),
     }  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def cells(case: Mapping[str, Any], row: Mapping[str, Any]) -> list[str]:
     found = []
     for load in UNITS:
         covered = row["coverage"][load]
-        found += [number(row["error"][load]), number(row["over_bound"][load])]
+        found += [number_or_dash(row["error"][load]), number_or_dash(row["over_bound"][load])]
         found.append(f"{100 * covered:.0f} %" if np.isfinite(covered) else "-")
     return [*found, row["chosen"] or "-"]
 
@@ -156,9 +156,9 @@ FLIGHTS = Charted(
     folders=("compiled", "kalman", "flight", "motion", "principal", "estimation", "scenes"),
     records=each_seed,
     contestants=contestants,
-    score=score,
+    score=scored_by_axis,
     facts=facts,
-    judged=judged,
+    judged=judged_seeds,
     described=described,
     heads=heads,
     cells=cells,
@@ -166,6 +166,6 @@ FLIGHTS = Charted(
     time="CPU time a sample (s)",
     default=DEFAULT,
     margin=ALIKE,
-    bound=bound,
+    bound=bound_by_load,
     worth=worth_while,
 )

@@ -22,35 +22,39 @@ NO_MODES = ", 0 modes"
 def ours() -> list[Contestant]:
     """Contestants of forceid; the default settings come first."""
     found = [
-        asked(DEFAULT, "method", "forceid with default settings"),
-        asked("filter", "method", "live: no later samples", method="filter"),
-        asked("savgol", "method", "Savitzky-Golay, window from the data", method="savgol"),
-        asked("spline", "method", "smoothing spline, smoothness from the data", method="spline"),
-        asked("difference", "method", "differences, lag from the data", method="difference"),
-        asked("rigid", "level", "smoother, rigid body", model="rigid"),
-        asked("affine", "level", "smoother, rigid body and uniform strain", model="affine"),
-        asked("modal", "level", "smoother, modes chosen from the data", model="modal"),
-        asked("numpy engine", "engine", "smoother without a compiler", engine="numpy", slow=True),
-        asked("filterpy engine", "engine", "on the passes of filterpy", engine="filterpy", slow=True),
+        under_settings(DEFAULT, "method", "forceid with default settings"),
+        under_settings("filter", "method", "live: no later samples", method="filter"),
+        under_settings("savgol", "method", "Savitzky-Golay, window from the data", method="savgol"),
+        under_settings("spline", "method", "smoothing spline, smoothness from the data", method="spline"),
+        under_settings("difference", "method", "differences, lag from the data", method="difference"),
+        under_settings("rigid", "level", "smoother, rigid body", model="rigid"),
+        under_settings("affine", "level", "smoother, rigid body and uniform strain", model="affine"),
+        under_settings("modal", "level", "smoother, modes chosen from the data", model="modal"),
+        under_settings("numpy engine", "engine", "smoother without a compiler", engine="numpy", slow=True),
+        under_settings(
+            "filterpy engine", "engine", "on the passes of filterpy", engine="filterpy", slow=True
+        ),
     ]
     return found + [
-        asked(f"{k} mode{'s' * (k > 1)}", "modes", f"smoother, {k} modes kept", True, model="modal", modes=k)
+        under_settings(
+            f"{k} mode{'s' * (k > 1)}", "modes", f"smoother, {k} modes kept", True, model="modal", modes=k
+        )
         for k in MODES
     ]
 
 
-def asked(name: str, kind: Any, about: str, slow: bool = False, **settings: Any) -> Contestant:
+def under_settings(name: str, kind: Any, about: str, slow: bool = False, **settings: Any) -> Contestant:
     """An estimate under some settings."""
     merged = load_settings(**settings)
 
     def prepare(case: Case) -> Callable[[], Answer]:
-        return lambda: answer_of(estimate_recording(case.blind, merged))
+        return lambda: answer_of_estimate(estimate_recording(case.blind, merged))
 
     key = to_toml(merged) + engine(merged.engine).name
     return Contestant(name, prepare, kind, about, key=key, slow=slow)
 
 
-def answer_of(estimate: Estimate) -> Answer:
+def answer_of_estimate(estimate: Estimate) -> Answer:
     """What an estimate answers."""
     std = np.sqrt(np.diagonal(estimate.wrench_cov, axis1=1, axis2=2))
     chosen = estimate.model

@@ -34,10 +34,10 @@ def contestants(failure: Failure, short: bool = False) -> tuple[Contestant, ...]
 def contestant(method: str, model: str = "auto", estimator: Estimator = estimate_recording) -> Contestant:
     """A method with a model; all but the smoother may honestly be worse than twice its bound."""
     name = method if model == "auto" else f"{method}, {model}"
-    return at_once(name, partial(answered, estimator, method, model), coarse=method != "smoother")
+    return at_once(name, partial(answered_flight, estimator, method, model), coarse=method != "smoother")
 
 
-def answered(estimator: Estimator, method: str, model: str, case: Faulty) -> Answer:
+def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty) -> Answer:
     """An estimate of force, or of the loads asked for, and of moment, with rms claims."""
     check_recording(case.recording)
     estimate = estimator(case.recording, load_settings(method=method, model=model, **case.settings))
@@ -51,11 +51,11 @@ def answered(estimator: Estimator, method: str, model: str, case: Faulty) -> Ans
     wanted = truth["force" if force is estimate.force else "load"]
     return Answer(
         (force, estimate.moment),
-        (rms(force_std), rms(estimate.moment_std)),
+        (central_rms_per_axis(force_std), central_rms_per_axis(estimate.moment_std)),
         estimate.verdict.level,
         estimate.verdict.reasons,
-        (rms(force - wanted), rms(estimate.moment - truth["moment"])),
-        told=told(case, estimate),
+        (central_rms_per_axis(force - wanted), central_rms_per_axis(estimate.moment - truth["moment"])),
+        told=stated_cost(case, estimate),
     )
 
 
@@ -65,7 +65,7 @@ def errors(case: Faulty, answer: Answer) -> tuple[float, float]:
     return answer.off
 
 
-def told(case: Faulty, estimate: Estimate) -> tuple[float, float]:
+def stated_cost(case: Faulty, estimate: Estimate) -> tuple[float, float]:
     """What the budget of an estimate says of the input that a case misstates, force and moment, per axis."""
     if case.misstated is None:
         return 0.0, 0.0
@@ -75,7 +75,7 @@ def told(case: Faulty, estimate: Estimate) -> tuple[float, float]:
     return amount * force / np.sqrt(3), amount * moment / np.sqrt(3)
 
 
-def bound_of(case: Faulty) -> tuple[float, float]:
+def bound_of_trial(case: Faulty) -> tuple[float, float]:
     """Rms bound of force, or of the loads asked for, and of moment."""
     cov = bound(case.flight, case.seen, case.noise, case.place, case.mixed)
     force = cov[:, :3, :3]
@@ -83,11 +83,11 @@ def bound_of(case: Faulty) -> tuple[float, float]:
         split = np.linalg.pinv(case.mixed)
         force = split @ force @ split.T
     return tuple(  # type: ignore[return-value]
-        rms(np.sqrt(np.diagonal(part, axis1=1, axis2=2))) for part in (force, cov[:, 3:, 3:])
+        central_rms_per_axis(np.sqrt(np.diagonal(part, axis1=1, axis2=2))) for part in (force, cov[:, 3:, 3:])
     )
 
 
-def rms(values: Array) -> float:
+def central_rms_per_axis(values: Array) -> float:
     """Root mean square per axis over the central three quarters of a record (time, axis), gaps left out."""
     n = len(values)
     square = values[n // 8 : n - n // 8] ** 2

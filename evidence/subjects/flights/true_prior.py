@@ -40,7 +40,7 @@ NAME = "told the prior"
 
 
 @dataclass(frozen=True)
-class Problem:
+class TruePriorProblem:
     """A flight as the smoother meets it, and the priors that the true loads call for."""
 
     flight: Flight
@@ -54,7 +54,7 @@ class Problem:
         return smooth_flight(self.flight, self.priors["force"], self.priors["moment"], engine())
 
 
-def problem_of(case: Case) -> Problem:
+def problem_of(case: Case) -> TruePriorProblem:
     """The case as a flight with stated noise, under priors fitted to its truth."""
     recording, settings = case.blind, load_settings()
     kin = kinematics(recording.body, recording.motion, settings)
@@ -65,24 +65,24 @@ def problem_of(case: Case) -> Problem:
     if kin.attitude:
         channels["moment"] = moment_channel(kin, deformation)
     priors = {load: prior_of(case, load, channel) for load, channel in channels.items()}
-    return Problem(flight, priors, channels)
+    return TruePriorProblem(flight, priors, channels)
 
 
 def prior_of(case: Case, load: str, channel: Channel) -> LoadPrior:
     """The prior of a load that is known, with the start that its channel calls for."""
     truth = case.wrench[:, LOADS[load]]
     known = np.isfinite(truth).all(1)
-    tuned, axes = fitted(case.blind.motion.time[known], truth[known])
+    tuned, axes = fitted_prior(case.blind.motion.time[known], truth[known])
     return LoadPrior(tuned, axes, start_of(channel.time, channel.moved @ axes, channel.gain))
 
 
-def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
+def fitted_prior(time: Array, load: Array) -> tuple[Tuned, Array]:
     """Matern prior of a load (time, 3) about its mean, by likelihood along its own axes, and those axes.
 
     One order for all three; of the orders, the smoothest within PATIENCE of the likeliest.
 
     >>> t = np.arange(200) / 100
-    >>> tuned, _ = fitted(t, np.outer(np.sin(6 * t), [0.0, 0.0, 2.0]))
+    >>> tuned, _ = fitted_prior(t, np.outer(np.sin(6 * t), [0.0, 0.0, 2.0]))
     >>> bool(tuned.kernel.std.max() > 0.5), bool(tuned.kernel.std.min() < 1e-6)
     (True, True)
     """
@@ -101,7 +101,7 @@ def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
         theta[:, 1] = np.log(1 / span)
         value = 0.0
         for axis in np.flatnonzero(moving):
-            theta[axis], found = likeliest(order, along[:, axis] / size[axis], step, span)
+            theta[axis], found = likeliest_matern(order, along[:, axis] / size[axis], step, span)
             value += found
         if best is not None and value <= best[0] + PATIENCE:
             break
@@ -112,7 +112,7 @@ def fitted(time: Array, load: Array) -> tuple[Tuned, Array]:
     return Tuned(kernel, log_likelihood=best[0]), np.asarray(axes)
 
 
-def likeliest(order: int, z: Array, step: float, span: float) -> tuple[Array, float]:
+def likeliest_matern(order: int, z: Array, step: float, span: float) -> tuple[Array, float]:
     """Log std and log rate (2,) of the likeliest Matern process for a load z (time,); how likely."""
 
     def build(theta: Array) -> kalman.StateSpace:

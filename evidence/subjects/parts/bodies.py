@@ -87,7 +87,7 @@ def wedges(count: int, r: int = 2) -> Parts:
     return gathered(K, M, nodes)
 
 
-def smooth(x: Array, rng: np.random.Generator) -> Array:
+def smooth_motion(x: Array, rng: np.random.Generator) -> Array:
     """A smooth motion (node, axis) m at x (node, axis) m: a draw of one wave along each axis."""
     axes = x.shape[1]
     low, high = RATE

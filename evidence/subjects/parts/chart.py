@@ -11,9 +11,9 @@ from typing import Any
 
 from evidence.chart.charted import Charted
 from evidence.subject import Answer
-from evidence.subjects.affine.problem import relative
+from evidence.subjects.affine.problem import relative_error
 from evidence.subjects.parts.cases import GRIDS, PartsCase, manufactured
-from evidence.subjects.parts.solvers import DEFAULT, solvers
+from evidence.subjects.parts.solvers import DEFAULT, entrants
 
 QUANTITIES = ("displacement", "interface force")
 RESOLVED = 1e-10  # relative: rounding of the loads alone moves bodies with a jump of 1e4 that much
@@ -35,7 +35,8 @@ def errors(case: PartsCase, answer: Answer) -> dict[str, float]:
     """Lengths of the errors of u of all parts, gaps counted, and of lambda, over those of the truth."""
     truth = case.L @ case.u, case.lam
     return {
-        what: relative(got, true) for what, got, true in zip(QUANTITIES, answer.found, truth, strict=True)
+        what: relative_error(got, true)
+        for what, got, true in zip(QUANTITIES, answer.found, truth, strict=True)
     }
 
 
@@ -74,7 +75,7 @@ PARTS = Charted(
     counted=tuple(f"subjects.parts.{name}" for name in ("cases", "solvers", "chart")),
     folders=("partition", "principal"),
     records=lambda name, seeds: [manufactured(name, GRIDS[name])],
-    contestants=lambda case: solvers(),
+    contestants=lambda case: entrants(),
     score=lambda case, answer: {"error": errors(case, answer), "claimed": answer.claimed},
     facts=facts,
     judged=lambda facts, found: {name: found[0][name] for name in ("error", "claimed")},

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from evidence.stress.failure import failure
-from evidence.subjects.parts.bodies import FINE, Loaded, loaded, plates, smooth, wedges
+from evidence.subjects.parts.bodies import FINE, Loaded, loaded, plates, smooth_motion, wedges
 from forceid.partition.grids import Parts, gathered
 from forceid.principal.operator import summation_operator
 
@@ -18,10 +18,10 @@ YOUNG = 1000.0  # Pa
 JUMPS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e9, 1e10, 1e12)
 
 
-def standing(parts: Parts, rng: np.random.Generator, **known: object) -> Loaded:
+def held_body(parts: Parts, rng: np.random.Generator, **known: object) -> Loaded:
     """A body held at x = 0, in a smooth motion that leaves it at rest there."""
     x = parts.place
-    u = smooth(x, rng) * x[:, :1] / x[:, 0].max()
+    u = smooth_motion(x, rng) * x[:, :1] / x[:, 0].max()
     return loaded(parts, np.isclose(x[:, 0], 0), u, **known)  # type: ignore[arg-type]
 
 
@@ -34,7 +34,7 @@ def floating(level: float, rng: np.random.Generator) -> Loaded:
     parts = plates((3, 2))
     heavy = 10.0 ** rng.uniform(-0.5, 0.5, len(parts.mass))
     parts = replace(parts, mass=tuple(w * m for w, m in zip(heavy, parts.mass, strict=True)))
-    body = loaded(parts, None, smooth(parts.place, rng))
+    body = loaded(parts, None, smooth_motion(parts.place, rng))
     way, pull = rng.standard_normal(3), np.zeros(len(body.load))
     for m, L, R in zip(parts.mass, parts.boolean, body.modes, strict=True):
         pull += L.T @ (m @ (R @ way))  # what its inertia takes, so that relief leaves the motion as it is
@@ -44,7 +44,7 @@ def floating(level: float, rng: np.random.Generator) -> Loaded:
 @failure("partition", "Parts along an edge", "parts", (1, 2, 3, 4, 5, 6, 7, 8))
 def cross_points(level: float, rng: np.random.Generator) -> Loaded:
     """Many nodes are shared by four parts, and many parts float."""
-    return standing(plates((int(level), int(level)), r=2), rng)
+    return held_body(plates((int(level), int(level)), r=2), rng)
 
 
 @failure("partition", "Parts that meet in a point", "parts", (2, 3, 4, 6, 8, 12, 16, 32))
@@ -52,25 +52,25 @@ def wedge_parts(level: float, rng: np.random.Generator) -> Loaded:
     """Multipliers of many parts pull at one node."""
     parts = wedges(int(level))
     x = parts.place
-    return loaded(parts, x[:, 0] < -0.4, smooth(x, rng) * (x[:, :1] + 1))
+    return loaded(parts, x[:, 0] < -0.4, smooth_motion(x, rng) * (x[:, :1] + 1))
 
 
 @failure("partition", "Parts in a row", "parts", (2, 4, 8, 16, 24, 32, 48, 64))
 def many_parts(level: float, rng: np.random.Generator) -> Loaded:
     """A slender row bends by what little its parts turn against each other."""
-    return standing(plates((int(level), 1), r=1), rng)
+    return held_body(plates((int(level), 1), r=1), rng)
 
 
 @failure("partition", "Stiffness jumps, strips", "", JUMPS)
 def jump_of_strips(level: float, rng: np.random.Generator) -> Loaded:
     """Loads of stiff strips are known to rounding, and soft ones have to carry that."""
-    return standing(plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist()), rng)
+    return held_body(plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist()), rng)
 
 
 @failure("partition", "Stiffness jumps, checkerboard", "", JUMPS)
 def jump_of_checkers(level: float, rng: np.random.Generator) -> Loaded:
     """Stiff fields hang at their corners, and their loads are known to rounding."""
-    return standing(plates(GRID, r=2, young=(YOUNG * np.where(AT.sum(1) % 2, level, 1.0)).tolist()), rng)
+    return held_body(plates(GRID, r=2, young=(YOUNG * np.where(AT.sum(1) % 2, level, 1.0)).tolist()), rng)
 
 
 @failure("partition", "Stiffness jumps, equal loads", "", JUMPS)
@@ -83,8 +83,8 @@ def jump_under_load(level: float, rng: np.random.Generator) -> Loaded:
     # the length that counts: of soft strips as it is, of stiff ones as much less as they are stiffer
     counts = np.ceil(np.floor(x[:, 0]) / 2) + np.where(soft, inside, 0.0)
     counts += (np.floor(np.floor(x[:, 0]) / 2) + np.where(soft, 0.0, inside)) / level
-    wave = smooth(counts[:, None] * [1.0, 0.0], rng) * counts[:, None]
-    bulge = np.where(soft, np.sin(np.pi * inside) ** 2, 0.0)[:, None] * smooth(x, rng)
+    wave = smooth_motion(counts[:, None] * [1.0, 0.0], rng) * counts[:, None]
+    bulge = np.where(soft, np.sin(np.pi * inside) ** 2, 0.0)[:, None] * smooth_motion(x, rng)
     return loaded(parts, np.isclose(x[:, 0], 0), wave + bulge)
 
 
@@ -105,7 +105,7 @@ def near_mechanism(level: float, rng: np.random.Generator) -> Loaded:
     fixed = np.isclose(parts.place[:, 0], 0)
     free = summation_operator(x + way, parts.place.mean(axis=0))
     modes = [np.zeros((len(x) * 2 - n, 0)), np.concatenate([np.eye(n)] * 2), free]
-    return loaded(parts, fixed, smooth(parts.place, rng) * parts.place[:, :1], modes=modes)
+    return loaded(parts, fixed, smooth_motion(parts.place, rng) * parts.place[:, :1], modes=modes)
 
 
 @failure(
@@ -114,13 +114,13 @@ def near_mechanism(level: float, rng: np.random.Generator) -> Loaded:
 )  # fmt: skip
 def thin_parts(level: float, rng: np.random.Generator) -> Loaded:
     """Bending costs little beside stretching."""
-    return standing(plates((3, 2), r=2, thin=level), rng)
+    return held_body(plates((3, 2), r=2, thin=level), rng)
 
 
 @failure("partition", "Rigid modes about a far point", "m", (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e7, 1e11))
 def far_origin(level: float, rng: np.random.Generator) -> Loaded:
     """A turn about a far point looks like a translation."""
-    return standing(plates((3, 2)), rng, about=level * np.array([0.8, -0.6]))
+    return held_body(plates((3, 2)), rng, about=level * np.array([0.8, -0.6]))
 
 
 @failure(
@@ -132,7 +132,7 @@ def stiffness_digits(level: float, rng: np.random.Generator) -> Loaded:
     parts = plates((3, 2))
     off = [rng.standard_normal(k.shape) for k in parts.stiffness]
     coarse = [sp.csr_array(k * (1 + level * (e + e.T))) for k, e in zip(parts.stiffness, off, strict=True)]
-    return standing(replace(parts, stiffness=tuple(coarse)), rng, strained=True)
+    return held_body(replace(parts, stiffness=tuple(coarse)), rng, strained=True)
 
 
 @failure(
@@ -141,7 +141,7 @@ def stiffness_digits(level: float, rng: np.random.Generator) -> Loaded:
 )  # fmt: skip
 def loads_that_cancel(level: float, rng: np.random.Generator) -> Loaded:
     """The load is the small difference of large ones."""
-    body = standing(plates((3, 2)), rng)
+    body = held_body(plates((3, 2)), rng)
     glob = [L.indices for L in body.boolean]
     count = np.bincount(np.concatenate(glob))
     shares = np.concatenate([(body.load / count)[g] for g in glob])
@@ -162,4 +162,4 @@ def loads_that_cancel(level: float, rng: np.random.Generator) -> Loaded:
 @failure("partition", "Loose tolerance", "of the gaps", (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1))
 def loose_tolerance(level: float, rng: np.random.Generator) -> Loaded:
     """Conjugate gradients stop before the gaps are closed."""
-    return replace(standing(plates(GRID), rng), tolerance=level)
+    return replace(held_body(plates(GRID), rng), tolerance=level)

@@ -37,7 +37,7 @@ DEFAULT = "cg dirichlet 1e-10"  # what solve_cg does when nothing is said
 Solve = Callable[[], Answer]
 
 
-def solver(name: str, kind: str, build: Callable[[PartsCase], Solve], about: str, **more: Any) -> Contestant:
+def entrant(name: str, kind: str, build: Callable[[PartsCase], Solve], about: str, **more: Any) -> Contestant:
     """One way to solve: build(case) does what every load shares, and gives the solution for the load."""
 
     def prepare(case: PartsCase) -> Solve:
@@ -52,31 +52,35 @@ def solver(name: str, kind: str, build: Callable[[PartsCase], Solve], about: str
     return Contestant(name, prepare, kind, about, **more)
 
 
-def solvers() -> tuple[list[Contestant], list[str]]:
+def entrants() -> tuple[list[Contestant], list[str]]:
     """Ours first, the peers whose library is installed, and the libraries that are not."""
-    found = [solver("direct", "method", direct, "PartitionedSystem.solve, saddle point")]
+    found = [entrant("direct", "method", direct, "PartitionedSystem.solve, saddle point")]
     for line, preconditioner, weights in VARIANTS:
         about = f"solve_cg, {preconditioner}, weights by {weights}"
-        found += line_of(line, "method", partial(projected, preconditioner, weights), about)
+        found += each_tolerance(line, "method", partial(projected, preconditioner, weights), about)
     found += [
-        solver("scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
-        solver("scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
-        *line_of("scipy cg Jacobi", "peer", jacobi, "cg, diagonal preconditioner, assembled"),
-        *line_of("scipy MINRES", "peer", saddle_minres, "minres, saddle point, matrix-free", slow=1e-10),
+        entrant("scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
+        entrant("scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
+        *each_tolerance(
+            "scipy cg Jacobi", "peer", cg_with_diagonal, "cg, diagonal preconditioner, assembled"
+        ),
+        *each_tolerance(
+            "scipy MINRES", "peer", saddle_minres, "minres, saddle point, matrix-free", slow=1e-10
+        ),
     ]
     missing = [] if find_spec("pyamg") else ["PyAMG"]
     if not missing:
         about = "cg, smoothed aggregation that knows the rigid modes, assembled"
-        found += line_of("PyAMG", "peer", multigrid, about)
+        found += each_tolerance("PyAMG", "peer", multigrid, about)
     return found, missing
 
 
-def line_of(
+def each_tolerance(
     line: str, kind: str, build: Callable[[float, PartsCase], Solve], about: str, slow: float = 0.0
 ) -> list[Contestant]:
     """A solver at every tolerance; at those up to `slow` not in the short chart."""
     return [
-        solver(f"{line} {t:.0e}", kind, partial(build, t), f"{about}, {t:.0e}", line=line, slow=t <= slow)
+        entrant(f"{line} {t:.0e}", kind, partial(build, t), f"{about}, {t:.0e}", line=line, slow=t <= slow)
         for t in TOLERANCES
     ]
 
@@ -91,7 +95,7 @@ def direct(case: PartsCase) -> Solve:
     system = system_of(case)
 
     def solve() -> Answer:
-        return told(system.solve(case.load))
+        return answer_of_statics(system.solve(case.load))
 
     return solve
 
@@ -101,26 +105,26 @@ def projected(preconditioner: str, weights: str, tolerance: float, case: PartsCa
     system = system_of(case)
 
     def solve() -> Answer:
-        return told(system.solve_cg(case.load, preconditioner, weights, tolerance, most=MOST))
+        return answer_of_statics(system.solve_cg(case.load, preconditioner, weights, tolerance, most=MOST))
 
     return solve
 
 
-def told(done: Statics) -> Answer:
+def answer_of_statics(done: Statics) -> Answer:
     """What forceid answers."""
     steps = done.iterations.count if done.iterations else None
     claimed = done.error, done.lam_error
     return Answer((done.u, done.lam), claimed, done.verdict.level, done.verdict.reasons, steps=steps)
 
 
-def parted(case: PartsCase, u: Array, iterations: int | None = None) -> Answer:
+def answer_in_parts(case: PartsCase, u: Array, iterations: int | None = None) -> Answer:
     """The answer that assembled displacements (size,) are."""
     return Answer((case.L @ u, case.residual(u)[case.shared]), steps=iterations)
 
 
 def assembled_direct(case: PartsCase) -> Solve:
     """SuperLU as it comes."""
-    return lambda: parted(case, spsolve(sp.csc_array(case.assembled), case.load))
+    return lambda: answer_in_parts(case, spsolve(sp.csc_array(case.assembled), case.load))
 
 
 def symmetric_direct(case: PartsCase) -> Solve:
@@ -128,10 +132,10 @@ def symmetric_direct(case: PartsCase) -> Solve:
     options = {"SymmetricMode": True}
     K = sp.csc_array(case.assembled)
     lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return lambda: parted(case, lu.solve(case.load))
+    return lambda: answer_in_parts(case, lu.solve(case.load))
 
 
-def jacobi(tolerance: float, case: PartsCase) -> Solve:
+def cg_with_diagonal(tolerance: float, case: PartsCase) -> Solve:
     """Conjugate gradients with the diagonal."""
     K, inverse = case.assembled, 1 / case.assembled.diagonal()
     M = LinearOperator(K.shape, matvec=lambda x: inverse * np.ravel(x), dtype=float)
@@ -139,7 +143,7 @@ def jacobi(tolerance: float, case: PartsCase) -> Solve:
     def solve() -> Answer:
         steps: list[None] = []
         u, short = cg(K, case.load, rtol=tolerance, maxiter=MOST, M=M, callback=lambda _: steps.append(None))
-        return parted(case, arrived(u, short), len(steps))
+        return answer_in_parts(case, arrived(u, short), len(steps))
 
     return solve
 
@@ -182,7 +186,7 @@ def multigrid(tolerance: float, case: PartsCase) -> Solve:
         left: list[float] = []
         # the seed of its estimates of spectral radii is numpy's own: iterations may differ by one or two
         u: Any = levels.solve(case.load, tol=tolerance, accel="cg", residuals=left, maxiter=MOST)
-        return parted(case, u, len(left) - 1)
+        return answer_in_parts(case, u, len(left) - 1)
 
     return solve
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant, at_once
-from evidence.subjects.affine.problem import relative
+from evidence.subjects.affine.problem import relative_error
 from evidence.subjects.parts.bodies import Loaded
 from forceid.partition.statics import Statics
 
@@ -68,4 +68,4 @@ def solver(way: Way, solve: Callable[[Loaded, Way], Statics] = solved) -> Contes
 def errors(body: Loaded, answer: Answer) -> tuple[float, float]:
     """Errors of lambda and of u, relative to their length; one part has no forces between parts."""
     lam, u = answer.found
-    return relative(lam, body.lam) if len(body.lam) else 0.0, relative(u, body.u)
+    return relative_error(lam, body.lam) if len(body.lam) else 0.0, relative_error(u, body.u)

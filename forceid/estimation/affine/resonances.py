@@ -41,7 +41,9 @@ def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]
         apart = float(p.w[1] - p.w[0])
         size = np.sqrt(np.maximum(p.total[k] - p.noise[k], 1e-3 * p.noise[k]) * apart / np.pi)
         w, b = (a.ravel() for a in np.meshgrid(p.w[k] + ASIDE * apart, WIDTHS * apart / (2 * np.pi)))
-        each = tried(kernel, seen, found, w[:, None], b[:, None], SIZES[:, None, None] * size, engine)
+        each = likely_with_line(
+            kernel, seen, found, w[:, None], b[:, None], SIZES[:, None, None] * size, engine
+        )
         gained = np.maximum(each.max(0) - value, 0.0)  # (line, axis)
         best = int(gained.sum(1).argmax())
         if gained[best].sum() < price:
@@ -51,7 +53,7 @@ def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]
     return found
 
 
-def tried(
+def likely_with_line(
     kernel: Kernel, seen: Axes, found: tuple[Swing, ...], w: Array, b: Array, std: Array, engine: Engine
 ) -> Array:
     """Log-likelihoods (size, line, axis) with one more line at w of bandwidth b and std, which broadcast."""

@@ -11,7 +11,7 @@ from evidence.chart.subjects import CHARTED
 @pytest.fixture
 def charting(monkeypatch):
     """Called with a subject, who takes part in it and what is not installed, gives who has answered."""
-    asked, answered = [], chart.answered
+    asked, answered = [], chart.scored_answer
 
     def counted(subject, c, *rest):
         asked.append(c.name)
@@ -22,6 +22,6 @@ def charting(monkeypatch):
         monkeypatch.setitem(CHARTED, name, taken)
         return asked
 
-    monkeypatch.setattr(chart, "answered", counted)
+    monkeypatch.setattr(chart, "scored_answer", counted)
     monkeypatch.setattr(chart, "version", lambda *modules, **folders: "as it is")
     return few

@@ -8,12 +8,12 @@ import pytest
 from evidence.chart import run as chart
 from evidence.chart.figures import draw_case
 from evidence.chart.front import points_of
-from evidence.chart.page import fastest, of_case, overview, sentences
-from evidence.chart.run import row
+from evidence.chart.page import of_case, overview, quickest, sentences
+from evidence.chart.run import chart_row
 from evidence.chart.subjects import CHARTED
 from evidence.subject import Answer
 from evidence.subjects.affine import cases as affine_cases
-from evidence.subjects.affine.cases import made
+from evidence.subjects.affine.cases import case_called
 from evidence.subjects.affine.chart import AFFINE, errors, facts
 from evidence.subjects.affine.ways import ways
 from forceid.cli.app import main
@@ -37,7 +37,7 @@ def error(case, way):
 
 @pytest.mark.long
 def test_polar_keeps_its_digits_where_an_svd_loses_them():
-    case = made("polar_1e6")
+    case = case_called("polar_1e6")
     off = {
         name: error(case, by_name(case, name))["rotation"]
         for name in ("polar", "numpy svd", "scipy.linalg.polar", "numpy Newton")
@@ -55,25 +55,25 @@ def test_polar_keeps_its_digits_where_an_svd_loses_them():
     ],
 )  # fmt: skip
 def test_ours_and_peers_arrive_at_the_same_motion(name, way, below):
-    case = made(name)
+    case = case_called(name)
     found = error(case, by_name(case, way))
     assert found["F"] < below
     assert found["F'"] < 4 * below
 
 
 def test_time_of_who_follows_a_part_of_the_bodies_is_that_of_all():
-    case = made("ball")
+    case = case_called("ball")
     way = next(w for w in ways("bodies") if w.kind == "peer")
     assert way.whole == 50
     one = {"error": dict.fromkeys(case.quantities, 1e-3), "seconds": 0.1, "peak_MB": None, "again": None}
     one |= {"verdict": "", "reasons": [], "chosen": "", "iterations": None}
-    found = row(AFFINE, facts([case], []), way, [one], [0.2], [])
+    found = chart_row(AFFINE, facts([case], []), way, [one], [0.2], [])
     assert found["seconds"] == pytest.approx(10.0)
     assert found["part"]
 
 
 def test_what_ends_early_is_no_answer():
-    case = made("ball")
+    case = case_called("ball")
     with pytest.raises(EstimationError, match="does not get to the end"):
         errors(case, Answer(tuple(x[:-1] for x in case.truth)))
     assert errors(case, Answer(case.truth)) == {"F": 0.0, "F'": 0.0}
@@ -97,7 +97,7 @@ def point(name, kind, seconds, error):
 def test_the_fastest_to_an_error_are_compared():
     case = case_of(point("verlet 0.1", "method", 0.01, 1e-4), point("scipy 1e-3", "peer", 0.5, 1e-5))
     assert "verlet 0.1 (1.0e-04, 10 ms) | scipy 1e-3 (1.0e-05, 500 ms) | 50 |" in overview(AFFINE, [case])
-    assert fastest(points_of(case, "F"), 1e-9) is None
+    assert quickest(points_of(case, "F"), 1e-9) is None
     assert "No peer is faster" not in sentences(AFFINE, case)[0] or "verlet" in sentences(AFFINE, case)[0]
 
 

@@ -13,7 +13,7 @@ from evidence.chart.subjects import CHARTED
 from evidence.journal import Journal, code_hash, key, sources_in
 from evidence.subject import Answer
 from evidence.subjects.flights.cases import case_of
-from evidence.subjects.flights.chart import ALIKE, FLIGHTS, score
+from evidence.subjects.flights.chart import ALIKE, FLIGHTS, scored_by_axis
 from evidence.subjects.flights.methods import halves
 
 OURS = Point("smoother", 1e-3, 1.0, True, False)
@@ -139,7 +139,8 @@ def test_an_honest_claim_covers_and_a_bold_one_does_not():
     case = case_of("s", spinning(6, 800), False)
     error = np.random.default_rng(0).standard_normal((800, 6))
     honest, bold = (
-        score(case, Answer(halves(case.wrench + error), halves(np.full((800, 6), s)))) for s in (1.0, 0.1)
+        scored_by_axis(case, Answer(halves(case.wrench + error), halves(np.full((800, 6), s))))
+        for s in (1.0, 0.1)
     )
     assert np.abs(np.array(honest["inside"]) - 0.95).max() < 0.04
     assert max(bold["inside"]) < 0.15
@@ -151,8 +152,8 @@ def test_only_the_central_three_quarters_are_judged():
     wrench = case.wrench.copy()
     wrench[:10] += 1e3
     wrench[-10:] += 1e3
-    assert max(score(case, Answer(halves(wrench)))["error"]) == 0.0
-    assert np.isnan(score(case, Answer(halves(wrench)))["inside"]).all()
+    assert max(scored_by_axis(case, Answer(halves(wrench)))["error"]) == 0.0
+    assert np.isnan(scored_by_axis(case, Answer(halves(wrench)))["inside"]).all()
 
 
 def test_a_label_goes_where_nothing_is():

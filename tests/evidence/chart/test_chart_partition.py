@@ -15,7 +15,7 @@ from evidence.subjects.flights.cases import sources
 from evidence.subjects.parts import solvers as parts_solvers
 from evidence.subjects.parts.cases import GRIDS, Grid, manufactured
 from evidence.subjects.parts.chart import PARTS, QUANTITIES, RESOLVED, errors
-from evidence.subjects.parts.solvers import DEFAULT, solvers
+from evidence.subjects.parts.solvers import DEFAULT, entrants
 from forceid.cli.app import main
 from forceid.errors import ConfigError
 
@@ -57,7 +57,7 @@ def test_gaps_between_parts_are_errors():
     assert errors(case, Answer((case.L @ case.u, case.lam))) == {"displacement": 0.0, "interface force": 0.0}
 
 
-@pytest.mark.parametrize("c", [c for c in solvers()[0] if "1e-04" not in c.name], ids=lambda c: c.name)
+@pytest.mark.parametrize("c", [c for c in entrants()[0] if "1e-04" not in c.name], ids=lambda c: c.name)
 def test_every_solver_answers_the_manufactured_body(c):
     case = manufactured("plate", SMALL["plate"])
     off = errors(case, c.prepare(case)())
@@ -127,7 +127,7 @@ def test_an_answer_that_is_worth_nothing_is_in_the_table_and_not_in_the_picture(
 def few(monkeypatch, charting):
     """One small body and three solvers without PyAMG; the solvers that were asked."""
     monkeypatch.setitem(GRIDS, "plate_16", SMALL["plate"])
-    found = [c for c in solvers()[0] if c.name in ("direct", DEFAULT, "scipy splu")]
+    found = [c for c in entrants()[0] if c.name in ("direct", DEFAULT, "scipy splu")]
     return charting("parts", found, ["PyAMG"])
 
 
@@ -149,7 +149,7 @@ def test_a_body_is_charted_without_recordings(few, tmp_path, capsys):
 
 def test_a_chart_of_a_body_goes_on_where_it_was_interrupted(few, tmp_path, monkeypatch):
     command = ["chart", "plate_16", "-o", str(tmp_path), "--short"]
-    done = chart.answered
+    done = chart.scored_answer
 
     def interrupted(subject, c, *rest):
         if c.name == "scipy splu":
@@ -157,7 +157,7 @@ def test_a_chart_of_a_body_goes_on_where_it_was_interrupted(few, tmp_path, monke
         return done(subject, c, *rest)
 
     with monkeypatch.context() as patch:
-        patch.setattr(chart, "answered", interrupted)
+        patch.setattr(chart, "scored_answer", interrupted)
         assert main(command) == 130
     assert few == ["direct", DEFAULT]
     assert main(command) == 0
@@ -175,7 +175,7 @@ def test_rounds_of_timing_are_paired_with_the_default(few, tmp_path):
 
 def test_without_multigrid_the_others_still_take_part(monkeypatch):
     monkeypatch.setattr(parts_solvers, "find_spec", lambda name: None)
-    found, missing = solvers()
+    found, missing = entrants()
     assert missing == ["PyAMG"]
     assert {"direct", DEFAULT, "scipy spsolve"} <= {c.name for c in found}
 

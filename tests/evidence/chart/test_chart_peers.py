@@ -9,12 +9,12 @@ from spinning_body import spinning
 from evidence.subjects.flights.cases import LOADS, case_of
 from evidence.subjects.flights.peers.differentiators import (
     butterworth,
-    gradient,
+    numpy_gradient,
     quintic_spline,
     savgol,
     smoothing_spline,
 )
-from evidence.subjects.flights.peers.entrants import answer_of, best_choices, fixed, told
+from evidence.subjects.flights.peers.entrants import answer_of, best_choices, blind_peer, informed_peer
 from evidence.subjects.flights.peers.expert import paths_of
 from evidence.subjects.flights.peers.kalman import filterpy_rts, likeliest_rate
 
@@ -32,7 +32,7 @@ def test_a_low_pass_finds_slow_loads(second):
 @pytest.mark.parametrize(
     ("second", "settings"),
     [
-        (gradient, {}),
+        (numpy_gradient, {}),
         (savgol, {"cut": 20.0}),
         (butterworth, {"cut": 20.0}),
         (smoothing_spline, {"stiffness": 1e-12}),
@@ -62,11 +62,11 @@ def test_sums_over_masses_and_a_rigid_fit_agree_on_a_rigid_body():
 def test_an_oracle_is_never_worse_than_a_setting_it_may_choose():
     case = case_of("spinning", spinning(6, 300), False)
     cuts = (3.0, 8.0, 15.0, 30.0)
-    best = told("x", savgol, "", "cut", cuts)
+    best = informed_peer("x", savgol, "", "cut", cuts)
     assert best.told
     oracle = np.hstack(best.prepare(case)().found)
     for cut in cuts:
-        other = np.hstack(fixed("y", savgol, "", cut=cut).prepare(case)().found)
+        other = np.hstack(blind_peer("y", savgol, "", cut=cut).prepare(case)().found)
         for part in LOADS.values():
             assert rms(oracle, case, part) <= rms(other, case, part) * (1 + 1e-9)
 

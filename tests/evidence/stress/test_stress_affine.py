@@ -12,17 +12,17 @@ from evidence.stress.failure import Failure
 from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
-from evidence.stress.run import Job, key_of, maps_of, trial_of
+from evidence.stress.run import StressJob, key_of, maps_of, trial_of
 from evidence.stress.subjects import AFFINE, AFFINE_LOADS, default_of, subject_of
 from evidence.stress.trial import UNKNOWN, attempt, tried
 from evidence.subject import Answer, at_once
 from evidence.subjects.affine import failures as fa
 from evidence.subjects.affine import failures_loads as fl
 from evidence.subjects.affine import trial as affine_trial
-from evidence.subjects.affine.bodies import EYE, Throw, followed, hat, natural, sprung
+from evidence.subjects.affine.bodies import EYE, Throw, followed, hat, natural_constants, sprung
 from evidence.subjects.affine.contestants import path_signs, polar_factor
 from evidence.subjects.affine.exact_polar import exact_polar
-from evidence.subjects.affine.problem import Problem
+from evidence.subjects.affine.problem import AffineProblem
 from evidence.subjects.affine.trial import takers
 from forceid.cli.app import main
 from forceid.cli.output import finite_or_none
@@ -95,7 +95,7 @@ def test_motion_on_springs_is_what_the_integrated_equation_gives():
 
 
 def test_forces_written_down_for_the_truth_are_the_slope_of_the_energy():
-    a, b, c, d = natural(0.6, 0.25, 0.4)
+    a, b, c, d = natural_constants(0.6, 0.25, 0.4)
     throw = Throw(EYE, (a, b, c, d), EYE, EYE, np.array([0.0]))
     F = EYE + 0.2 * rng().standard_normal((3, 3))
 
@@ -150,7 +150,11 @@ def test_an_estimate_is_green_on_a_healthy_affine_body():
 
 
 def test_affine_code_counts_for_affine_bodies_and_not_for_flights(monkeypatch):
-    jobs = [Job("mass", 0.0, 1, True), Job("needle", 1.0, 1, True), Job("few_affine_markers", 8, 1, True)]
+    jobs = [
+        StressJob("mass", 0.0, 1, True),
+        StressJob("needle", 1.0, 1, True),
+        StressJob("few_affine_markers", 8, 1, True),
+    ]
     before = [key_of(job) for job in jobs]
     code = stress.code_hash
 
@@ -178,7 +182,7 @@ def test_every_affine_failure_runs_from_healthy_to_hopeless_and_knows_who_meets_
 
 def test_pictures_and_page_of_affine_bodies_name_what_each_is_judged_by():
     chosen = failures_named(["needle", "collapse"])
-    records = [stress.do(Job(f.name, f.levels[k], 1, True)) for f in chosen for k in (0, 2, 4)]
+    records = [stress.do(StressJob(f.name, f.levels[k], 1, True)) for f in chosen for k in (0, 2, 4)]
     maps = maps_of([finite_or_none(r) for r in records], chosen, short=True)
     title = draw_map(maps[0]).axes[0].get_title(loc="left")
     assert title.endswith("error over claim, the worse of motion and rate")
@@ -199,7 +203,7 @@ def test_the_command_maps_affine_bodies(tmp_path, capsys):
 
 def test_a_problem_of_its_own_kind_is_met_by_a_contestant_of_its_own(monkeypatch):
     own = Failure(
-        "own", "affine", "Own", "", (1.0,), "", lambda level, rng: Problem(0, EYE, EYE, (1e-9, 1e-9))
+        "own", "affine", "Own", "", (1.0,), "", lambda level, rng: AffineProblem(0, EYE, EYE, (1e-9, 1e-9))
     )
     monkeypatch.setitem(affine_trial.MEETS, "own", (at_once("same", lambda p: Answer((p.motion, p.rate))),))
     found = attempt(AFFINE, own, 1.0, 1, takers(own))["trials"]["same"]

@@ -12,7 +12,7 @@ from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
 from evidence.stress.run import (
-    Job,
+    StressJob,
     as_plain,
     do,
     finished,
@@ -32,7 +32,7 @@ from forceid.cli.app import main
 from forceid.cli.output import finite_or_none, to_json
 from forceid.estimation.run import estimate_recording
 
-JOBS = [Job("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
+JOBS = [StressJob("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
 
 
 def healthy(level, rng):

@@ -11,7 +11,7 @@ from evidence.stress.cell import judge_cell
 from evidence.stress.failure_table import failures_named
 from evidence.stress.figures import draw_map, draw_overview
 from evidence.stress.page import page_of
-from evidence.stress.run import Job, key_of, maps_of, trial_of
+from evidence.stress.run import StressJob, key_of, maps_of, trial_of
 from evidence.stress.subjects import FLIGHTS, PARTS, default_of, subject_of
 from evidence.stress.trial import attempt
 from evidence.subjects.parts import failures as fp
@@ -126,7 +126,7 @@ def test_loads_on_stiff_strips_are_as_much_larger_unless_they_are_said_to_be_ali
 
 
 def test_the_code_of_partitions_counts_for_bodies_in_parts_and_for_nothing_else(monkeypatch):
-    jobs = [Job("mass", 0.0, 1, True), Job("wedge_parts", 2, 1, True)]
+    jobs = [StressJob("mass", 0.0, 1, True), StressJob("wedge_parts", 2, 1, True)]
     before = [key_of(job) for job in jobs]
     code = stress.code_hash
 
@@ -153,7 +153,7 @@ def test_the_group_of_bodies_in_parts_is_met_by_solvers_and_every_other_by_estim
 
 def test_pictures_and_page_of_both_kinds_name_what_each_is_judged_by():
     chosen = failures_named(["mass", "wedge_parts"])
-    records = [stress.do(Job("wedge_parts", level, 1, True)) for level in (2, 4, 8)]
+    records = [stress.do(StressJob("wedge_parts", level, 1, True)) for level in (2, 4, 8)]
     records += [
         {**r, "failure": "mass", "level": level, "trials": {"smoother": r["trials"][DEFAULT.name]}}
         for r, level in zip(records, (0, 3e-3, 0.03), strict=True)

@@ -76,7 +76,7 @@ def correlated(shape: tuple[int, ...], kept: float, rng: np.random.Generator) ->
 def smoothed_before(level: float, rng: np.random.Generator) -> Faulty:
     """Smoothing at the source takes the noise away that tells what is not known."""
     case = measured(Setup(frames=360), rng)
-    return inner(case.with_position(low_passed(tracks(case), level, case.flight.setup.rate)))
+    return without_ends(case.with_position(butterworth_tracks(tracks(case), level, case.flight.setup.rate)))
 
 
 @failure("noise", "Smoothed before, noise not stated", "Hz", (100, 70, 50, 30, 20, 12, 8, 5))
@@ -85,7 +85,7 @@ def smoothed_unstated(level: float, rng: np.random.Generator) -> Faulty:
     return smoothed_before(level, rng).with_stated()
 
 
-def low_passed(x: Array, cut: float, rate: float) -> Array:
+def butterworth_tracks(x: Array, cut: float, rate: float) -> Array:
     """Tracks through a Butterworth filter of order four, both ways."""
     from scipy.signal import butter, sosfiltfilt
 
@@ -94,7 +94,7 @@ def low_passed(x: Array, cut: float, rate: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, cut, fs=rate, output="sos"), x, axis=0))
 
 
-def inner(case: Faulty, edge: int = 60) -> Faulty:
+def without_ends(case: Faulty, edge: int = 60) -> Faulty:
     """The case without its ends, where a filter rings."""
     keep = slice(edge, len(case.seen) - edge)
     f, r = case.flight, case.recording

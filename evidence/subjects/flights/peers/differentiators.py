@@ -11,7 +11,7 @@ from forceid.records import Array
 ORDER = 4  # of the polynomial of Savitzky and Golay
 
 
-def gradient(z: Array, step: float) -> Array:
+def numpy_gradient(z: Array, step: float) -> Array:
     """numpy.gradient, twice."""
     return np.asarray(np.gradient(np.gradient(z, step, axis=0), step, axis=0))
 
@@ -27,7 +27,7 @@ def butterworth(z: Array, step: float, cut: float) -> Array:
     """A Butterworth filter of second order, forth and back, then differences."""
     sos = butter(2, min(cut, 0.45 / step), fs=1 / step, output="sos")
     pad = min(len(z) - 1, int(np.ceil(1 / (cut * step))))
-    return gradient(sosfiltfilt(sos, z - z[0], axis=0, padlen=pad), step)
+    return numpy_gradient(sosfiltfilt(sos, z - z[0], axis=0, padlen=pad), step)
 
 
 def quintic_spline(z: Array, step: float, noise: float) -> Array:

@@ -33,30 +33,38 @@ Second = Callable[..., Any]
 def peers() -> tuple[list[Contestant], list[str]]:
     """Contestants whose library is installed, and the names of the libraries that are not."""
     found = [
-        fixed("numpy gradient", scipy_ways.gradient, "numpy.gradient twice"),
-        fixed("scipy savgol", scipy_ways.savgol, f"savgol_filter, order 4, {CUT:g} Hz", cut=CUT),
-        told("scipy savgol", scipy_ways.savgol, "the same, window chosen on the truth", "cut", CUTS),
-        fixed("Butterworth", scipy_ways.butterworth, f"sosfiltfilt at {CUT:g} Hz, then gradient", cut=CUT),
-        told("Butterworth", scipy_ways.butterworth, "the same, cut chosen on the truth", "cut", CUTS),
-        fixed("scipy quintic spline", scipy_ways.quintic_spline, "UnivariateSpline, noise known", noise=1.0),
-        fixed("scipy GCV spline", scipy_ways.smoothing_spline, "make_smoothing_spline"),
+        blind_peer("numpy gradient", scipy_ways.numpy_gradient, "numpy.gradient twice"),
+        blind_peer("scipy savgol", scipy_ways.savgol, f"savgol_filter, order 4, {CUT:g} Hz", cut=CUT),
+        informed_peer("scipy savgol", scipy_ways.savgol, "the same, window chosen on the truth", "cut", CUTS),
+        blind_peer(
+            "Butterworth", scipy_ways.butterworth, f"sosfiltfilt at {CUT:g} Hz, then gradient", cut=CUT
+        ),
+        informed_peer(
+            "Butterworth", scipy_ways.butterworth, "the same, cut chosen on the truth", "cut", CUTS
+        ),
+        blind_peer(
+            "scipy quintic spline", scipy_ways.quintic_spline, "UnivariateSpline, noise known", noise=1.0
+        ),
+        blind_peer("scipy GCV spline", scipy_ways.smoothing_spline, "make_smoothing_spline"),
     ]
     missing = [name for name, module in LIBRARIES.items() if find_spec(module) is None]
     if "filterpy" not in missing:
         rts = kalman_peers.filterpy_rts
         found += [
-            fixed("filterpy RTS", rts, "rts_smoother, random-walk acceleration, q by likelihood"),
-            told("filterpy RTS", rts, "the same, q chosen on the truth", "rate", FEW_CUTS, slow=True),
+            blind_peer("filterpy RTS", rts, "rts_smoother, random-walk acceleration, q by likelihood"),
+            informed_peer(
+                "filterpy RTS", rts, "the same, q chosen on the truth", "rate", FEW_CUTS, slow=True
+            ),
         ]
     if "statsmodels" not in missing:
         about = "MLEModel, random-walk acceleration, q and noise by likelihood"
-        found.append(fixed("statsmodels", kalman_peers.statsmodels_fit, about))
+        found.append(blind_peer("statsmodels", kalman_peers.statsmodels_fit, about))
     if "PyNumDiff" not in missing:
-        found += pynumdiff()
+        found += pynumdiff_entrants()
     return found, missing
 
 
-def pynumdiff() -> list[Contestant]:
+def pynumdiff_entrants() -> list[Contestant]:
     """Three methods of PyNumDiff at a cut, and the best of them told the truth."""
 
     def savgol(z: Array, step: float, cut: float) -> Array:
@@ -74,14 +82,16 @@ def pynumdiff() -> list[Contestant]:
         return kalman_peers.pynumdiff_twice(z, step, "rtsdiff", order=2, log_qr_ratio=ratio)
 
     return [
-        fixed("PyNumDiff savgol", savgol, f"savgoldiff twice, {CUT:g} Hz", cut=CUT),
-        fixed("PyNumDiff Butterworth", butter, f"butterdiff twice, {CUT:g} Hz", cut=CUT),
-        fixed("PyNumDiff RTS", rts, f"rtsdiff twice, order 2, {CUT:g} Hz", cut=CUT),
-        told("PyNumDiff RTS", rts, "the same, ratio chosen on the truth", "cut", FEW_CUTS, slow=True),
+        blind_peer("PyNumDiff savgol", savgol, f"savgoldiff twice, {CUT:g} Hz", cut=CUT),
+        blind_peer("PyNumDiff Butterworth", butter, f"butterdiff twice, {CUT:g} Hz", cut=CUT),
+        blind_peer("PyNumDiff RTS", rts, f"rtsdiff twice, order 2, {CUT:g} Hz", cut=CUT),
+        informed_peer(
+            "PyNumDiff RTS", rts, "the same, ratio chosen on the truth", "cut", FEW_CUTS, slow=True
+        ),
     ]
 
 
-def solved(case: Case, second: Second, by_mass: bool | None, settings: dict[str, Any]) -> Answer:
+def answer_from_markers(case: Case, second: Second, by_mass: bool | None, settings: dict[str, Any]) -> Answer:
     """From raw markers to the answer."""
     paths = paths_of(case.blind, by_mass)
     return answer_of(paths, second(paths.z, paths.step, **settings))
@@ -96,16 +106,16 @@ def answer_of(paths: Paths, found: Any) -> Answer:
     return Answer(halves(wrench), None if std is None else halves(std))
 
 
-def fixed(name: str, second: Second, about: str, **settings: Any) -> Contestant:
+def blind_peer(name: str, second: Second, about: str, **settings: Any) -> Contestant:
     """A peer that is told nothing."""
 
     def prepare(case: Case) -> Callable[[], Answer]:
-        return lambda: solved(case, second, None, settings)
+        return lambda: answer_from_markers(case, second, None, settings)
 
     return Contestant(name, prepare, "peer", about, key=f"{about} {settings}")
 
 
-def told(
+def informed_peer(
     name: str, second: Second, about: str, over: str, values: tuple[float, ...], slow: bool = False
 ) -> Contestant:
     """A peer that chooses its route and one number on the truth, for force and for moment apart.

@@ -58,7 +58,7 @@ def paths_of(recording: Recording, by_mass: bool | None = None) -> Paths:
     DataError: nothing but sensors was measured.
     """
     body, motion = recording.body, recording.motion
-    mass, at, J = inertia(body)
+    mass, at, J = rigid_inertia(body)
     time, masses = motion.time, body.mass
     if motion.position is None:
         if motion.center is None:
@@ -66,7 +66,7 @@ def paths_of(recording: Recording, by_mass: bool | None = None) -> Paths:
         center, rotation = motion.center, None
         if motion.orientation is not None:
             rotation = Rotation.from_quat(motion.orientation).as_matrix()
-        return clocked(recording, time, center, momentum(time, rotation, J), mass)
+        return clocked(recording, time, center, momentum_between_frames(time, rotation, J), mass)
     seen = np.asarray(np.isfinite(motion.position).all(2))
     frames = seen.sum(1) >= min(3, seen.shape[1])
     time, x, seen = time[frames], motion.position[frames], seen[frames]
@@ -78,16 +78,16 @@ def paths_of(recording: Recording, by_mass: bool | None = None) -> Paths:
     if seen.shape[1] < 3:
         return clocked(recording, time, x[:, 0] - X[0], None, mass)
     if by_mass is not True:
-        center, rotation, residual = kabsch(x, X, seen)
+        center, rotation, residual = rigid_fit(x, X, seen)
         noise = motion.noise_std.get("position", np.inf)
         if by_mass is False or not whole or residual <= BENDS * noise:
-            return clocked(recording, time, center, momentum(time, rotation, J), mass)
+            return clocked(recording, time, center, momentum_between_frames(time, rotation, J), mass)
     assert masses is not None
     center, H = by_masses(time, x[:, masses > 0], masses[masses > 0])
     return clocked(recording, time, center, H, mass)
 
 
-def inertia(body: Body) -> tuple[float, Array, Array]:
+def rigid_inertia(body: Body) -> tuple[float, Array, Array]:
     """Mass, its center (3,) and the inertia tensor (3, 3) about it."""
     if body.mass is not None and body.position is not None:
         total = float(body.mass.sum())
@@ -100,7 +100,7 @@ def inertia(body: Body) -> tuple[float, Array, Array]:
     return body.total_mass, at, np.full((3, 3), np.nan) if body.inertia is None else body.inertia
 
 
-def kabsch(x: Array, X: Array, seen: Array) -> tuple[Array, Array, float]:
+def rigid_fit(x: Array, X: Array, seen: Array) -> tuple[Array, Array, float]:
     """Center (frame, 3), rotation (frame, 3, 3) and rms residual of a rigid fit to x (frame, node, 3)."""
     w = seen.astype(float)
     x = np.where(seen[..., None], x, 0.0)
@@ -115,7 +115,7 @@ def kabsch(x: Array, X: Array, seen: Array) -> tuple[Array, Array, float]:
     return center, R, float(np.sqrt((residual**2).sum() / max(3 * w.sum() - 6 * len(w), 1)))
 
 
-def momentum(time: Array, rotation: Array | None, J: Array) -> Array | None:
+def momentum_between_frames(time: Array, rotation: Array | None, J: Array) -> Array | None:
     """Angular momentum (frame - 1, 3) midway between frames, by the turn from one to the next."""
     if rotation is None or not np.isfinite(J).all():
         return None
