@@ -17,7 +17,7 @@ _HOMES = {
     "Progress": "forceid.estimation.long.windows",
     "unwatched": "forceid.estimation.long.windows",
     "listed": "forceid.estimation.joints.null_space",
-    "open_components": "forceid.estimation.joints.null_space",
+    "undetermined_components": "forceid.estimation.joints.null_space",
     "trading_joints": "forceid.estimation.joints.null_space",
 }
 __all__ = [*_HOMES]
@@ -25,8 +25,8 @@ __all__ = [*_HOMES]
 if TYPE_CHECKING:
     from forceid.estimation.inspection import inspect_recording as inspect_recording
     from forceid.estimation.joints.null_space import listed as listed
-    from forceid.estimation.joints.null_space import open_components as open_components
     from forceid.estimation.joints.null_space import trading_joints as trading_joints
+    from forceid.estimation.joints.null_space import undetermined_components as undetermined_components
     from forceid.estimation.long.out_of_core import estimate_source as estimate_source
     from forceid.estimation.long.out_of_core import read_recording as read_recording
     from forceid.estimation.long.windows import Progress as Progress

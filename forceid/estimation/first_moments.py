@@ -55,8 +55,8 @@ def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) ->
     """What to say where the markers of a frame hardly show F, so that nothing stands out of their noise."""
     x, noise = recording.body.position, solution.kinematics.noise["position"]
     assert x is not None
-    shown = 3 if loads.span is None else loads.span.shape[1]  # directions in which F is looked at
-    off = noise / float(np.linalg.svd(x - x.mean(0), compute_uv=False)[shown - 1])
+    observed = 3 if loads.span is None else loads.span.shape[1]  # directions in which F is looked at
+    off = noise / float(np.linalg.svd(x - x.mean(0), compute_uv=False)[observed - 1])
     if off < UNCLEAR:
         return ()
     return (note("stretch-in-noise", stretch=off, noise_m=noise),)

@@ -21,7 +21,7 @@ from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
-from forceid.flight.modes import FlyingModes, bent, gauged
+from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.motion.free_turn import SHOWN_TURN, SUBSTEP
@@ -215,8 +215,8 @@ def linear_flight(
         model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
         z = np.where(whole, np.concatenate([frames.center, theta, frames.observed], 1), np.nan)
-        if (gauges := flight.modes.gauges) is not None:
-            model, z = gauged(model, gauges, N), np.concatenate([z, gauges.reading], 1)
+        if (strain := flight.modes.gauges) is not None:
+            model, z = with_strain_channels(model, strain, N), np.concatenate([z, strain.reading], 1)
     if flight.sensors is None:
         return model, z
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force

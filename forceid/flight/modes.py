@@ -24,7 +24,7 @@ from forceid.records import Array
 
 
 @dataclass(frozen=True)
-class Gauges:
+class StrainGauges:
     """Strain gauges: reading (time, gauge) = rows q + bias + noise, NaN where not sampled.
 
     rows (gauge, mode) 1/m; noise_cov (gauge, gauge) of white noise; bias_std (gauge,) of the bias before
@@ -50,7 +50,7 @@ class FlyingModes:
     prior: Vibration
     products: Products
     path: Array
-    gauges: Gauges | None = None
+    gauges: StrainGauges | None = None
     mounting: tuple[Array, Array] | None = None
 
     @property
@@ -135,7 +135,7 @@ def mode_impulses(
     return at_start, at_end
 
 
-def gauged(model: StateSpace, gauges: Gauges, first: int) -> StateSpace:
+def with_strain_channels(model: StateSpace, gauges: StrainGauges, first: int) -> StateSpace:
     """A model with the channels of gauges below its own, and their biases behind its states.
 
     first: state of the first amplitude.

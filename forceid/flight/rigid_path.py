@@ -60,8 +60,8 @@ class StepClasses:
 
 def classify_steps(time: Array) -> tuple[Array, Indices]:
     """Times (kind + 1,) between which each kind of step is once, and the kind of each step."""
-    kinds, which = np.unique(np.round(np.diff(time), 12), return_inverse=True)
-    return np.concatenate([[0.0], np.cumsum(kinds)]), which
+    classes, which = np.unique(np.round(np.diff(time), 12), return_inverse=True)
+    return np.concatenate([[0.0], np.cumsum(classes)]), which
 
 
 def step_classes(
@@ -110,28 +110,28 @@ def load_over_step(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
     return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
 
 
-def loads_of(kinds: StepClasses, x: Array, first: int = 0) -> list[Array]:
+def loads_of(classes: StepClasses, x: Array, first: int = 0) -> list[Array]:
     """Momentum, force, angular momentum, moment and its rate (time, 3), from `first` on, of states x."""
-    return [x @ columns for columns in kinds.loads[first:]]
+    return [x @ columns for columns in classes.loads[first:]]
 
 
-def pushed_by(kinds: StepClasses, x: Array) -> list[Array]:
+def pushed_by(classes: StepClasses, x: Array) -> list[Array]:
     """The moment and its rate (time, 3) over the step that each sample begins; no step begins at the last."""
-    which = np.append(kinds.which, 0)
-    if len(kinds.F) == 1:
-        return [x @ columns[0] for columns in kinds.pushed]
-    return [np.einsum("ts,tsa->ta", x, columns[which]) for columns in kinds.pushed]
+    which = np.append(classes.which, 0)
+    if len(classes.F) == 1:
+        return [x @ columns[0] for columns in classes.pushed]
+    return [np.einsum("ts,tsa->ta", x, columns[which]) for columns in classes.pushed]
 
 
-def linearized_about(kinds: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+def linearized_about(classes: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
     """The whole flight about a reference, where `rows` are those of theta."""
-    k = kinds
+    k = classes
     return TurningModel(k.F, k.Q, k.u, k.which, *rows, k.theta, k.H, pose_cov, k.x0, k.P0, k.read)
 
 
-def rotation_alone(kinds: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
+def rotation_alone(classes: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
     """The rotation by itself, as if its errors had nothing to do with those of the mass center."""
-    k, s = kinds, slice(kinds.theta, None)
+    k, s = classes, slice(classes.theta, None)
     R = np.ascontiguousarray(pose_cov[:, 3:, 3:])
     return TurningModel(
         k.F[:, s, s],
@@ -164,7 +164,7 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
 
 
 def settled_in_batches(
-    flight: Flight, kinds: StepClasses, force: LoadPrior, moment: LoadPrior,
+    flight: Flight, classes: StepClasses, force: LoadPrior, moment: LoadPrior,
     trajectory_of: Callable[[Array, Array, Array, Array], ReferenceTrajectory], causal: bool,
 ) -> tuple[Path, Array, Array] | None:  # fmt: skip
     """The flight about a reference where it comes to rest: path, and rotations and moment chain of that.
@@ -172,22 +172,22 @@ def settled_in_batches(
     trajectory_of: the flight about a rotation, momentum, moment and its rate. None where only the passes of
     an engine will do.
     """
-    t, time, center = kinds.theta, flight.time, flight.center
+    t, time, center = classes.theta, flight.time, flight.center
     if compiled is None or len(time) < WORTH_LANES or (first := by_frames(flight, moment)) is None:
         return None
     R, last = first[0], np.inf
-    guess = np.zeros((len(R), len(kinds.x0)))  # where a lane may begin; from theta on the reference
+    guess = np.zeros((len(R), len(classes.x0)))  # where a lane may begin; from theta on the reference
     guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
     guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
     for alone in (True, *[False] * ITERATIONS):
         chain = guess[:, t:].copy()
-        parts = trajectory_of(R, guess @ kinds.loads[2], *pushed_by(kinds, guess)).parts
-        rows = compiled.rotation_rows(*parts, *moment_block(kinds), kinds.which, moment.axes, chain)
+        parts = trajectory_of(R, guess @ classes.loads[2], *pushed_by(classes, guess)).parts
+        rows = compiled.rotation_rows(*parts, *moment_block(classes), classes.which, moment.axes, chain)
         theta = between(flight.rotation, R)
         if alone:
-            path = smooth_turning(rotation_alone(kinds, rows, flight.pose_cov), theta, chain, Mode.STATES)
+            path = smooth_turning(rotation_alone(classes, rows, flight.pose_cov), theta, chain, Mode.STATES)
         else:
-            model, z = linearized_about(kinds, rows, flight.pose_cov), np.concatenate([center, theta], 1)
+            model, z = linearized_about(classes, rows, flight.pose_cov), np.concatenate([center, theta], 1)
             path = smooth_turning(model, z, guess, Mode.SMOOTHED)
         if path is None:
             return None
@@ -196,19 +196,19 @@ def settled_in_batches(
         ratio, last = step / last, step
         if not alone:
             var = (np.diagonal(a, axis1=1, axis2=2)[:, 3:] for a in (path.pose_cov, path.wrench_cov))
-            moves = (x[:, :3], (x - chain) @ kinds.loads[3, t:])
+            moves = (x[:, :3], (x - chain) @ classes.loads[3, t:])
             size = np.sqrt(max(float((d**2 / v).max()) for d, v in zip(moves, var, strict=True)))
             if size * min(ratio, 1.0) < THOUSANDTH and (ratio < 0.5 or size < THOUSANDTH**2):
                 if causal and (path := smooth_turning(model, z, guess, Mode.FILTERED)) is None:
                     return None
-                whole = np.zeros((len(R), kinds.size))
-                whole[:, kinds.chain] = chain
+                whole = np.zeros((len(R), classes.size))
+                whole[:, classes.chain] = chain
                 return path, R, whole
         R, guess[:, t + 3 :] = turned(x[:, :3], R), x[:, 3:]
     return None
 
 
-def moment_block(kinds: StepClasses) -> tuple[Array, Array]:
+def moment_block(classes: StepClasses) -> tuple[Array, Array]:
     """F, Q (kind, state, state) of the moment's chain."""
-    s = slice(kinds.theta, None)
-    return kinds.F[:, s, s], kinds.Q[:, s, s]
+    s = slice(classes.theta, None)
+    return classes.F[:, s, s], classes.Q[:, s, s]

@@ -116,16 +116,16 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
     clock, which = classify_steps(flight.time)
     free = translation(replace(flight, time=clock), force)
 
-    kinds = step_classes(clock, which, free, force, moment)
+    classes = step_classes(clock, which, free, force, moment)
     try:
-        found = settled_in_batches(flight, kinds, force, moment, partial(trajectory_of, flight), causal)
+        found = settled_in_batches(flight, classes, force, moment, partial(trajectory_of, flight), causal)
     except EstimationError:
         return None
     if found is None:
         return None
     path, R, chain = found
-    x, rot = path.x, turned(path.x[:, kinds.theta : kinds.theta + 3], R)
-    P, F, H, T, _ = loads_of(kinds, x)
+    x, rot = path.x, turned(path.x[:, classes.theta : classes.theta + 3], R)
+    P, F, H, T, _ = loads_of(classes, x)
     body = apply(rot.swapaxes(1, 2), H) - flight.h
     omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
     reference = Reference(R, chain, moment)

@@ -73,7 +73,7 @@ def mask_lost(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
     return np.where(lost, np.nan, mean), np.where(lost | lost[:, None], np.nan, cov)
 
 
-def open_rows(reach: Array, loose: Array) -> Flags:
+def diffuse_rows(reach: Array, loose: Array) -> Flags:
     """States (state,) that change with the unknowns (unknown, free) along the directions reach."""
     return any_row(np.where(np.abs(reach @ loose) > SINGLE * (np.abs(reach) @ np.abs(loose)), 1.0, 0.0))
 

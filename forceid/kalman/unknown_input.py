@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.kalman.covariance import root, square_root
-from forceid.kalman.diffuse import any_row, independent, learn, least_squares, mask_lost, open_rows
+from forceid.kalman.diffuse import any_row, diffuse_rows, independent, learn, least_squares, mask_lost
 from forceid.kalman.input_system import SystemMatrices, uncorrelated, validated_system
 from forceid.kalman.model import as_channels
 from forceid.kalman.square_root import squared, triangle
@@ -101,7 +101,7 @@ def forward(
         found = learn(x, W, reach, Ck, direct, z[k, seen], noise)  # errors: W e + error e of x, -fit e of u
         fit, free, loose = found.fit[known:], found.free, found.loose
         x, W, error, u = found.x, found.W, found.error, found.amount[known:]
-        X[k], X_cov[k] = mask_lost(x, squared(W, error), open_rows(reach, loose))
+        X[k], X_cov[k] = mask_lost(x, squared(W, error), diffuse_rows(reach, loose))
         innovation[k, : len(found.surprise)] = found.surprise
         if now:
             U[k - delay], U_cov[k - delay] = mask_lost(u, squared(fit), any_row(loose[known:]))

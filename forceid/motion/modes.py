@@ -134,15 +134,15 @@ def deflected_shape(
     """
     frames = np.isfinite(position).all(2).sum(0)
     ever = frames > 0
-    shown = observed_shapes(ever, shape, modes.shape)
-    noise = shown.axes.T * np.repeat(noise_var / frames[ever], 3) @ shown.axes
+    observed = observed_shapes(ever, shape, modes.shape)
+    noise = observed.axes.T * np.repeat(noise_var / frames[ever], 3) @ observed.axes
     bent = shape
     for _ in range(3):
         center, R = fit_rotation(position, bent, weight)
         seen = np.zeros_like(shape)
         seen[ever] = np.nanmean(body_axes(position, center, R)[:, ever], axis=0) - shape[ever]
         expected = spinning_amplitudes(modes, mass, shape, mean_spin(time, R))
-        q = steady_amplitudes(shown.of(seen), noise, shown.of(modes.shape), modes.compliance, expected)
+        q = steady_amplitudes(observed.of(seen), noise, observed.of(modes.shape), modes.compliance, expected)
         u = np.tensordot(q, modes.shape, 1)
         u[ever] += split_rigid(seen - u, shape, ever.astype(float))[1][ever]
         bent = shape + split_rigid(u, shape, mass)[1]
@@ -231,7 +231,7 @@ def spinning_amplitudes(modes: Modes, mass: Array, position: Array, square: Arra
 
 
 def steady_amplitudes(
-    shown: Array, noise_var: Array, directions: Array, compliance: Array | None, expected: Array
+    observed: Array, noise_var: Array, directions: Array, compliance: Array | None, expected: Array
 ) -> Array:
     """Amplitudes (mode,) of a steady displacement, of which markers show `shown` (shown,).
 
@@ -240,7 +240,7 @@ def steady_amplitudes(
     (shown, shown) of what is shown. So a mode that no marker shows stays where it is expected.
     """
     noise = np.linalg.cholesky(noise_var)
-    D, y = np.linalg.solve(noise, directions.T).T, np.linalg.solve(noise, shown)
+    D, y = np.linalg.solve(noise, directions.T).T, np.linalg.solve(noise, observed)
     soft = np.ones(len(D)) if compliance is None else compliance**2
     unit = np.trace(D.T @ (soft[:, None] * D)) / len(y)
     best, found = -np.inf, expected

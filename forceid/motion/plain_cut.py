@@ -22,7 +22,7 @@ VALLEY = 4.0  # in power, an octave: as the acceleration of errors like a random
 RATIO_CHANCE = 0.05  # of taking so large a ratio of two levels for real where they are equal
 KNOWN_DOF = 40.0  # degrees of freedom by which a level is known to within a quarter
 UNKNOWN_DOF = 10.0  # degrees of freedom below which a level says little
-OCTAVE = 4  # rungs of the ladder of frequencies
+OCTAVE = 4  # bands that an octave of frequencies is looked at in
 STRETCH = 0.35  # cycles a sample up to which a cut is worth making
 
 
@@ -108,11 +108,11 @@ def plain_cuts(found: MotionSpectrum) -> list[Cut]:
     """
     cuts = []
     for power, moved in zip(found.power.T, found.moved.T, strict=True):
-        rung, level, dof = rungs(found, power)
+        band, level, dof = band_means(found, power)
         if (i := motion_begins(level, dof)) is None:
-            fastest = int(np.argmax(level * rung**2))
-            i = first_valley(rungs(found, power * moved)[1], dof, fastest)
-        cuts.append(least_risk(found, power, moved, rung[i]))
+            fastest = int(np.argmax(level * band**2))
+            i = first_valley(band_means(found, power * moved)[1], dof, fastest)
+        cuts.append(least_risk(found, power, moved, band[i]))
     return cuts
 
 
@@ -124,25 +124,25 @@ def shows_motion(found: MotionSpectrum) -> bool:
     >>> shows_motion(spectrum_of(t, z)), shows_motion(spectrum_of(t, z + 0.01 * np.sin(9 * t[:, None])))
     (False, True)
     """
-    _, level, dof = rungs(found, found.power.mean(1))
+    _, level, dof = band_means(found, found.power.mean(1))
     if len(level) <= OCTAVE:
         return False
     return bool(steep(level, dof * found.power.shape[1]).any())
 
 
-def rungs(found: MotionSpectrum, power: Array) -> tuple[Array, Array, Array]:
-    """Frequency (rung,) of the ladder, mean of power (bin,) in the band about each, degrees of freedom."""
+def band_means(found: MotionSpectrum, power: Array) -> tuple[Array, Array, Array]:
+    """Middle (band,) of bands that overlap, Hz, mean of power (bin,) in each, degrees of freedom."""
     f, half = found.frequency, 2 ** (1 / OCTAVE)
     top = max(min(f[-1], STRETCH / found.step) / half, f[0])
-    rung = top * half ** -np.arange(int(np.log2(top / f[0]) * OCTAVE) + 1)[::-1]
-    first = np.minimum(np.searchsorted(f, rung / half), len(f) - 1)
-    last = np.maximum(np.searchsorted(f, rung * half), first + 1)
+    band = top * half ** -np.arange(int(np.log2(top / f[0]) * OCTAVE) + 1)[::-1]
+    first = np.minimum(np.searchsorted(f, band / half), len(f) - 1)
+    last = np.maximum(np.searchsorted(f, band * half), first + 1)
     total = np.concatenate([[0.0], np.cumsum(power)])
-    return rung, (total[last] - total[first]) / (last - first), found.dof * (last - first)
+    return band, (total[last] - total[first]) / (last - first), found.dof * (last - first)
 
 
 def steep(level: Array, dof: Array) -> Flags:
-    """Rungs (rung - OCTAVE,) from which an octave falls as motion does, by more than chance."""
+    """Bands (band - OCTAVE,) from which an octave falls as motion does, by more than chance."""
     return np.asarray(
         level[:-OCTAVE]
         > np.maximum(STEEP, fdtri(dof[:-OCTAVE], dof[OCTAVE:], 1 - RATIO_CHANCE)) * level[OCTAVE:]
@@ -150,7 +150,7 @@ def steep(level: Array, dof: Array) -> Flags:
 
 
 def motion_begins(level: Array, dof: Array) -> int | None:
-    """The rung half an octave above the highest octave that rises as motion does; None: it is the top."""
+    """The band half an octave above the highest octave that rises as motion does; None: it is the top."""
     if len(level) <= OCTAVE:
         return 0
     falls = steep(level, dof)
@@ -161,7 +161,7 @@ def motion_begins(level: Array, dof: Array) -> int | None:
 
 
 def first_valley(level: Array, dof: Array, start: int) -> int:
-    """The rung of the least level (rung,) from `start` to the first octave that rises for good."""
+    """The band of the least level (band,) from `start` to the first octave that rises for good."""
     best = start
     for i in range(start, len(level)):
         if level[i] < level[best]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation import listed, open_components, trading_joints
+from forceid.estimation import listed, trading_joints, undetermined_components
 from forceid.records import Array, Estimate, Interface
 from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
@@ -100,7 +100,7 @@ def joint_facts(found: Interface) -> list[tuple[str, str]]:
 
 def open_in(block: Array) -> str:
     """The components of a joint's wrench (6, null) that are open; all of it where nothing was solved."""
-    components = open_components(block)
+    components = undetermined_components(block)
     return (
         f"{listed(components)}; over the record, world axes, about the mass center of all"
         if components

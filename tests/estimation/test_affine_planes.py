@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.errors import DataError
-from forceid.estimation.affine.channels import affine_channels, aligned_basis, shown_arms
+from forceid.estimation.affine.channels import affine_channels, aligned_basis, observed_arms
 from forceid.estimation.affine.loads import affine_loads
 from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
@@ -171,6 +171,6 @@ def test_markers_on_a_line_are_refused_with_the_reason():
 
 
 def test_body_of_full_breadth_seen_in_space_has_all_arms_and_nothing_to_say():
-    assert shown_arms(THICK, np.eye(3))[0].shape == (3, 3)
-    assert shown_arms(THICK, np.eye(3))[1]
+    assert observed_arms(THICK, np.eye(3))[0].shape == (3, 3)
+    assert observed_arms(THICK, np.eye(3))[1]
     np.testing.assert_array_equal(aligned_basis(TILT), np.eye(3))

@@ -5,7 +5,7 @@ import pytest
 
 from forceid.estimation.affine.powers import Axes, powers, richest
 from forceid.estimation.affine.priors import least_error, likeliest
-from forceid.estimation.affine.resonances import find_swings
+from forceid.estimation.affine.resonances import find_resonances
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.kalman.engines import engine
 from forceid.kalman.process import matern_density
@@ -68,7 +68,7 @@ def test_likelihood_overrates_a_load_beside_lines_and_the_least_error_does_not()
 def test_swing_below_the_noise_of_a_frequency_is_found_with_its_size():
     w, size = 2 * np.pi * 60.0, 6.0
     record, chosen = seen(drawn(4) + ringing(w, size)), engine()
-    found = find_swings(likeliest(record, chosen), record, chosen)
+    found = find_resonances(likeliest(record, chosen), record, chosen)
     assert len(found) == 1
     assert found[0].w == pytest.approx(w, rel=0.01)
     assert np.sqrt(np.mean(found[0].std ** 2)) == pytest.approx(size / np.sqrt(2), rel=0.3)
@@ -78,7 +78,7 @@ def test_no_swing_is_found_where_there_is_none():
     chosen = engine()
     for seed in range(5, 8):
         record = seen(drawn(seed), seed)
-        assert find_swings(likeliest(record, chosen), record, chosen) == ()
+        assert find_resonances(likeliest(record, chosen), record, chosen) == ()
 
 
 def test_of_a_long_record_the_stretch_that_shows_most_is_taken():

@@ -8,7 +8,7 @@ import pytest
 from forceid import __version__
 from forceid.config import load_settings
 from forceid.estimation.long import windows as stretches
-from forceid.estimation.long.windows import estimate_stretches
+from forceid.estimation.long.windows import estimate_windows
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
 
@@ -38,13 +38,13 @@ def flight(frames=400, lost=None):
 def test_a_short_recording_is_estimated_at_once():
     recording, settings = flight(120), load_settings(method="difference")
     assert np.array_equal(
-        estimate_stretches(recording, settings).force, estimate_recording(recording, settings).force
+        estimate_windows(recording, settings).force, estimate_recording(recording, settings).force
     )
 
 
 def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
     recording, settings = flight(), load_settings(lines="none")
-    whole, pieces = estimate_recording(recording, settings), estimate_stretches(recording, settings)
+    whole, pieces = estimate_recording(recording, settings), estimate_windows(recording, settings)
     for name, value in vars(whole).items():
         if isinstance(value, np.ndarray):
             assert getattr(pieces, name).shape == value.shape
@@ -59,7 +59,7 @@ def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
 
 def test_a_stretch_that_shows_nothing_is_unknown_and_the_others_stay():
     settings = load_settings(method="difference")
-    found = estimate_stretches(flight(lost=slice(140, 400)), settings)
+    found = estimate_windows(flight(lost=slice(140, 400)), settings)
     assert np.isfinite(found.force[20:100]).all()
     assert np.isnan(found.force[270:]).all()
     assert found.verdict.level == "refused"
@@ -67,7 +67,7 @@ def test_a_stretch_that_shows_nothing_is_unknown_and_the_others_stay():
 
 
 def test_a_reason_of_several_stretches_is_told_once():
-    found = estimate_stretches(flight(), load_settings(method="difference", noise_std={"center": 1e-3}))
+    found = estimate_windows(flight(), load_settings(method="difference", noise_std={"center": 1e-3}))
     masked = [reason.split(", ", 1)[1] for reason in found.verdict.reasons]
     assert len(masked) == len(set(masked))
     assert any("more of 3 stretches" in reason for reason in found.verdict.reasons)
@@ -75,7 +75,7 @@ def test_a_reason_of_several_stretches_is_told_once():
 
 def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bits(tmp_path, monkeypatch):
     recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
-    at_once = estimate_stretches(recording, settings)
+    at_once = estimate_windows(recording, settings)
     calls = []
 
     def stopped(part, settings):
@@ -86,8 +86,8 @@ def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bit
 
     monkeypatch.setattr(stretches, "estimate_recording", stopped)
     with pytest.raises(KeyboardInterrupt):
-        estimate_stretches(recording, settings, tmp_path)
-    later = estimate_stretches(recording, settings, tmp_path)
+        estimate_windows(recording, settings, tmp_path)
+    later = estimate_windows(recording, settings, tmp_path)
     assert calls[2] == calls[1]  # the stretch that was not finished
     assert len(calls) == 4
     assert later.verdict == at_once.verdict
@@ -104,7 +104,7 @@ def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bit
 )
 def test_stretches_of_another_input_settings_or_version_are_not_used(tmp_path, monkeypatch, other):
     recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
-    estimate_stretches(recording, settings, tmp_path)
+    estimate_windows(recording, settings, tmp_path)
     assert len(list(tmp_path.iterdir())) == 3
     calls = []
 
@@ -113,11 +113,11 @@ def test_stretches_of_another_input_settings_or_version_are_not_used(tmp_path, m
         return estimate_recording(part, settings)
 
     monkeypatch.setattr(stretches, "estimate_recording", counted)
-    estimate_stretches(recording, settings, tmp_path)
+    estimate_windows(recording, settings, tmp_path)
     assert not calls
     monkeypatch.setattr(stretches, "__version__", other.get("version", __version__))
     for path in tmp_path.iterdir():
         path.write_bytes(b"torn" if "torn" in other else path.read_bytes())
     asked = replace(recording, sha256=other.get("sha256", "a")), other.get("settings", settings)
-    estimate_stretches(*asked, tmp_path)
+    estimate_windows(*asked, tmp_path)
     assert len(calls) == 3

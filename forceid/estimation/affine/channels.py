@@ -70,11 +70,11 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
     stated = motion.noise_std | settings.noise_std
     sigma = stated.get("position") or marker_noise(motion.time, x)
     fit = fit_affine(x, body.position - inertia.center, sigma**2)
-    shown, whole = shown_arms(E, fit.span)
-    if shown.shape[1] < 2:
+    observed, whole = observed_arms(E, fit.span)
+    if observed.shape[1] < 2:
         raise DataError(
             f"holds markers that spread along {fit.span.shape[1]} directions, which show first moments of "
-            f"force about {shown.shape[1]}, expected two at least",
+            f"force about {observed.shape[1]}, expected two at least",
             "/body/position",
             "give a marker off the line, or use --model modal or rigid",
         )
@@ -88,7 +88,7 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
     # of the frame that sees best
     best = int(np.nanargmin(np.where(known, np.trace(fit.cov[:, 1:, 1:], axis1=1, axis2=2), np.nan)))
     by = fit.span.T @ E
-    V = shown @ np.linalg.eigh(shown.T @ by.T @ fit.cov[best, 1:, 1:] @ by @ shown)[1]
+    V = observed @ np.linalg.eigh(observed.T @ by.T @ fit.cov[best, 1:, 1:] @ by @ observed)[1]
     n, r = V.shape[1], fit.span.shape[1]
     turn = np.zeros((1 + r, 1 + n))
     turn[0, 0], turn[1:, 1:] = 1.0, by @ V
@@ -107,19 +107,19 @@ def affine_channels(recording: Recording, settings: Settings) -> AffineChannels:
     noise = np.einsum("tBC,ab->tBaCb", cov, eye).reshape(len(time), 3 * len(std[0]), -1)
     return AffineChannels(
         time, None if fit.off else center, tuple(columns), V, E, aligned_basis(E @ V),
-        smooth_axes(time, completed(fit)), noise, float(linked), judge_open(fit, n, whole), whole,
+        smooth_axes(time, completed(fit)), noise, float(linked), judge_undetermined(fit, n, whole), whole,
     )  # fmt: skip
 
 
-def shown_arms(E: Array, span: Array) -> tuple[Array, bool]:
+def observed_arms(E: Array, span: Array) -> tuple[Array, bool]:
     """Reference directions v (3, n) with K v shown and not zero, and whether they hold all of K.
 
     E (3, 3) kg m2; span (3, r): directions along which F is known. K v = F'' E v is shown where E v lies in
     the span.
 
-    >>> shown_arms(np.diag([1.0, 2.0, 3.0]), np.eye(3)[:, :2])[0].round(9).tolist()
+    >>> observed_arms(np.diag([1.0, 2.0, 3.0]), np.eye(3)[:, :2])[0].round(9).tolist()
     [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
-    >>> shown_arms(np.diag([1.0, 2.0, 0.0]), np.eye(3))[0].shape
+    >>> observed_arms(np.diag([1.0, 2.0, 0.0]), np.eye(3))[0].shape
     (3, 2)
     """
     size, axes = np.linalg.eigh(E)
@@ -128,8 +128,8 @@ def shown_arms(E: Array, span: Array) -> tuple[Array, bool]:
     across = null_space(span.T).T @ E
     across = across[np.linalg.norm(across, axis=1) > FLAT * size[-1]]
     closed = np.concatenate([none, across / np.linalg.norm(across, axis=1, keepdims=True)])
-    shown = aligned_basis(null_space(closed)) if len(closed) else np.eye(3)
-    return shown, shown.shape[1] == int(wide.sum())
+    observed = aligned_basis(null_space(closed)) if len(closed) else np.eye(3)
+    return observed, observed.shape[1] == int(wide.sum())
 
 
 def aligned_basis(directions: Array) -> Array:
@@ -147,17 +147,17 @@ def along_axes(span: Array) -> Flags:
     return np.asarray(np.linalg.norm(np.eye(3) - span @ span.T, axis=0) < SOLVED)
 
 
-def judge_open(fit: AffineFit, shown: int, whole: bool) -> tuple[Finding, ...]:
+def judge_undetermined(fit: AffineFit, observed: int, whole: bool) -> tuple[Finding, ...]:
     """What markers and mass leave open of stretch, force and first moments."""
     found = []
     if fit.plane:
         found.append(note("stretch-open"))
-    elif shown < 3:
+    elif observed < 3:
         found.append(note("stretch-without-breadth"))
     if fit.off:
         found.append(note("affine-force-open"))
     if not whole:
-        found.append(note("first-moments-open", directions=shown))
+        found.append(note("first-moments-open", directions=observed))
     return tuple(found)
 
 

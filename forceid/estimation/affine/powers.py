@@ -27,7 +27,7 @@ class Axes:
 
 
 @dataclass(frozen=True)
-class Swing:
+class Resonance:
     """A line of std (axis,) N m at frequency w rad/s, whose phase is forgotten at bandwidth 1/s."""
 
     w: float
@@ -55,11 +55,11 @@ class Powers:
     prior: Array
 
 
-def powers(kernel: Kernel, seen: Axes, engine: Engine, swings: Sequence[Swing] = ()) -> Powers:
+def powers(kernel: Kernel, seen: Axes, engine: Engine, resonances: Sequence[Resonance] = ()) -> Powers:
     """What a record shows of load and noise at every frequency, under a prior that whitens it roughly."""
     time, step = seen.time, float(np.median(np.diff(seen.time)))
     w: Array = 2 * np.pi * np.fft.rfftfreq(len(time), step)[1:].astype(float)
-    lines = [resonator(s.w / (2 * np.pi), s.std, s.bandwidth) for s in swings]
+    lines = [resonator(s.w / (2 * np.pi), s.std, s.bandwidth) for s in resonances]
     chain = load_chain(kernel.process, start_of(time, seen.z, 1.0), lines)
     white = np.empty((len(w), seen.z.shape[1]))
     for a in range(seen.z.shape[1]):
@@ -69,12 +69,12 @@ def powers(kernel: Kernel, seen: Axes, engine: Engine, swings: Sequence[Swing] =
         innovation = engine.filter(m, seen.z[:, a, None]).innovation[:, 0]
         v = np.clip(np.nan_to_num(innovation), -OUTLIER, OUTLIER)
         white[:, a] = np.abs(np.fft.rfft(v)[1:]) ** 2 / np.isfinite(innovation).sum()
-    swing = (2 * np.sin(0.5 * w * step) / step)[:, None]
+    difference = (2 * np.sin(0.5 * w * step) / step)[:, None]
     known = np.isfinite(seen.z)
     var = known.sum(0) / np.where(known, 1 / seen.noise_var, 0.0).sum(0)  # of frames that show the most
-    noise = step * var * swing**4 + seen.drift * swing**2
+    noise = step * var * difference**4 + seen.drift * difference**2
     prior = kernel.density(w[:, None])
-    for s in swings:
+    for s in resonances:
         near, far = (s.bandwidth / (s.bandwidth**2 + (w + sign * s.w) ** 2) for sign in (-1, 1))
         prior += s.std**2 * (near + far)[:, None]
     return Powers(w, white * (prior + noise), np.asarray(noise), np.asarray(prior))

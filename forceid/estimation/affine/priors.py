@@ -13,7 +13,7 @@ import numpy as np
 
 from forceid.estimation.affine.channels import AffineChannels, channel_in_body_axes, prior_in_body_axes
 from forceid.estimation.affine.powers import Axes, Powers, powers, richest
-from forceid.estimation.affine.resonances import find_swings
+from forceid.estimation.affine.resonances import find_resonances
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Kernel, LoadPrior, Tuned
@@ -44,12 +44,12 @@ def tune_channels(channels: AffineChannels, engine: Engine) -> list[LoadPrior]:
     seen = channels_side_by_side(bodily, axes)
     most = richest(seen)
     kernel = least_error(likeliest(seen, engine), most, engine)
-    swings = find_swings(kernel, most, engine)
+    resonances = find_resonances(kernel, most, engine)
     for B, column in enumerate(channels.columns):
         own = np.arange(3 * B, 3 * B + 3)
         lines = tuple(
             Line(s.w / (2 * np.pi), float(std), s.bandwidth, axis, turns=True)
-            for s in swings
+            for s in resonances
             for std, axis in zip(s.std[own], axes[B].T, strict=True)
         )
         start = start_of(column.time, column.moved, 1.0)
@@ -93,16 +93,16 @@ def least_error(kernel: Kernel, seen: Axes, engine: Engine) -> Kernel:
     T - N that is lost, and the part G of N that passes, G = S / (S + N).
     """
     p = powers(kernel, seen, engine)
-    shown = p.prior > POWER_SHOWN * p.noise
-    if not shown.any():
+    observed = p.prior > POWER_SHOWN * p.noise
+    if not observed.any():
         return kernel
-    top = int(np.flatnonzero(shown.any(1))[-1]) + 1
-    shown, p = shown[:top], Powers(p.w[:top], p.total[:top], p.noise[:top], p.prior[:top])
+    top = int(np.flatnonzero(observed.any(1))[-1]) + 1
+    observed, p = observed[:top], Powers(p.w[:top], p.total[:top], p.noise[:top], p.prior[:top])
     alike = np.abs(np.log(p.prior / p.noise)).argmin(0)
     axis = np.arange(p.total.shape[1])
     # all axes count alike, whatever their size
-    share = shown / np.maximum((p.prior * p.noise / (p.prior + p.noise) * shown).sum(0), 1e-300)
-    middle = float(np.exp(np.log(p.w[alike][shown.any(0)]).mean()))
+    share = observed / np.maximum((p.prior * p.noise / (p.prior + p.noise) * observed).sum(0), 1e-300)
+    middle = float(np.exp(np.log(p.w[alike][observed.any(0)]).mean()))
     best, least = kernel, np.inf
     for rate in middle * np.array(SLOWER):
         base = Matern(kernel.order, np.ones(1), np.array([rate])).density(p.w[:, None])

@@ -1,6 +1,6 @@
 """Swings of a body at frequencies where its loads are below the noise: lines along the axes of the body.
 
-A stiff mode of the body swings above the frequencies that a smooth prior follows, and its inner elastic
+A stiff mode of the body resonances above the frequencies that a smooth prior follows, and its inner elastic
 forces would pass for noise. In the spectrum of the whitened innovations it stands out; each axis then has a
 resonator beside its Matern load. Source: principal equations 4e.
 """
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.estimation.affine.powers import Axes, Swing, powers
+from forceid.estimation.affine.powers import Axes, Resonance, powers
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
 from forceid.kalman.engines import Engine, for_tuning
@@ -26,9 +26,9 @@ WIDTHS = np.array([0.3, 1.0, 3.0, 10.0])  # bandwidths tried, times the length o
 SIZES = np.geomspace(0.1, 3.0, 7)  # std tried, of that which the ordinate asks for
 
 
-def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]:
+def find_resonances(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Resonance, ...]:
     """Swings that stand out of the noise where the prior is below it; none is the rule."""
-    found: tuple[Swing, ...] = ()
+    found: tuple[Resonance, ...] = ()
     value = likelihoods(kernel, seen, np.arange(seen.z.shape[1]), (), engine)
     for _ in range(ITERATIONS):
         p = powers(kernel, seen, engine, found)
@@ -49,12 +49,12 @@ def find_swings(kernel: Kernel, seen: Axes, engine: Engine) -> tuple[Swing, ...]
         if gained[best].sum() < price:
             break
         std = np.where(gained[best] > 0, SIZES[each[:, best].argmax(0)], 0.0) * size
-        found, value = (*found, Swing(float(w[best]), float(b[best]), std)), value + gained[best]
+        found, value = (*found, Resonance(float(w[best]), float(b[best]), std)), value + gained[best]
     return found
 
 
 def likely_with_line(
-    kernel: Kernel, seen: Axes, found: tuple[Swing, ...], w: Array, b: Array, std: Array, engine: Engine
+    kernel: Kernel, seen: Axes, found: tuple[Resonance, ...], w: Array, b: Array, std: Array, engine: Engine
 ) -> Array:
     """Log-likelihoods (size, line, axis) with one more line at w of bandwidth b and std, which broadcast."""
     w, b, std = np.broadcast_arrays(w, b, std)

@@ -48,23 +48,23 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tupl
     size = np.linalg.norm(own, axis=(1, 2))
     own, size = own[size > 0] / size[size > 0, None, None], size[size > 0]
     soft = None if modes.compliance is None else modes.compliance * size
-    shown = observed_shapes(seen, shape, np.concatenate([own, principal]))
-    samples = shown.of(residual)
+    observed = observed_shapes(seen, shape, np.concatenate([own, principal]))
+    samples = observed.of(residual)
     samples = samples[np.isfinite(samples).all(1)]
     frames = len(samples)
     if frames < 2:
         return none
     scatter = samples.T @ samples / frames
     noise = sigma**2 * np.eye(len(scatter))
-    D = shown.of(own)
+    D = observed.of(own)
     kept, own_var, level = observable_modes(scatter, frames, D, soft, sigma**2, most)
     if soft is not None:
         flat, left = np.delete(own.reshape(len(own), shape.size), kept, axis=0), np.delete(soft, kept)
         rest = flat.T @ (level * left[:, None] ** 2 * flat)
-    k, dim = len(principal), len(shown.rows) - 6
+    k, dim = len(principal), len(observed.rows) - 6
     numbers = k * dim - k * (k - 1) / 2 - len(kept) - 1  # by which principal deformations cost more
     alike = D.T @ (level * soft[:, None] ** 2 * D) if soft is not None else 0.0
-    gain = log_evidence(scatter, frames, shown.of(principal), var, noise) - log_evidence(
+    gain = log_evidence(scatter, frames, observed.of(principal), var, noise) - log_evidence(
         scatter, frames, D[kept], own_var, noise + alike
     )
     if k and gain > 0.5 * numbers * np.log(frames):

@@ -115,9 +115,9 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
     # as noise of one frame, deformation counts as often
     # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
-    shown, own = (x, markers.filled) if len(shapes) else (measured, None)
+    observed, own = (x, markers.filled) if len(shapes) else (measured, None)
     beyond = uneven(markers.root)
-    pose = fit_pose(shown, shape, weight, white + markers.period * deforming, own, beyond)
+    pose = fit_pose(observed, shape, weight, white + markers.period * deforming, own, beyond)
     q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
         none = np.zeros((0, *X.shape))
@@ -128,7 +128,7 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     if inertia.line is not None:
         pose, spin = followed_line(time, pose, x, shape, inertia, sigma)
     if len(shapes):
-        frames = fit_frames(shown, pose, shape, shapes, white + beside, own, beyond)
+        frames = fit_frames(observed, pose, shape, shapes, white + beside, own, beyond)
     known_center = markers.mean
     if model == "affine" and known_center is None:
         known_center = affine_center(measured, X, sigma**2)
@@ -152,10 +152,10 @@ def without_rotation(markers: MarkerSet) -> Kinematics:
     pose = Pose(center, unseen, cov, lost, np.full(T, np.nan), np.zeros(T))
     if inertia.line is not None:
         pose, spin = followed_line(time, pose, x, X, inertia, sigma)
-    shown = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
+    observed = np.isfinite(pose.rotation).all((1, 2)).sum() > 1
     return Kinematics(
         time, inertia, X, markers.seen, pose, np.zeros((0, *X.shape)), empty, empty, "rigid",
-        {"position": markers.root}, {"position": markers.stated}, bool(shown), spin=spin,
+        {"position": markers.root}, {"position": markers.stated}, bool(observed), spin=spin,
         apart=mean is not None, markers=markers,
     )  # fmt: skip
 

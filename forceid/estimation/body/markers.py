@@ -12,7 +12,7 @@ import numpy as np
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.shapes import check_scale, modes_of, rank_of, spinning_shape
-from forceid.estimation.body.thin_mass import shown_rank, thinned
+from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.motion.modes import Modes
 from forceid.motion.noise_axes import floored, rms_noise
 from forceid.motion.pose import body_axes, fit_rotation
@@ -90,7 +90,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     mean = tracked_mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
-    oriented, modes, shape, residual = shown_rank(X, seen, sigma) == 6, None, X, x[:0]
+    oriented, modes, shape, residual = observed_rank(X, seen, sigma) == 6, None, X, x[:0]
     if oriented:
         modes = None if thin.on_line or thin.point else modes_of(body, inertia)
         shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)

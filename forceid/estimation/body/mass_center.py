@@ -28,8 +28,8 @@ class MassCenter:
 def carriers(inertia: Inertia, position: Array) -> Flags | None:
     """Nodes (node,) that carry all the mass, or None where tracks (time, node, 3) never show one of them."""
     massive = inertia.weight != 0
-    shown = np.any(np.isfinite(position).all(2), axis=0)
-    return massive if inertia.nodal is not None and massive.any() and shown[massive].all() else None
+    observed = np.any(np.isfinite(position).all(2), axis=0)
+    return massive if inertia.nodal is not None and massive.any() and observed[massive].all() else None
 
 
 def without_gaps(body: Body, motion: Motion) -> Motion:

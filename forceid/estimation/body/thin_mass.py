@@ -76,10 +76,10 @@ def on_line(inertia: Inertia, noise_std: float) -> bool:
     return bool(width <= min(noise_std, NARROW * length))
 
 
-def shown_rank(X: Array, seen: Flags, noise_std: float) -> int:
+def observed_rank(X: Array, seen: Flags, noise_std: float) -> int:
     """Rank of the rigid motions that markers show beside their noise: 6, 5 on a line, 3 on a point, 0.
 
-    >>> shown_rank(np.array([[0.0, 0, 0], [1, 0, 0], [2, 1e-4, 0]]), np.ones(3, bool), 1e-3)
+    >>> observed_rank(np.array([[0.0, 0, 0], [1, 0, 0], [2, 1e-4, 0]]), np.ones(3, bool), 1e-3)
     5
     """
     if not seen.any():

@@ -13,12 +13,14 @@ from forceid.estimation.instruments.on_flight import sensor_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.model import Flight
-from forceid.flight.modes import Gauges
+from forceid.flight.modes import StrainGauges
 from forceid.flight.smoother import FlightState
 from forceid.records import Body, Finding, Motion
 
 
-def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
+def with_strain_gauges(
+    flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings
+) -> Flight:
     """The flight with the strain gauges of its recording, where it has modes and any gauge reads.
 
     A gauge reads the displacement from the reference shape as /body/strain_shape (gauge, node, axis) says, to
@@ -41,11 +43,13 @@ def with_gauges(flight: Flight, kin: Kinematics, body: Body, motion: Motion, set
     if kin.beside is not None:  # modes that the model leaves out strain a gauge too
         cov += reads @ kin.beside @ reads.T
     rows = reads @ kin.shapes.reshape(len(kin.shapes), -1).T
-    gauges = Gauges(reading - steady, rows, cov, np.asarray(bias, float))
+    gauges = StrainGauges(reading - steady, rows, cov, np.asarray(bias, float))
     return replace(flight, modes=replace(flight.modes, gauges=gauges))
 
 
-def judge_gauges(flight: Flight, state: FlightState, body: Body, motion: Motion) -> tuple[Finding, ...]:
+def judge_strain_gauges(
+    flight: Flight, state: FlightState, body: Body, motion: Motion
+) -> tuple[Finding, ...]:
     """Gauges that are of no use, or that read what the modes do not explain."""
     if motion.strain is None or not np.isfinite(motion.strain).any():
         return ()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.joints.constraints import Ties, kept
+from forceid.estimation.joints.constraints import Constraints, kept
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.records import Array
 from forceid.rounding import CENTRAL_STEP
@@ -63,7 +63,9 @@ def parting(joint: Joint, arms: tuple[Array, Array], a: tuple[Array, ...], b: tu
     return np.concatenate(rows, 1)
 
 
-def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[PartMotion], slack: Array) -> Ties:
+def accelerated(
+    joint: Joint, parts: Sequence[Part], motions: Sequence[PartMotion], slack: Array
+) -> Constraints:
     """What a joint keeps of the accelerations, on wrenches and motion of the parts.
 
     slack (time, 2): variances of the accelerations of the place, and of the angles.
@@ -93,7 +95,7 @@ def accelerated(joint: Joint, parts: Sequence[Part], motions: Sequence[PartMotio
                 slope = (beyond - before) / (2 * CENTRAL_STEP * size)
                 rows[:, :, k, first + axis] = slope
                 gap += slope * base[k][i][:, axis, None]
-    return Ties(
+    return Constraints(
         on_wrench.reshape(time, n, -1), on_motion.reshape(time, n, -1), np.zeros((time, n, 0)), gap,
         np.repeat(slack, [3, n - 3], axis=1), np.zeros(0),
     )  # fmt: skip

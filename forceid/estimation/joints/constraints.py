@@ -23,7 +23,7 @@ PLAY = 0.01  # of what is known without it, that a joint or a balance is held to
 
 
 @dataclass(frozen=True)
-class Ties:
+class Constraints:
     """What parts cannot do to each other, as rows on their wrenches (time, row, part * 6) about their own
     centers, on their motion (time, row, part * 9), center (m), rotation error (rad) and angular momentum (kg
     m2/s), and on constants (time, row, constant): they add up to gap (time, row), to within the variances
@@ -39,29 +39,31 @@ class Ties:
     spread: Array
 
 
-def stacked_constraints(ties: Sequence[Ties]) -> Ties:
-    """All ties as one."""
-    each = [len(t.spread) for t in ties]
+def stacked_constraints(constraints: Sequence[Constraints]) -> Constraints:
+    """All constraints as one."""
+    each = [len(t.spread) for t in constraints]
     at = np.cumsum([0, *each])
     offset = [
         np.pad(t.offset, ((0, 0), (0, 0), (start, at[-1] - start - n)))
-        for t, start, n in zip(ties, at, each, strict=False)
+        for t, start, n in zip(constraints, at, each, strict=False)
     ]
     names = ("on_wrench", "on_motion", "gap", "slack")
-    rows = {name: np.concatenate([getattr(t, name) for t in ties], 1) for name in names}
-    return Ties(offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in ties]), **rows)
+    rows = {name: np.concatenate([getattr(t, name) for t in constraints], 1) for name in names}
+    return Constraints(
+        offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in constraints]), **rows
+    )
 
 
-def balanced(rows: Array, slack: Array) -> Ties:
+def balanced(rows: Array, slack: Array) -> Constraints:
     """Combinations (time, row, part * 6) of the wrenches that are zero, to within a variance (time, row)."""
     time, count, size = rows.shape
     on_motion, none = np.zeros((time, count, size // 6 * 9)), np.zeros((time, count, 0))
-    return Ties(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0))
+    return Constraints(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0))
 
 
 def held_poses(
     joint: Joint, parts: Sequence[Part], rotation: Sequence[Array], pose_cov: Sequence[Array]
-) -> Ties:
+) -> Constraints:
     """What a joint keeps of the poses: three rows for its place, one for each pair of directions.
 
     rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each.
@@ -85,7 +87,7 @@ def held_poses(
     slack = PLAY**2 * np.repeat(np.asarray(noise), [3, len(pairs)], axis=1)
     spread = np.repeat([PLACED, ALIGNED], [6, len(pairs)])
     on_wrench = np.zeros((time, n, 6 * len(parts)))
-    return Ties(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread)
+    return Constraints(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread)
 
 
 def kept(joint: Joint) -> Array:

@@ -14,7 +14,7 @@ from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.joints.checks import judge_joints, of_part
 from forceid.estimation.joints.linkage import passed
-from forceid.estimation.joints.null_space import column_space, open_components, trading_joints
+from forceid.estimation.joints.null_space import column_space, trading_joints, undetermined_components
 from forceid.estimation.joints.parts import Joint, Part, parts_of
 from forceid.estimation.joints.prospects import JointProspect, JointProspects, PartProspect
 from forceid.estimation.loads.bandwidth import bandwidths
@@ -96,7 +96,8 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
         joint=tuple(
             JointProspect(
                 setting.name, setting.parts, setting.kind, setting.driven, tuple(joint.at.tolist()),
-                passes[k], passes[k] - own[k].shape[1] if len(poses.center) else 0, open_components(own[k]),
+                passes[k], passes[k] - own[k].shape[1] if len(poses.center) else 0,
+                undetermined_components(own[k]),
             )
             for k, (joint, setting) in enumerate(zip(joints, settings.joint, strict=True))
         ),

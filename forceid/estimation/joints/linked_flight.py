@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
-from forceid.estimation.joints.constraints import Ties
+from forceid.estimation.joints.constraints import Constraints
 from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.loads.fused_tuning import bfgs_maximum
@@ -82,23 +82,23 @@ def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart 
 
 
 def tuned_linked(
-    parts: list[LinkedPart], ties: Ties, widening: float, engine: Engine
+    parts: list[LinkedPart], constraints: Constraints, widening: float, engine: Engine
 ) -> tuple[Priors, float]:
-    """Priors of every part under which all parts and their ties are likeliest; how likely.
+    """Priors of every part under which all parts and their constraints are likeliest; how likely.
 
     widening: factor on the variance of the priors, each of which was found as if its part flew alone: a load
     that several parts show is counted as often, and is to keep its size. From there the sizes and the rates
-    of all forces move together, and those of all moments. How likely: the markers, given the ties, and where
-    the parts begin; that ties hold is likelier the smaller the loads, and tells nothing of them.
+    of all forces move together, and those of all moments. How likely: the markers, given the constraints, and
+    where the parts begin; that these hold is likelier the smaller the loads, and tells nothing of them.
     """
     each = [{name: widened_prior(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
-    time = len(ties.gap)
+    time = len(constraints.gap)
     run = middle(time, FLIGHT_SAMPLES)
 
     def likely(by: Array) -> float:
-        model, z, _ = linked_model(parts, both_moved(each, by), ties, run)
+        model, z, _ = linked_model(parts, both_moved(each, by), constraints, run)
         begun = z.copy()
-        begun[BEGINNING:, : -ties.gap.shape[1]] = np.nan
+        begun[BEGINNING:, : -constraints.gap.shape[1]] = np.nan
         try:
             return float(engine.log_likelihood(model, z)) - float(engine.log_likelihood(model, begun))
         except EstimationError:  # numbers so far off that a covariance loses its sign
@@ -108,14 +108,16 @@ def tuned_linked(
     return both_moved(each, best), likely(best)
 
 
-def smooth_linked(parts: list[LinkedPart], priors: Priors, ties: Ties, engine: Engine) -> tuple[Array, Array]:
+def smooth_linked(
+    parts: list[LinkedPart], priors: Priors, constraints: Constraints, engine: Engine
+) -> tuple[Array, Array]:
     """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6)."""
-    time = len(ties.gap)
+    time = len(constraints.gap)
     size = 6 * len(parts)
     wrench, cov = np.empty((time, size)), np.empty((time, size, size))
-    states = linked_model(parts, priors, ties, slice(0, 2))[2].shape[1]
+    states = linked_model(parts, priors, constraints, slice(0, 2))[2].shape[1]
     for run, kept in overlapping_windows(time, max(FLIGHT_SAMPLES, ROOM // 5 // states**2)):
-        model, z, read = linked_model(parts, priors, ties, run)
+        model, z, read = linked_model(parts, priors, constraints, run)
         path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)
         wrench[kept] = path.x[inner] @ read.T
@@ -129,9 +131,9 @@ def both_moved(priors: Priors, by: Array) -> Priors:
 
 
 def linked_model(
-    parts: list[LinkedPart], priors: Priors, ties: Ties, run: slice
+    parts: list[LinkedPart], priors: Priors, constraints: Constraints, run: slice
 ) -> tuple[StateSpace, Array, Array]:
-    """All parts under their ties over the samples of `run`: model, what it measures, and rows (part * 6,
+    """All parts under their constraints over samples `run`: model, what it measures, and rows (part * 6,
     state) that read the wrenches.
     """
     models: list[StateSpace] = []
@@ -147,17 +149,20 @@ def linked_model(
         seen.append(z[run])
         wrenches.append(wrench)
         motions.append(moving)
-    models.append(standing(ties.spread))
+    models.append(standing(constraints.spread))
     read, moved_by = block_diag(*wrenches), block_diag(*motions)
-    tied = np.concatenate([ties.on_wrench[run] @ read + ties.on_motion[run] @ moved_by, ties.offset[run]], 2)
-    slack, gap = ties.slack[run], ties.gap[run]
+    tied = np.concatenate(
+        [constraints.on_wrench[run] @ read + constraints.on_motion[run] @ moved_by, constraints.offset[run]],
+        2,
+    )
+    slack, gap = constraints.slack[run], constraints.gap[run]
     used = np.isfinite(tied).all(2) & np.isfinite(slack) & np.isfinite(gap)
     tied, slack = np.where(used[..., None], tied, 0.0), np.where(used, slack, 1.0)
     model = side_by_side(models, tied, slack, run)
     return (
         model,
         np.concatenate([*seen, np.where(used, gap, np.nan)], 1),
-        np.pad(read, ((0, 0), (0, len(ties.spread)))),
+        np.pad(read, ((0, 0), (0, len(constraints.spread)))),
     )
 
 

@@ -13,12 +13,12 @@ from forceid.significance import WHOLE
 OPEN_SHARE = 0.02  # of a unit wrench: less is rounding, or noise of the poses
 
 
-def open_components(block: Array) -> tuple[str, ...]:
+def undetermined_components(block: Array) -> tuple[str, ...]:
     """The components that lie in the span of block (6, k), force before moment; the rest of it is counted.
 
-    >>> open_components(np.eye(6)[:, :4])
+    >>> undetermined_components(np.eye(6)[:, :4])
     ('force x', 'force y', 'force z', 'moment x')
-    >>> open_components(np.array([[1.0, 0, 0, 0, 0, 0.2]]).T)
+    >>> undetermined_components(np.array([[1.0, 0, 0, 0, 0, 0.2]]).T)
     ('1 combination of them',)
     """
     inside = (column_space(block) ** 2).sum(1) > WHOLE

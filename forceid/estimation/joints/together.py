@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import PartMotion, accelerated
-from forceid.estimation.joints.constraints import PLAY, Ties, balanced, held_poses, stacked_constraints
+from forceid.estimation.joints.constraints import PLAY, Constraints, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
@@ -54,13 +54,13 @@ def smooth_linked_parts(
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
-    found: list[tuple[float, list[LinkedPart], Priors, Ties, list[Finding]]] = []
+    found: list[tuple[float, list[LinkedPart], Priors, Constraints, list[Finding]]] = []
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
-        ties, findings = ties_of(joints, parts, linked, estimates, solutions)
-        tied = stacked_constraints([balance[0], *ties])
+        constraints, findings = constraints_of(joints, parts, linked, estimates, solutions)
+        tied = stacked_constraints([balance[0], *constraints])
         priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
         found.append((likely, linked, priors, tied, findings))
         if likely < max(value for value, *_ in found):
@@ -88,7 +88,7 @@ def smooth_linked_parts(
 
 
 def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
-    """Whether frames show the poses to rounding: parts by themselves do, and ties would lose digits."""
+    """Whether frames show the poses to rounding: parts by themselves do, and constraints lose digits."""
     frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
     noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
     return max(noise, default=0.0) < SINGLE * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
@@ -101,19 +101,19 @@ def orders_of(solutions: list[Solution | None]) -> list[int]:
     return sorted({min(order, top) for order in (FREE, FREE - 1)}, reverse=True)
 
 
-def ties_of(
+def constraints_of(
     joints: tuple[Joint, ...],
     parts: tuple[Part, ...],
     linked: list[LinkedPart],
     estimates: list[Estimate],
     solutions: list[Solution | None],
-) -> tuple[list[Ties], list[Finding]]:
+) -> tuple[list[Constraints], list[Finding]]:
     """What the joints keep of poses and accelerations of rigid parts, and which of them do not."""
     rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
     centers = np.stack([e.center for e in estimates], 1)
     spread = [pose_cov(solution, len(centers)) for solution in solutions]
     motions = [motion_of(part) for part in linked]
-    ties, findings = [], []
+    constraints, findings = [], []
     for joint in joints:
         if not all(rigid(linked[k]) for k in (joint.before, joint.behind)):
             continue
@@ -121,12 +121,12 @@ def ties_of(
         if (off := changed(kept, centers, spread)) > SIGMAS:
             findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
-        ties += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
-    return ties, findings
+        constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
+    return constraints, findings
 
 
-def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Ties, int] | None:
-    """Combinations of the wrenches that no link upsets, as ties, and how many the links do upset.
+def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, int] | None:
+    """Combinations of the wrenches that no link upsets, as constraints, and how many the links do upset.
 
     None where no frame shows every part.
     """
@@ -159,21 +159,21 @@ def rigid(part: LinkedPart) -> bool:
     return flight.modes is None and not flight.h.any()
 
 
-def changed(ties: Ties, center: Array, pose_cov: list[Array]) -> float:
+def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> float:
     """How much what a joint keeps of the poses changes, in standard deviations of the poses as known.
 
     center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. The larger of place and
     directions.
     """
-    T, n = ties.gap.shape
-    rows = ties.on_motion.reshape(T, n, -1, 9)
-    off = ties.gap - np.einsum("trpa,tpa->tr", rows[..., :3], center)
+    T, n = constraints.gap.shape
+    rows = constraints.on_motion.reshape(T, n, -1, 9)
+    off = constraints.gap - np.einsum("trpa,tpa->tr", rows[..., :3], center)
     noise = sum(
         np.einsum("tra,tab,trb->tr", rows[:, :, k, :6], cov, rows[:, :, k, :6])
         for k, cov in enumerate(pose_cov)
     )
     known = np.isfinite(off).all(1) & np.isfinite(noise).all(1)
-    design = ties.offset[known].reshape(-1, ties.offset.shape[2])
+    design = constraints.offset[known].reshape(-1, constraints.offset.shape[2])
     constant = np.linalg.lstsq(design, off[known].ravel(), rcond=None)[0]
     left = (off[known].ravel() - design @ constant).reshape(-1, n)
     ratio = [

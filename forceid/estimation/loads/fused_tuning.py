@@ -58,7 +58,7 @@ def tune_together(
 
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
         part = middle(len(flight.time), FLIGHT_SAMPLES)
-        cut, near = stretched(flight, part), stretched_reference(about, part)
+        cut, near = flight_segment(flight, part), reference_segment(about, part)
         if alone:
             by = bfgs_maximum(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
             return flight, force, moment.moved(by)
@@ -198,7 +198,7 @@ def louder(flight: Flight, kinds: list[int], by: Array) -> Flight:
     return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
 
 
-def stretched(flight: Flight, s: slice) -> Flight:
+def flight_segment(flight: Flight, s: slice) -> Flight:
     """A stretch of a flight."""
     parts = {
         name: getattr(flight, name)[s]
@@ -212,7 +212,7 @@ def stretched(flight: Flight, s: slice) -> Flight:
     return replace(flight, **parts, sensors=replace(flight.sensors, reading=flight.sensors.reading[s]))
 
 
-def stretched_reference(reference: Reference, s: slice) -> Reference:
+def reference_segment(reference: Reference, s: slice) -> Reference:
     """The part of a reference in a stretch of the flight."""
     force = None if reference.force is None else reference.force[s]
     modes = None if reference.modes is None else reference.modes[s]

@@ -47,13 +47,13 @@ def more_lines(
     found = []
     for first, prior in zip((0, 3), priors.values(), strict=False):
         about = state.reference if first else None
-        shown, tried = state.innovation[:, first : first + 3], [Candidate(f, named=True) for f in named]
+        observed, tried = state.innovation[:, first : first + 3], [Candidate(f, named=True) for f in named]
         more = prior
         looked: list[float] = []
         for _ in range(ROUNDS):
             taken = [*(line.frequency for line in more.lines), *looked]
             if not named:
-                tried = line_candidates(time, shown, spin, taken)[:AT_ONCE]
+                tried = line_candidates(time, observed, spin, taken)[:AT_ONCE]
             before = more
             for candidate in tried:
                 if not near(candidate.frequency, taken, time):
@@ -62,7 +62,7 @@ def more_lines(
             if named or len(more.lines) == len(before.lines):
                 break
             model, z = seen_part(flight, more, about)
-            shown = engine.filter(model, z).innovation
+            observed = engine.filter(model, z).innovation
         found.append(more.lines)
     return Lines(*found)
 

@@ -21,7 +21,7 @@ from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitening_basis
-from forceid.estimation.long.windows import Progress, estimate_stretches, unwatched
+from forceid.estimation.long.windows import Progress, estimate_windows, unwatched
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
@@ -56,7 +56,7 @@ def estimate_source(
     whole = len(recording.motion.time) <= LONG or bool(settings.part or settings.joint)
     if whole and REDUCED not in recording.history:
         return estimate_recording(recording, settings), recording
-    estimate = estimate_stretches(recording, settings, made(kept), progress)
+    estimate = estimate_windows(recording, settings, made(kept), progress)
     return replace(estimate, verdict=judge([*estimate.verdict.findings, *left_out])), recording
 
 

@@ -38,7 +38,7 @@ def unwatched(total: int, unit: str) -> Iterator[Callable[[], None]]:
     yield lambda: None
 
 
-def estimate_stretches(
+def estimate_windows(
     recording: Recording, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
 ) -> Estimate:
     """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording.
@@ -212,10 +212,10 @@ def worst_of(pieces: Sequence[Estimate]) -> Verdict:
     for piece in pieces:
         for finding in piece.verdict.findings:
             by_cause.setdefault(finding.cause, []).append((float(piece.time[0]), finding))
-    return judge([in_stretches(times, len(pieces)) for times in by_cause.values()])
+    return judge([in_windows(times, len(pieces)) for times in by_cause.values()])
 
 
-def in_stretches(times: Sequence[tuple[float, Finding]], count: int) -> Finding:
+def in_windows(times: Sequence[tuple[float, Finding]], count: int) -> Finding:
     """The findings of one cause, with the starts of their stretches, as one of all `count` stretches."""
     start, first = times[0]
     several = f" (so do {len(times) - 1} more of {count} stretches)" if len(times) > 1 else ""

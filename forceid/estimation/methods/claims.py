@@ -8,7 +8,7 @@ import numpy as np
 
 from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
-from forceid.estimation.instruments.strain_gauges import judge_gauges
+from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads import free_oscillation, inner_wheel
 from forceid.estimation.loads.body_axes import body_fixed_priors
 from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
@@ -27,7 +27,7 @@ def judge_channels(problem: Problem) -> Problem:
     """What sensors and gauges say against the flight, and frames that nothing explains."""
     motion, flight, state = problem.motion, problem.flight, problem.state
     stated = set(motion.noise_std | problem.settings.noise_std)
-    said = (*judge_sensors(flight, state, stated), *judge_gauges(flight, state, problem.body, motion))
+    said = (*judge_sensors(flight, state, stated), *judge_strain_gauges(flight, state, problem.body, motion))
     return replace(problem.noting(*said, *judge_wild(problem.wild)), plain=state.wrench_cov)
 
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from forceid.estimation.body.cleaning import wild_frames
 from forceid.estimation.instruments.on_flight import fused
-from forceid.estimation.instruments.strain_gauges import with_gauges
+from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.lines import Lines, mass_hidden, more_lines
@@ -20,7 +20,7 @@ def add_instruments(problem: Problem) -> Problem:
     """The flight with its sensors and gauges, and priors that suit all of its channels."""
     body, motion, kin, settings = problem.body, problem.motion, problem.kin, problem.settings
     flight = flight_of(kin, problem.deformation, motion.gravity, bool(motion.readings))
-    flight = with_gauges(flight, kin, body, motion, settings)
+    flight = with_strain_gauges(flight, kin, body, motion, settings)
     apiece = problem.priors
     flight, priors = fused(flight, apiece, kin, body, motion, settings, problem.engine)
     return replace(problem, apiece=apiece, flight=flight, priors=priors)

@@ -16,9 +16,9 @@ from forceid.estimation.loads.fused_tuning import (
     NO_GAIN,
     bfgs_maximum,
     flight_likelihood,
+    flight_segment,
     louder,
-    stretched,
-    stretched_reference,
+    reference_segment,
     tune_together,
 )
 from forceid.estimation.methods.left_over import with_left_over
@@ -174,7 +174,7 @@ def begun(
     """
     middle = max((len(flight.time) - LONGEST) // 2, 0)
     part = slice(middle, middle + LONGEST)
-    path, kinds = stretched_reference(about, part), observing_instruments(search.flight, LOADS[i])
+    path, kinds = reference_segment(about, part), observing_instruments(search.flight, LOADS[i])
     free = [kind for kind in kinds if kind in search.loud]
     rough = turning_as((pair[0].body_axes is not None, pair[1].body_axes is not None), *search.rough)[i]
     flight = with_noise_of(flight, search.flight, LOADS[i])
@@ -185,7 +185,7 @@ def begun(
 
     def value(p: Array) -> float:
         noisy, priors = by(p)
-        return flight_likelihood(stretched(noisy, part), *priors, path, search.engine, [], np.zeros(4))
+        return flight_likelihood(flight_segment(noisy, part), *priors, path, search.engine, [], np.zeros(4))
 
     starts = QUIETER if free else (0.0,)
     tops = [bfgs_maximum(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]

@@ -87,17 +87,19 @@ def choose_level(
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
-    rungs = [
+    candidates = [
         level
         for level in levels(markers, settings, most)
         if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
     ]
-    if len(rungs) < 2 or (not own_modes and not len(most.shapes) and quiet(beyond, rungs[-1], most)):
+    if len(candidates) < 2 or (
+        not own_modes and not len(most.shapes) and quiet(beyond, candidates[-1], most)
+    ):
         return without_shapes("no deformation stands out of the noise")
-    steps = weigh(beyond, rungs, free_shapes(markers.body, most), all(most.stated.values()), engine)
+    steps = weigh(beyond, candidates, free_shapes(markers.body, most), all(most.stated.values()), engine)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
-    best = len(rungs) - 1 if own_modes else explaining(steps)
-    return descend(motion, rungs, steps, best, engine, solve)
+    best = len(candidates) - 1 if own_modes else explaining(steps)
+    return descend(motion, candidates, steps, best, engine, solve)
 
 
 def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:
@@ -117,7 +119,7 @@ def free_shapes(body: Body, kin: Kinematics) -> bool:
 
 def descend(
     motion: Motion,
-    rungs: list[LevelCandidate],
+    candidates: list[LevelCandidate],
     steps: list[Step],
     best: int,
     engine: Engine,
@@ -130,12 +132,12 @@ def descend(
 
     def look(i: int) -> Kinematics:
         if i not in looks:
-            looks[i] = rungs[i].seen
+            looks[i] = candidates[i].seen
         return looks[i]
 
     def solved(i: int) -> Solution:
         if i not in solutions:
-            solutions[i] = solve(rungs[i].settings, look(i))
+            solutions[i] = solve(candidates[i].settings, look(i))
         return solutions[i]
 
     def seen(i: int) -> LoadChannels:
@@ -172,7 +174,7 @@ def descend(
             solved(i)
         except EstimationError:  # a level at which the flight does not settle explains nothing
             return False
-        if holds(solved(i), motion, look(best), rungs[best].settings):
+        if holds(solved(i), motion, look(best), candidates[best].settings):
             return True
         if from_view(solved(i), top, motion.time) <= WORSE:
             return True

@@ -136,37 +136,37 @@ class Span:
     columns: list[int]
 
 
-def spans_of(beyond: Beyond, rungs: list[LevelCandidate]) -> tuple[list[Span], Array]:
+def spans_of(beyond: Beyond, candidates: list[LevelCandidate]) -> tuple[list[Span], Array]:
     """Axes of every level, and the amplitudes (time, column) of all; shared where one goes on from another.
 
     Along its own axes a level has amplitudes that do not correlate, as separate priors take for granted.
     """
     spans: list[Span] = []
-    modal, first = Span(np.zeros((beyond.y.shape[1], 0)), []), np.zeros((0, *rungs[0].shapes.shape[1:]))
+    modal, first = Span(np.zeros((beyond.y.shape[1], 0)), []), np.zeros((0, *candidates[0].shapes.shape[1:]))
     values: list[Array] = []
-    for rung in rungs:
-        nested = rung.settings.model == "modal" and np.array_equal(rung.shapes[: len(first)], first)
+    for candidate in candidates:
+        nested = candidate.settings.model == "modal" and np.array_equal(candidate.shapes[: len(first)], first)
         below = modal if nested else replace(modal, axes=modal.axes[:, :0], columns=[])
-        directions = beyond.of(rung.shapes)
+        directions = beyond.of(candidate.shapes)
         more = directions - directions @ below.axes @ below.axes.T
         axes = principal_axes(beyond.y, more[len(first) if nested else 0 :])
         columns = [len(values) + k for k in range(axes.shape[1])]
         values.extend((beyond.y @ axes).T)
         span = Span(np.concatenate([below.axes, axes], 1), [*below.columns, *columns])
         spans.append(span)
-        if rung.settings.model == "modal":
-            modal, first = span, rung.shapes
+        if candidate.settings.model == "modal":
+            modal, first = span, candidate.shapes
     return spans, np.stack(values, 1) if values else np.zeros((len(beyond.y), 0))
 
 
 def weigh(
-    beyond: Beyond, rungs: list[LevelCandidate], free: bool, stated: bool, engine: Engine
+    beyond: Beyond, candidates: list[LevelCandidate], free: bool, stated: bool, engine: Engine
 ) -> list[Step]:
     """Every level with its static and dynamic evidence from one residual; changes are not yet known.
 
     free: shapes of modal levels were found in the record, each a direction chosen; stated: the noise was.
     """
-    spans, q = spans_of(beyond, rungs)
+    spans, q = spans_of(beyond, candidates)
     gain, each_nis = dynamic_gain(beyond.time, q, beyond.var, engine)
     frames, freedom = beyond.frames, beyond.y.shape[1]
     steps = []
@@ -175,19 +175,19 @@ def weigh(
         limit = float(chdtri(dof, CHANCE) / dof) if dof else np.inf
         return ratio > (limit if stated else max(limit, NIS_BAND[1]))
 
-    for rung, span in zip(rungs, spans, strict=True):
+    for candidate, span in zip(candidates, spans, strict=True):
         left = beyond.y - beyond.y @ span.axes @ span.axes.T
         modes, dof = len(span.columns), freedom - len(span.columns)
         # every shape has a size and a rate to tune, and a direction unless that is given
         chosen = 2 * modes
-        if rung.settings.model == "modal" and free:
+        if candidate.settings.model == "modal" and free:
             chosen += modes * freedom - modes * (modes + 1) // 2
         chi = float(np.nansum(left**2) / beyond.var / frames / dof) if dof else 1.0
         nis = float(each_nis[span.columns].mean()) if modes else 1.0
         color, colored = correlation(left, dof)
         vetoed = colored or beyond_chance(chi, dof * frames) or beyond_chance(nis, modes * frames)
         evidence = float(gain[span.columns].sum()) - 0.5 * chosen * float(np.log(frames))
-        steps.append(Step(rung.settings.model, len(rung.shapes), chi, nis, color, vetoed, evidence))
+        steps.append(Step(candidate.settings.model, len(candidate.shapes), chi, nis, color, vetoed, evidence))
     return steps
 
 

@@ -129,8 +129,8 @@ def gauge(kin: Kinematics) -> Array:
 
 def patterns(kin: Kinematics) -> list[Flags]:
     """Sets of markers (node,) that frames show, all that are ever seen first, then the commonest."""
-    shown = np.isfinite(kin.pose.residual).all(2)
-    sets, count = np.unique(shown, axis=0, return_counts=True)
+    observed = np.isfinite(kin.pose.residual).all(2)
+    sets, count = np.unique(observed, axis=0, return_counts=True)
     order = np.argsort(-count)[:LOOKED]
     return [kin.seen, *(p for p in sets[order] if p.any() and (p != kin.seen).any())]
 

@@ -32,8 +32,8 @@ def bend(here: InBody, on: BentMount) -> tuple[Array, Array, Array, float]:
 def start(rotation: Array, reading: Array, mounting: Array) -> Array:
     """B (3,) T of least squares along rotations (time, 3, 3), beside a bias of each sensor that stays."""
     count = len(mounting)
-    shown = np.asarray(np.isfinite(rotation).all((1, 2)))
-    seen = np.isfinite(reading) & shown[:, None, None]
+    observed = np.asarray(np.isfinite(rotation).all((1, 2)))
+    seen = np.isfinite(reading) & observed[:, None, None]
     rows = np.zeros((*reading.shape, 3 + 3 * count))
     rows[..., :3] = np.einsum("sba,tcb->tsac", mounting, rotation)
     for s in range(count):
