@@ -63,7 +63,7 @@ def rungs(recording, **settings):
 def test_scene_moves_as_its_moment_says():
     time = np.arange(scenes.FRAMES) / scenes.RATE
     step = 1e-4
-    mass = scenes.body().mass
+    mass = scenes.drawn_body().mass
     arms = [scenes.arms_at(time + k * step, "modal 3", 0) for k in (-2, -1, 0, 1, 2)]
     # third-order accurate speed at both ends of a step, then the rise of the angular momentum over it
     speed = [(arms[k + 1] - arms[k - 1]) / (2 * step) for k in (1, 3)]
@@ -73,7 +73,7 @@ def test_scene_moves_as_its_moment_says():
 
 
 def test_modes_of_a_scene_hold_no_rigid_motion():
-    body, shapes = scenes.body(), scenes.shapes("modal 6")
+    body, shapes = scenes.drawn_body(), scenes.shapes("modal 6")
     mass = body.mass[:, None]
     np.testing.assert_allclose((mass * shapes).sum(1), 0.0, atol=1e-15)
     spin = (mass * np.cross(body.position, shapes)).sum(1)
@@ -88,7 +88,7 @@ def test_modes_of_a_scene_hold_no_rigid_motion():
 def test_smallest_sufficient_level_is_taken(level, noise, seed):
     recording = scene(level, noise, seed)
     (choice, _), _ = climbed(recording)
-    taken = scenes.named(choice.level) if choice.level else choice.model
+    taken = scenes.level_name(choice.level) if choice.level else choice.model
     assert taken == scenes.smallest_sufficient(recording, level)[0]
 
 
@@ -96,7 +96,7 @@ def test_level_of_most_evidence_is_that_of_the_scene():
     for level in ("rigid", "affine", "modal 1", "modal 3"):
         several, beyond = rungs(scene(level, 3e-4, 1))
         steps = weigh(beyond, several, True, True, engine())
-        assert scenes.named(steps[explaining(steps)]) == level
+        assert scenes.level_name(steps[explaining(steps)]) == level
 
 
 @pytest.mark.long
