@@ -24,8 +24,8 @@ test-long: .venv/test-ready
 # the numerical core under three kernels of BLAS, with the scalar and the vector engines
 NUMERICAL := tests/kalman/test_square_root.py tests/kalman/test_linear.py tests/flight/test_long_flight.py \
   tests/motion/test_pose.py tests/principal tests/partition/test_dynamics.py \
-  tests/partition/test_commands.py tests/pseudorigid tests/estimation/test_affine_lever.py \
-  tests/estimation/test_classic.py tests/estimation/test_kinematics.py tests/estimation/test_run.py
+  tests/partition/test_commands.py tests/pseudorigid tests/estimation/body/test_affine_lever.py \
+  tests/estimation/methods/test_classic.py tests/estimation/body/test_kinematics.py tests/estimation/test_run.py
 kernels: .venv/test-ready
 	@for run in Prescott:baseline:sse2 Haswell:v3:avx2 SkylakeX:v4:avx512f; do \
 	  set -- $$(echo $$run | tr : ' '); \

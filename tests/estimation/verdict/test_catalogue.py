@@ -15,7 +15,7 @@ from forceid.estimation.verdict.finding import judge
 from forceid.files.result import read_verdict
 from forceid.files.schema import verdict_attrs
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ENTRIES = [entry for group in GROUPS.values() for entry in group]
 
 

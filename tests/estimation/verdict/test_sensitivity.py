@@ -20,7 +20,7 @@ from forceid.records import Motion, Recording
 from forceid.scenes import flexible_boomerang as scene
 from forceid.scenes.springs import spring_stiffness
 
-DATA = Path(__file__).parents[2] / "data" / "synthetic"
+DATA = Path(__file__).parents[3] / "data" / "synthetic"
 SETTINGS = load_settings()
 ALONG = (np.eye(3)[0], np.array([0.6, -0.8, 0.0]))
 

@@ -30,7 +30,7 @@ from forceid.kalman.engines import engine
 from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
 
-EVIDENCE = Path(__file__).parents[2] / "evidence"
+EVIDENCE = Path(__file__).parents[3] / "evidence"
 FILE = EVIDENCE / "drawn" / "ladder.py"
 DATA = EVIDENCE.parent / "data" / "synthetic"
 SPEC = importlib.util.spec_from_file_location("scenes_of_known_level", FILE)
@@ -267,7 +267,7 @@ def test_amplitudes_that_their_prior_does_not_predict_veto_a_level():
 
 @pytest.mark.long
 def test_levels_that_agree_on_mass_that_neither_follows_prove_nothing():
-    folder = Path(__file__).parents[2] / "data" / "synthetic"
+    folder = Path(__file__).parents[3] / "data" / "synthetic"
     recipe = load_recipe(folder / "flexible_boomerang_5_markers.toml")
     recording = simulate(recipe.model_copy(update={"noise_std": 1e-4, "sample_rate": 250.0}))
     bare = replace(recording, body=replace(recording.body, stiffness=None))
@@ -279,7 +279,7 @@ def test_levels_that_agree_on_mass_that_neither_follows_prove_nothing():
 
 @pytest.mark.long
 def test_a_result_names_its_steps_and_the_one_taken_and_says_why(tmp_path):
-    recording = read_motion(Path(__file__).parents[2] / "data" / "synthetic" / "planar_boomerang.h5")
+    recording = read_motion(Path(__file__).parents[3] / "data" / "synthetic" / "planar_boomerang.h5")
     e = estimate_recording(recording, load_settings())
     taken = [name for name, value in e.ladder.items() if name.endswith("_taken") and value == 1]
     assert len(taken) == 1

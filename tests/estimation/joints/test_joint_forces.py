@@ -25,7 +25,7 @@ from forceid.files.tree import tree_from_recording
 from forceid.records import Motion, Recording
 from forceid.scenes import hinged
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 NOISE = 3e-4  # m
 TIME = np.arange(150) / 200.0
 LONG = np.arange(150) / 200.0

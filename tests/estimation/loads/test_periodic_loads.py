@@ -16,7 +16,7 @@ from forceid.files.hdf5 import read_motion
 from forceid.flight.priors.periodic import Periodic
 from forceid.flight.tuning import tune_loads
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_sensors_alone_refuse_a_load_that_repeats_in_one_line():

@@ -19,7 +19,7 @@ from forceid.pseudorigid.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
 from forceid.scenes.spinning_block import CORNERS, Parameters, corner_positions
 
-STORED = Path(__file__).parents[2] / "data/synthetic/spinning_block.h5"
+STORED = Path(__file__).parents[3] / "data/synthetic/spinning_block.h5"
 SIGMA, TIME = 3e-4, np.arange(300) / 500
 X = CORNERS * [0.24, 0.18, 0.14]
 BODY = Body(node=tuple("abcdefgh"), position=X, mass=np.full(8, 0.06))

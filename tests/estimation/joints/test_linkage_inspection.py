@@ -17,7 +17,7 @@ from forceid.estimation.run import estimate_whole
 from forceid.records import Motion, Recording
 from forceid.scenes import hinged
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DATA, CONFIG = ROOT / "data/synthetic/two_blocks.h5", ROOT / "config/two_blocks.toml"
 TIME = np.arange(60) / 200.0
 SIZE, WIDTH = 0.2, (0.2, 0.1, 0.06)
