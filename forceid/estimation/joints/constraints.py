@@ -19,7 +19,7 @@ from forceid.principal import cross_matrix
 from forceid.records import Array
 
 PLACED, ALIGNED = 1e-3, 5e-3  # m, rad: to which place and axes of a joint are known
-PLAY = 0.01  # of what is known without it, that a joint or a balance is held to: nobody sees so little
+PLAY = 0.02  # of the noise of one frame, by which a joint may give
 
 
 @dataclass(frozen=True)

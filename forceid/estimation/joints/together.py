@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import PartMotion, accelerated
-from forceid.estimation.joints.constraints import PLAY, Constraints, balanced, held_poses, stacked_constraints
+from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
@@ -29,6 +29,8 @@ from forceid.principal import transport, transport_matrix
 from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
+
+HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, i
     slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
     for k, e in enumerate(estimates):
         on = rows[:, :, 6 * k : 6 * k + 6]
-        slack += PLAY**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
+        slack += HELD**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
         slack += (on[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
     return balanced(rows, slack), rank
 
@@ -199,4 +201,4 @@ def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> A
         flight = linked[k].smoothing.flight
         light = np.linalg.eigvalsh(flight.inertia)[:, 0]
         found.append(cov / np.stack([np.full(len(cov), flight.mass**2), light**2], 1))
-    return np.asarray(PLAY**2 * sum(found))
+    return np.asarray(HELD**2 * sum(found))
