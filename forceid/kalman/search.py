@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.records import Array, Flags
-from forceid.rounding import ITERATIONS
 
 FINER_GRIDS = 2  # grids after the first, each half as wide
-FINE = 1 / 200  # of the box: differences of Newton's steps
+NEWTON_ROUNDS, FINE = 12, 1 / 200  # Newton's steps at most, and their differences as part of the box
 ENOUGH = 0.01  # gain in log-likelihood that a further step must promise
 TRUST, TRUST_AT_MOST = 0.1, 0.5  # of the box: how far the first step may go, and any
 FLATTEST = 1e-3  # curvature over the largest one of the same problem that a step believes in
@@ -99,7 +98,7 @@ def climb(
     middle = int(np.abs(grid).sum(1).argmin())
     reach, best = np.full(problems, TRUST), np.full(problems, -np.inf)
     best_x, slope, bend = x, np.zeros((problems, dims + 1)), np.zeros((problems, dims + 1, dims + 1))
-    for _ in range(ITERATIONS):
+    for _ in range(NEWTON_ROUNDS):
         points = x[:, None, :-1] + offset * h[:, None, :-1]
         levels = x[:, -1] + levels_off[:, None] * h[:, -1]
         value = objective(np.broadcast_to(points, (len(levels), *points.shape)), levels)
