@@ -51,7 +51,7 @@ def test_errors_of_frames_are_those_claimed(lost):
     frames = fitted(x)
     pose = np.concatenate([frames.center - c, log(frames.rotation @ R.swapaxes(1, 2))], 1)
     pose = pose - np.einsum("tik,tk->ti", frames.leak, q)
-    told = frames.told - np.einsum("tij,tj->ti", frames.rows, q)
+    told = frames.observed - np.einsum("tij,tj->ti", frames.rows, q)
     white = np.linalg.solve(np.linalg.cholesky(frames.cov), pose[..., None])[..., 0]
     both = np.concatenate([white, told], 1)
     np.testing.assert_allclose(both.T @ both / len(both), np.eye(8), atol=0.1)
@@ -62,5 +62,5 @@ def test_frames_that_show_fewer_amplitudes_tell_what_they_show():
     x, *_ = seen(3, np.random.default_rng(0), lost=(0, 1, 2))
     pose = fit_pose(x, SHAPE, np.ones(6), NOISE + 1e-8 * np.eye(18))
     frames = fit_frames(x, pose, SHAPE, shapes, NOISE)
-    assert np.isfinite(frames.told).sum(1).tolist() == [3, 3, 3]  # nine coordinates less six of the pose
+    assert np.isfinite(frames.observed).sum(1).tolist() == [3, 3, 3]  # nine coordinates less six of the pose
     assert np.isfinite(frames.leak).all()
