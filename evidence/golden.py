@@ -31,9 +31,9 @@ from forceid.errors import ForceIdError
 from forceid.estimation.long import out_of_core as streaming
 from forceid.estimation.long import windows as stretches
 from forceid.estimation.long.out_of_core import estimate_source
-from forceid.files import blocks
-from forceid.files.hdf5 import read_motion, write_motion
 from forceid.files.result import write_result
+from forceid.files.stored import blocks
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Recording
 
 ROOT = Path(__file__).parents[1]

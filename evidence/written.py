@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from forceid.files.atomic import atomic
+from forceid.files.stored.atomic import atomic
 
 
 def asked(module: str, about: str | None, page: bool = True, **options: Any) -> argparse.Namespace:

@@ -9,8 +9,8 @@ import pytest
 
 from forceid.cli.app import main
 from forceid.errors import DataError
-from forceid.files import hdf5
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored import hdf5
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Body, Motion, Recording
 
 CORNERS = np.array([[0.1, 0, 0], [-0.1, 0.1, 0], [0, -0.1, 0.1], [0, 0, -0.1]])

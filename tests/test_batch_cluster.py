@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import pytest
 
-from forceid.cli import cluster as crews
-from forceid.cli import pool
 from forceid.cli.app import main
+from forceid.cli.crew import cluster as crews
+from forceid.cli.crew import pool
 from forceid.config import load_settings
 
 distributed = pytest.importorskip("distributed")

@@ -15,9 +15,9 @@ import h5py
 import numpy as np
 import pytest
 
-from forceid.cli import pool
 from forceid.cli.app import main
-from forceid.cli.claim import NAME, claimed
+from forceid.cli.crew import pool
+from forceid.cli.crew.claim import NAME, claimed
 from forceid.config import load_settings
 from forceid.errors import ConfigError
 

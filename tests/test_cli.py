@@ -15,8 +15,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from forceid.cli import pool
 from forceid.cli.app import COMMANDS, main
+from forceid.cli.crew import pool
 from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
 
@@ -385,7 +385,7 @@ def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_
 
 
 def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(tmp_path, monkeypatch):
-    from forceid.kalman import passes
+    from forceid.kalman.recursions import passes
 
     calls = []
     plain = passes.log_likelihood

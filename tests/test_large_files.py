@@ -11,8 +11,8 @@ from forceid.cli.app import main
 from forceid.cli.estimate import kept_of
 from forceid.estimation.long import out_of_core as streaming
 from forceid.estimation.long import windows as stretches
-from forceid.files import blocks, heap
-from forceid.files.hdf5 import write_motion
+from forceid.files.stored import blocks, heap
+from forceid.files.stored.hdf5 import write_motion
 from forceid.records import Body, Motion, Recording
 
 FRAMES, NODES, NOISE = 400, 30, 1e-3

@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.files.sources import import_sources
+from forceid.files.formats.sources import import_sources
 from forceid.import_settings import load_import_settings
 
 ROOT = Path(__file__).parents[1]

@@ -9,7 +9,7 @@ import pytest
 
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.motion.pose import pose_rank
 from forceid.principal.operator import summation_operator
 

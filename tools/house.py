@@ -100,7 +100,7 @@ def walked() -> dict[str, tuple[int, int, int]]:
     """
     from forceid.config import Settings
     from forceid.estimation.run import estimate_recording
-    from forceid.files.hdf5 import read_motion
+    from forceid.files.stored.hdf5 import read_motion
     from forceid.records import Recording
 
     recording = read_motion(ROOT / "data" / "synthetic" / "flexible_boomerang.h5")

@@ -21,13 +21,13 @@ import h5py
 from evidence.batches import large
 from evidence.batches.records import Found, cpu, numbers, results, run, run_command, shelf, timed_into
 from evidence.written import asked, paged, table
+from forceid.cli.crew.pool import nis_mean
 from forceid.cli.output import describe
-from forceid.cli.pool import nis_mean
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
-from forceid.files.heap import fingerprint
 from forceid.files.result import write_result
+from forceid.files.stored.hdf5 import read_motion
+from forceid.files.stored.heap import fingerprint
 
 SAMPLE = 20  # files whose stages are timed one by one
 OPTIONS = ("--model", "rigid")

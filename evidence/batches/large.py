@@ -18,8 +18,8 @@ from evidence.batches.records import GRAVITY, NOISE, Found, pose, random_body, r
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import affine_maps
 from forceid.estimation.long.out_of_core import summed
-from forceid.files.blocks import opened
-from forceid.files.heap import fingerprint
+from forceid.files.stored.blocks import opened
+from forceid.files.stored.heap import fingerprint
 
 NODES = 10_000
 

@@ -30,8 +30,8 @@ from evidence.written import asked, paged, table
 from forceid.config import Settings
 from forceid.errors import DataError, ForceIdError
 from forceid.estimation.long.out_of_core import read_recording
-from forceid.files.hdf5 import write_motion
 from forceid.files.result import read_result, write_result
+from forceid.files.stored.hdf5 import write_motion
 from forceid.records import Body, Motion, Recording
 
 PATIENCE = 60  # s of wall time that one file may take

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.files.hdf5 import write_motion
+from forceid.files.stored.hdf5 import write_motion
 from forceid.records import Array, Body, Motion, Recording
 
 FRAMES, NODES = 2083, 100  # 5 MB of positions

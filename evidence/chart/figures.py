@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from evidence.chart.charted import Charted
 from evidence.chart.front import front, points_of
 from evidence.chart.labels import place_labels
-from forceid.report.style import BLUE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels, say
+from forceid.report.plots.style import BLUE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels, say
 
 FLOOR = 1e-16
 WORTHLESS = 1.0  # relative error of the answer zero: what is above is left out

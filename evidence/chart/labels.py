@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from forceid.records import Array
-from forceid.report.style import GRAY
+from forceid.report.plots.style import GRAY
 
 DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0, 66.0, 84.0, 104.0, 126.0, 150.0)  # points
 DIRECTIONS = np.radians([0, 180, 30, -30, 150, -150, 60, -60, 120, -120, 90, -90])

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated_score, stacked, told_whole
+from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score, stacked, told_whole
 from evidence.written import asked, each, paged, table
 from forceid.records import Body, Motion, Recording
 

@@ -19,12 +19,12 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, RATES, recorded
-from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, rms, stacked
+from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, rms, stacked
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
 from forceid.motion.first_moment import angular_channel
-from forceid.report.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
+from forceid.report.plots.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
 
 SCENES = {15: "flexible_boomerang", 5: "flexible_boomerang_5_markers"}
 ASKED = {  # N, N m at 1 kHz

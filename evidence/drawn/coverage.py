@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
+from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
 from evidence.written import asked, each, tabled
 from forceid.records import Recording
 from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample_times

@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.degenerate_bodies import ENOUGH, DrawnBody, draw_body
+from evidence.drawn.records.degenerate_bodies import ENOUGH, DrawnBody, draw_body
 from evidence.written import asked, each, paged, tabled
 from forceid.config import Settings
 from forceid.errors import ForceIdError
 from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion, write_motion
 from forceid.files.result import write_result
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Array
 
 PATIENCE = 30  # s of processor time that one recording may take, inspected and estimated

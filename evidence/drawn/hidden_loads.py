@@ -24,8 +24,8 @@ import numpy as np
 from scipy.interpolate import interp1d
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.hidden_bodies import KINDS, DrawnRecord, draw_record
-from evidence.drawn.scored import judged_part
+from evidence.drawn.records.hidden_bodies import KINDS, DrawnRecord, draw_record
+from evidence.drawn.records.scored import judged_part
 from evidence.written import asked, each, paged, tabled
 from forceid.config import load_settings
 from forceid.errors import EstimationError

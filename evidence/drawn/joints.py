@@ -32,7 +32,7 @@ from forceid.flight.smoother import smooth_flight
 from forceid.kalman.engines import engine
 from forceid.principal.wrench import transport_matrix
 from forceid.records import Array, Estimate, Motion, Recording
-from forceid.scenes import hinged
+from forceid.scenes.flights import hinged
 
 NOISE, RATE = 3e-4, 200.0
 FIRST = 200  # seed: none that a constant was chosen on

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, GRAVITY, MOMENT, estimated_score, told_whole
+from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score, told_whole
 from evidence.written import asked, each, paged, table, tabled
 from forceid.records import Array, Body, Motion, Recording
 

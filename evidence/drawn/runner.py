@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.scored import GRAVITY
+from evidence.drawn.records.scored import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording

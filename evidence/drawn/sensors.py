@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.scored import FORCE, MOMENT, RecordScore, estimated_score, pooled
+from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, pooled
 from evidence.written import asked, each, tabled
 from forceid.scenes.recipe import SceneRecipe, simulate
 

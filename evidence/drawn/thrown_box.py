@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import forceid
-from evidence.drawn.scored import QUANTILE, judged_part, rms
+from evidence.drawn.records.scored import QUANTILE, judged_part, rms
 from evidence.subjects.affine.bodies import hat
 from evidence.written import asked, each, paged, tabled
 from forceid.errors import ForceIdError

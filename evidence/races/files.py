@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evidence.races.paired import Goal, Race, RaceAnswer, Racer
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Body, Motion, Recording
 
 FRAMES, NODES = 2083, 100  # 5 MB of positions

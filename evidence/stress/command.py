@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evidence.completion import failures
+from forceid.cli.crew.progress import progress
 from forceid.cli.estimate import Json
 from forceid.cli.output import finite_or_none, to_json
-from forceid.cli.progress import progress
 
 if TYPE_CHECKING:
     from evidence.stress.run import Map, StressJob
@@ -78,7 +78,7 @@ def done(todo: Sequence[StressJob], workers: int) -> Iterator[tuple[StressJob, d
     from multiprocessing import get_context
 
     from evidence.stress.run import do
-    from forceid.cli.pool import ignore_interrupt
+    from forceid.cli.crew.pool import ignore_interrupt
     from forceid.errors import EstimationError
 
     if not todo:

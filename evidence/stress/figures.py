@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 from evidence.stress.cell import Cell
 from evidence.stress.run import Map, MapRow
 from evidence.stress.subjects import default_of, subject_of
-from forceid.report.style import INK, STYLE
+from forceid.report.plots.style import INK, STYLE
 
 # told apart by lightness too, and by their marks
 COLORS = {"green": "#009E73", "pale": "#BDE3D5", "amber": "#F3C44C", "grey": "#CBCFD6", "red": "#A50F15"}

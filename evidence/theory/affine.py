@@ -20,7 +20,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from evidence.drawn.coverage import SCENES as DATA
-from evidence.drawn.scored import QUANTILE, judged_part
+from evidence.drawn.records.scored import QUANTILE, judged_part
 from evidence.subjects.flights.true_prior import fitted_prior
 from evidence.written import asked, each, pictured, tabled, written
 from forceid.config import load_settings
@@ -33,8 +33,8 @@ from forceid.flight.channels import start_of
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import engine
 from forceid.records import Array, Estimate, Recording
-from forceid.report.bands import draw_estimate
-from forceid.report.style import BLUE, STYLE, draw_band, draw_line, label
+from forceid.report.plots.bands import draw_estimate
+from forceid.report.plots.style import BLUE, STYLE, draw_band, draw_line, label
 from forceid.scenes.recipe import fly, load_recipe, measure, sample_times
 
 STIFF = {

@@ -16,7 +16,7 @@ from forceid.cli.output import to_json, worse_verdict, wrap
 from forceid.errors import ConfigError, DataError, ForceIdError
 
 if TYPE_CHECKING:
-    from forceid.cli.pool import Crew, Job, Record, Work
+    from forceid.cli.crew.pool import Crew, Job, Record, Work
     from forceid.config import Settings
 
 PAGE = "index.html"
@@ -68,7 +68,7 @@ def run(
         say_left_out(left, json)
         refuse_existing(plan, resume or force)
         return
-    from forceid.cli.claim import claimed
+    from forceid.cli.crew.claim import claimed
 
     with claimed(output), crew_of(jobs, scheduler, len(plan)) as crew:
         refuse_existing(plan, resume or force)
@@ -111,19 +111,19 @@ def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractCont
     """Processes here, or the workers of a cluster."""
     import os
 
-    from forceid.cli.pool import processes
+    from forceid.cli.crew.pool import processes
 
     if scheduler is None:
         return nullcontext(processes(min(jobs or os.cpu_count() or 1, files)))
-    from forceid.cli.cluster import cluster
+    from forceid.cli.crew.cluster import cluster
 
     return cluster(scheduler)
 
 
 def planned_outcome(job: Job, settings: Settings, keep: bool, force: bool) -> Record:
     """What would become of a file: skipped, planned, left out, failed, or exists, which ends the batch."""
-    from forceid.cli.pool import LEFT_OUT, cause_key, failure
-    from forceid.cli.resume import current
+    from forceid.cli.crew.pool import LEFT_OUT, cause_key, failure
+    from forceid.cli.crew.resume import current
     from forceid.files import is_result, stamp
 
     try:
@@ -141,14 +141,14 @@ def work_through(
     plan: Sequence[Job], settings: Settings, crew: Crew, keep: bool, remote: bool, json: bool
 ) -> tuple[list[Record], bool]:
     """The record of every file that was done, and whether an interrupt left others undone."""
-    from forceid.cli.pool import LEFT_OUT, run_job, run_jobs
-    from forceid.cli.progress import progress
-    from forceid.cli.resume import resume_job
-    from forceid.files.atomic import sweep
+    from forceid.cli.crew.pool import LEFT_OUT, run_job, run_jobs
+    from forceid.cli.crew.progress import progress
+    from forceid.cli.crew.resume import resume_job
+    from forceid.files.stored.atomic import sweep
 
     work: Work = resume_job if keep else run_job
     if remote:
-        from forceid.cli.cluster import on_workers
+        from forceid.cli.crew.cluster import on_workers
 
         work = on_workers(work)
     records: list[Record] = []
@@ -172,7 +172,7 @@ def work_through(
 
 def parted(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
     """The records of motion files, and those of results among the inputs, which `*.h5` picks up."""
-    from forceid.cli.pool import LEFT_OUT
+    from forceid.cli.crew.pool import LEFT_OUT
 
     left = [record for record in records if record["status"] == LEFT_OUT]
     return [record for record in records if record["status"] != LEFT_OUT], left
@@ -188,7 +188,7 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
 
 def write_batch_page(records: Sequence[Record], folder: Path, undone: int) -> str:
     """The page over all files, beside the results; its path, or why it is not there."""
-    from forceid.files.atomic import atomic
+    from forceid.files.stored.atomic import atomic
     from forceid.report import render_batch
 
     try:

@@ -71,9 +71,9 @@ def run(
 
     Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
     """
-    from forceid.cli.progress import progress
+    from forceid.cli.crew.progress import progress
     from forceid.config import load_settings
-    from forceid.files.atomic import sweep
+    from forceid.files.stored.atomic import sweep
 
     settings = load_settings(config, method=method, model=model, engine=engine)
     output = output or file.with_suffix(".result.h5")

@@ -23,7 +23,7 @@ def run(
 
     Example: forceid inspect toss.h5
     """
-    from forceid.cli.progress import progress
+    from forceid.cli.crew.progress import progress
     from forceid.config import load_settings
     from forceid.estimation import inspect_recording, read_recording
 

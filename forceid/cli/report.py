@@ -32,7 +32,7 @@ def run(
 def write_result_page(result: Path, page: Path) -> None:
     """Read the result and write its page."""
     from forceid.files import read_result, read_title, read_truth
-    from forceid.files.atomic import atomic
+    from forceid.files.stored.atomic import atomic
     from forceid.report import render_page
 
     title = read_title(result) or result.name.removesuffix(".result.h5")

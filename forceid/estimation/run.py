@@ -49,8 +49,8 @@ from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
-from forceid.motion.modes import gauge_weight
 from forceid.motion.pose import fit_rotation
+from forceid.motion.shapes.modes import gauge_weight
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from forceid.face import on_first_use
 
 _HOMES = {
-    "read_motion": "forceid.files.hdf5",
-    "write_motion": "forceid.files.hdf5",
-    "stamp": "forceid.files.hdf5",
+    "read_motion": "forceid.files.stored.hdf5",
+    "write_motion": "forceid.files.stored.hdf5",
+    "stamp": "forceid.files.stored.hdf5",
     "open_motion": "forceid.files.tree",
     "recording_from_tree": "forceid.files.tree",
     "tree_from_estimate": "forceid.files.tree",
@@ -21,22 +21,22 @@ _HOMES = {
     "read_truth": "forceid.files.result",
     "read_title": "forceid.files.result",
     "is_result": "forceid.files.result",
-    "import_sources": "forceid.files.sources",
-    "load_import_settings": "forceid.files.sources",
+    "import_sources": "forceid.files.formats.sources",
+    "load_import_settings": "forceid.files.formats.sources",
 }
 __all__ = [*_HOMES]
 
 if TYPE_CHECKING:
-    from forceid.files.hdf5 import read_motion as read_motion
-    from forceid.files.hdf5 import stamp as stamp
-    from forceid.files.hdf5 import write_motion as write_motion
+    from forceid.files.formats.sources import import_sources as import_sources
+    from forceid.files.formats.sources import load_import_settings as load_import_settings
     from forceid.files.result import is_result as is_result
     from forceid.files.result import read_result as read_result
     from forceid.files.result import read_title as read_title
     from forceid.files.result import read_truth as read_truth
     from forceid.files.result import write_result as write_result
-    from forceid.files.sources import import_sources as import_sources
-    from forceid.files.sources import load_import_settings as load_import_settings
+    from forceid.files.stored.hdf5 import read_motion as read_motion
+    from forceid.files.stored.hdf5 import stamp as stamp
+    from forceid.files.stored.hdf5 import write_motion as write_motion
     from forceid.files.tree import open_motion as open_motion
     from forceid.files.tree import recording_from_tree as recording_from_tree
     from forceid.files.tree import tree_from_estimate as tree_from_estimate

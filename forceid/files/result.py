@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.hdf5 import open_hdf5, source_group, write_groups
 from forceid.files.parse import Stored, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
     ESTIMATE,
@@ -24,6 +23,7 @@ from forceid.files.schema import (
     WITNESS_ATTRS,
     estimate_groups,
 )
+from forceid.files.stored.hdf5 import open_hdf5, source_group, write_groups
 from forceid.records import (
     Array,
     Estimate,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from forceid.files.hdf5 import read_motion
 from forceid.files.parse import Stored, parse_recording
 from forceid.files.schema import Group, estimate_groups, hash_arrays, motion_groups
+from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Estimate, Recording
 
 

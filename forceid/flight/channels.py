@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.kalman.building.process import Process, discretize, integrate, superpose, with_mean
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, discretize, integrate, superpose, with_mean
 from forceid.records import Array
 from forceid.rounding import SINGLE
 

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.flight.vibration import STATES, ModeState, Vibration
+from forceid.kalman.building.process import discretize
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import discretize
-from forceid.motion.frames import Frames
-from forceid.motion.products import Products
+from forceid.motion.shapes.frames import Frames
+from forceid.motion.shapes.products import Products
 from forceid.records import Array
 
 

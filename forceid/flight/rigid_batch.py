@@ -18,10 +18,10 @@ import numpy as np
 
 from forceid.compiled import engine as compiled
 from forceid.errors import EstimationError
-from forceid.kalman import linear, passes
 from forceid.kalman.covariance import square_root
 from forceid.kalman.model import Filtered, StateSpace
-from forceid.kalman.square_root import eliminate, step_back, white_share
+from forceid.kalman.recursions import linear, passes
+from forceid.kalman.recursions.square_root import eliminate, step_back, white_share
 from forceid.records import Array, Indices
 from forceid.rounding import SINGLE
 

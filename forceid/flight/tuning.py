@@ -18,10 +18,10 @@ from forceid.flight.channels import (
 )
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
+from forceid.kalman.building.lines import Line
+from forceid.kalman.building.process import matern
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.lines import Line
-from forceid.kalman.process import matern
-from forceid.kalman.search import maximize
+from forceid.kalman.tuning.search import maximize
 from forceid.records import Array, Flags
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 

@@ -9,11 +9,11 @@ from itertools import product
 import numpy as np
 
 from forceid.flight.channels import driven, tuning_segments
+from forceid.kalman.building.lines import AT_ONCE
+from forceid.kalman.building.process import Process
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.lines import AT_ONCE
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process
-from forceid.kalman.search import maximize
+from forceid.kalman.tuning.search import maximize
 from forceid.records import Array
 from forceid.significance import OUTLIER
 

@@ -22,20 +22,20 @@ _LAZY = {  # where each name lives; what needs scipy is loaded with the name
     "bounds": (
         "Steady", "constant_acceleration_bound", "driven_load_bound", "integrated_wiener_bound", "steady",
     ),
-    "calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
-    "fit": ("Fit", "tune"),
-    "gradient": ("Score", "score"),
-    "input_smoothing": ("InputSmoothed", "input_smoother"),
-    "lines": ("Line",),
-    "robust": ("Rejection", "reject", "unswap"),
+    "tuning.calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
+    "tuning.fit": ("Fit", "tune"),
+    "tuning.gradient": ("Score", "score"),
+    "inputs.input_smoothing": ("InputSmoothed", "input_smoother"),
+    "building.lines": ("Line",),
+    "tuning.robust": ("Rejection", "reject", "unswap"),
     "observability": ("gramian", "invariant_zeros", "pbh", "prior_only", "variance_ratio"),
-    "process": (
+    "building.process": (
         "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
         "sensitivity", "superpose", "with_mean",
     ),
-    "sensors": ("biased", "colored", "state_space"),
-    "structure": ("Structure", "System", "discretize_input", "drive", "modal"),
-    "unknown_input": ("InputFiltered", "input_filter"),
+    "building.sensors": ("biased", "colored", "state_space"),
+    "building.structure": ("Structure", "System", "discretize_input", "drive", "modal"),
+    "inputs.unknown_input": ("InputFiltered", "input_filter"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _LAZY.items() for name in names}
 __all__ = [
@@ -49,45 +49,45 @@ if TYPE_CHECKING:
     from forceid.kalman.bounds import driven_load_bound as driven_load_bound
     from forceid.kalman.bounds import integrated_wiener_bound as integrated_wiener_bound
     from forceid.kalman.bounds import steady as steady
-    from forceid.kalman.calibration import Consistency as Consistency
-    from forceid.kalman.calibration import chi_square_band as chi_square_band
-    from forceid.kalman.calibration import consistency as consistency
-    from forceid.kalman.calibration import nees as nees
-    from forceid.kalman.fit import Fit as Fit
-    from forceid.kalman.fit import tune as tune
-    from forceid.kalman.gradient import Score as Score
-    from forceid.kalman.gradient import score as score
-    from forceid.kalman.input_smoothing import InputSmoothed as InputSmoothed
-    from forceid.kalman.input_smoothing import input_smoother as input_smoother
-    from forceid.kalman.lines import Line as Line
+    from forceid.kalman.building.lines import Line as Line
+    from forceid.kalman.building.process import Process as Process
+    from forceid.kalman.building.process import discretize as discretize
+    from forceid.kalman.building.process import integrate as integrate
+    from forceid.kalman.building.process import integrated_wiener as integrated_wiener
+    from forceid.kalman.building.process import matern as matern
+    from forceid.kalman.building.process import random_walk as random_walk
+    from forceid.kalman.building.process import resonator as resonator
+    from forceid.kalman.building.process import sensitivity as sensitivity
+    from forceid.kalman.building.process import superpose as superpose
+    from forceid.kalman.building.process import with_mean as with_mean
+    from forceid.kalman.building.sensors import biased as biased
+    from forceid.kalman.building.sensors import colored as colored
+    from forceid.kalman.building.sensors import state_space as state_space
+    from forceid.kalman.building.structure import Structure as Structure
+    from forceid.kalman.building.structure import System as System
+    from forceid.kalman.building.structure import discretize_input as discretize_input
+    from forceid.kalman.building.structure import drive as drive
+    from forceid.kalman.building.structure import modal as modal
+    from forceid.kalman.inputs.input_smoothing import InputSmoothed as InputSmoothed
+    from forceid.kalman.inputs.input_smoothing import input_smoother as input_smoother
+    from forceid.kalman.inputs.unknown_input import InputFiltered as InputFiltered
+    from forceid.kalman.inputs.unknown_input import input_filter as input_filter
     from forceid.kalman.observability import gramian as gramian
     from forceid.kalman.observability import invariant_zeros as invariant_zeros
     from forceid.kalman.observability import pbh as pbh
     from forceid.kalman.observability import prior_only as prior_only
     from forceid.kalman.observability import variance_ratio as variance_ratio
-    from forceid.kalman.process import Process as Process
-    from forceid.kalman.process import discretize as discretize
-    from forceid.kalman.process import integrate as integrate
-    from forceid.kalman.process import integrated_wiener as integrated_wiener
-    from forceid.kalman.process import matern as matern
-    from forceid.kalman.process import random_walk as random_walk
-    from forceid.kalman.process import resonator as resonator
-    from forceid.kalman.process import sensitivity as sensitivity
-    from forceid.kalman.process import superpose as superpose
-    from forceid.kalman.process import with_mean as with_mean
-    from forceid.kalman.robust import Rejection as Rejection
-    from forceid.kalman.robust import reject as reject
-    from forceid.kalman.robust import unswap as unswap
-    from forceid.kalman.sensors import biased as biased
-    from forceid.kalman.sensors import colored as colored
-    from forceid.kalman.sensors import state_space as state_space
-    from forceid.kalman.structure import Structure as Structure
-    from forceid.kalman.structure import System as System
-    from forceid.kalman.structure import discretize_input as discretize_input
-    from forceid.kalman.structure import drive as drive
-    from forceid.kalman.structure import modal as modal
-    from forceid.kalman.unknown_input import InputFiltered as InputFiltered
-    from forceid.kalman.unknown_input import input_filter as input_filter
+    from forceid.kalman.tuning.calibration import Consistency as Consistency
+    from forceid.kalman.tuning.calibration import chi_square_band as chi_square_band
+    from forceid.kalman.tuning.calibration import consistency as consistency
+    from forceid.kalman.tuning.calibration import nees as nees
+    from forceid.kalman.tuning.fit import Fit as Fit
+    from forceid.kalman.tuning.fit import tune as tune
+    from forceid.kalman.tuning.gradient import Score as Score
+    from forceid.kalman.tuning.gradient import score as score
+    from forceid.kalman.tuning.robust import Rejection as Rejection
+    from forceid.kalman.tuning.robust import reject as reject
+    from forceid.kalman.tuning.robust import unswap as unswap
 
 _engine = engine  # the keyword below has the same name
 

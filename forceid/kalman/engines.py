@@ -11,15 +11,15 @@ from importlib.util import find_spec
 from typing import Any
 
 from forceid.errors import ConfigError
-from forceid.kalman import linear
 from forceid.kalman.model import Filtered, Smoothed, StateSpace
+from forceid.kalman.recursions import linear
 from forceid.records import Array
 
 # fastest first; an engine that nobody asked for is never imported
 MODULES = {
     "compiled": "forceid.compiled._engine",
-    "numpy": "forceid.kalman.passes",
-    "filterpy": "forceid.kalman.filterpy",
+    "numpy": "forceid.kalman.recursions.passes",
+    "filterpy": "forceid.kalman.recursions.filterpy",
 }
 
 

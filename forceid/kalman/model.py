@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from forceid.kalman.passes import LOG_2PI
+from forceid.kalman.recursions.passes import LOG_2PI
 from forceid.records import Array, Indices
 
 

@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING, Any
 from forceid.partition.assembled import from_assembled as from_assembled
 from forceid.partition.assembled import from_meshes as from_meshes
 from forceid.partition.assembled import from_names as from_names
-from forceid.partition.commands import mean_control as mean_control
-from forceid.partition.commands import solve_commands as solve_commands
+from forceid.partition.coupling.commands import mean_control as mean_control
+from forceid.partition.coupling.commands import solve_commands as solve_commands
+from forceid.partition.coupling.interpolation import interpolation as interpolation
+from forceid.partition.coupling.principal_motion import principal_balance as principal_balance
+from forceid.partition.coupling.resultants import LinkResultants as LinkResultants
+from forceid.partition.coupling.resultants import link_resultants as link_resultants
+from forceid.partition.coupling.transfer import reproduction as reproduction
+from forceid.partition.coupling.transfer import transfer_load as transfer_load
+from forceid.partition.coupling.transfer import transfer_motion as transfer_motion
 from forceid.partition.dynamics import integrate as integrate
 from forceid.partition.dynamics import mean_motion as mean_motion
-from forceid.partition.interface_forces import InterfaceForces as InterfaceForces
-from forceid.partition.interpolation import interpolation as interpolation
-from forceid.partition.principal_motion import principal_balance as principal_balance
-from forceid.partition.resultants import LinkResultants as LinkResultants
-from forceid.partition.resultants import link_resultants as link_resultants
+from forceid.partition.operators.topology import boolean_from_names as boolean_from_names
+from forceid.partition.operators.topology import boolean_from_positions as boolean_from_positions
+from forceid.partition.operators.topology import topology as topology
+from forceid.partition.solution.interface_forces import InterfaceForces as InterfaceForces
 from forceid.partition.statics import Statics as Statics
 from forceid.partition.system import PartitionedSystem as PartitionedSystem
-from forceid.partition.topology import boolean_from_names as boolean_from_names
-from forceid.partition.topology import boolean_from_positions as boolean_from_positions
-from forceid.partition.topology import topology as topology
-from forceid.partition.transfer import reproduction as reproduction
-from forceid.partition.transfer import transfer_load as transfer_load
-from forceid.partition.transfer import transfer_motion as transfer_motion
 
 if TYPE_CHECKING:
     from forceid.partition.matrix_file import read_matrix as read_matrix

@@ -15,10 +15,15 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.partition.inverse import validated_symmetric
-from forceid.partition.separation import NodeCut, separated_mass, separated_stiffness
+from forceid.partition.operators.inverse import validated_symmetric
+from forceid.partition.operators.separation import NodeCut, separated_mass, separated_stiffness
+from forceid.partition.operators.topology import (
+    boolean_from_names,
+    boolean_from_positions,
+    compatible,
+    without_fixed,
+)
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import boolean_from_names, boolean_from_positions, compatible, without_fixed
 from forceid.partition.validation import real_array, real_matrix, real_positions
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices

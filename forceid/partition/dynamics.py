@@ -20,10 +20,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.partition.conjugate_gradient import projected_cg
-from forceid.partition.inverse import Factor, factor_parts, solved
-from forceid.partition.preconditioners import preconditioner
-from forceid.partition.projection import FLOATING
+from forceid.partition.operators.conjugate_gradient import projected_cg
+from forceid.partition.operators.inverse import Factor, factor_parts, solved
+from forceid.partition.operators.preconditioners import preconditioner
+from forceid.partition.operators.projection import FLOATING
 from forceid.partition.system import PartitionedSystem
 from forceid.records import Array, Indices
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from forceid.partition.elements import assemble_elements, box_element
+from forceid.partition.operators.topology import boolean_from_positions, compatible, without_fixed
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import boolean_from_positions, compatible, without_fixed
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 

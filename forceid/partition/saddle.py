@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
-from forceid.partition.assembly import Assembly
-from forceid.partition.flexibility import flexibility_matrices
+from forceid.partition.operators.flexibility import flexibility_matrices
+from forceid.partition.solution.assembly import Assembly
 from forceid.records import Array
 
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero

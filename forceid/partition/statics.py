@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.accuracy import Refined, in_balance, norm, ratio, refine_solution
-from forceid.partition.assembly import Assembly
-from forceid.partition.conjugate_gradient import Iterations, projected_cg
-from forceid.partition.error_verdict import REACHED, SOUND, condition_verdict
+from forceid.partition.operators.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.saddle import solve_saddle
+from forceid.partition.solution.accuracy import Refined, in_balance, norm, ratio, refine_solution
+from forceid.partition.solution.assembly import Assembly
+from forceid.partition.solution.error_verdict import REACHED, SOUND, condition_verdict
 from forceid.records import Array, Verdict
 
 WEIGHTS = ("multiplicity", "stiffness")

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from forceid.errors import DataError
-from forceid.partition.assembly import Assembly
-from forceid.partition.interface_forces import InterfaceForces, interface_forces, stiffness_forces
-from forceid.partition.inverse import all_symmetric, rigid_modes
+from forceid.partition.operators.inverse import all_symmetric, rigid_modes
+from forceid.partition.operators.topology import Topology, topology
+from forceid.partition.solution.assembly import Assembly
+from forceid.partition.solution.interface_forces import InterfaceForces, interface_forces, stiffness_forces
 from forceid.partition.statics import Statics, relieved, solve_direct, solve_iteratively
-from forceid.partition.topology import Topology, topology
 from forceid.records import Array
 
 

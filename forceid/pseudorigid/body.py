@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, DataError
-from forceid.pseudorigid.cofactors import EYE, determinant
-from forceid.pseudorigid.constrained import RATTLE, check_volume, multiplier
-from forceid.pseudorigid.events import EVENT_DTYPE, Event, EventKinds, stop_of, tension_times
-from forceid.pseudorigid.integrators import STEPPERS, Stepper
-from forceid.pseudorigid.invariants import angular_momentum, circulation
-from forceid.pseudorigid.material_law import Material, check_material_of, validated_constant
-from forceid.pseudorigid.reference import reference
-from forceid.pseudorigid.system import AffineSystem, State
-from forceid.pseudorigid.trajectory import Trajectory
+from forceid.pseudorigid.factors.cofactors import EYE, determinant
+from forceid.pseudorigid.material.material_law import Material, check_material_of, validated_constant
+from forceid.pseudorigid.motion.constrained import RATTLE, check_volume, multiplier
+from forceid.pseudorigid.motion.events import EVENT_DTYPE, Event, EventKinds, stop_of, tension_times
+from forceid.pseudorigid.motion.integrators import STEPPERS, Stepper
+from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
+from forceid.pseudorigid.motion.reference import reference
+from forceid.pseudorigid.motion.system import AffineSystem, State
+from forceid.pseudorigid.motion.trajectory import Trajectory
 from forceid.pseudorigid.validation import instants, matrices, real_values
 from forceid.records import Array
 
@@ -44,7 +44,7 @@ class Body:
     `material.incompressible`. Raises DataError where E is not symmetric positive definite: a flat body has no
     affine motion of its own. Source: pseudo-rigid bodies, section 1.
 
-    >>> from forceid.pseudorigid.materials import MooneyRivlin
+    >>> from forceid.pseudorigid.material.materials import MooneyRivlin
     >>> body = Body(1.7, MooneyRivlin(0.6, 0.25, 0.4, 3.0))
     >>> F0, time = np.diag([1.02, 1.0, 0.98]), np.linspace(0, 10, 101)
     >>> motion = body.simulate(F0, np.zeros((3, 3)), time, method="verlet", step=0.05)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.decomposition import bipolar
-from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, vector_cross
+from forceid.pseudorigid.factors.decomposition import bipolar
+from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
@@ -23,7 +23,7 @@ from forceid.pseudorigid.reduced_form import (
     integrate_form,
     split_state,
 )
-from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.pseudorigid.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
 from forceid.records import Array
 
@@ -127,7 +127,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     or holds det F = 1, or a start that does not fit; EstimationError, naming time and axes, where axes
     coalesce or J falls to 0.
 
-    >>> from forceid.pseudorigid.materials import NeoHookean
+    >>> from forceid.pseudorigid.material.materials import NeoHookean
     >>> F0, dF0 = np.diag([1.2, 1.0, 0.9]), 0.3 * hat(np.array([0.0, 0, 1]))
     >>> E = np.diag([1.0, 1.5, 2.2])
     >>> motion = simulate(E, NeoHookean(1.0, 0.5, 3.0), F0, dF0, np.array([0.0, 0.5]))

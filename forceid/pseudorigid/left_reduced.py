@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.decomposition import polar
-from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, vector_cross
+from forceid.pseudorigid.factors.decomposition import polar
+from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
@@ -23,7 +23,7 @@ from forceid.pseudorigid.reduced_form import (
     integrate_form,
     split_state,
 )
-from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
 LEFT_SIMULATE = "left_reduced.simulate"
@@ -99,7 +99,7 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     check the master system by, and slower. DataError for a start, body or material that does not fit (W must
     keep under rotations of space; no constraint det F = 1); EstimationError where J falls to 0.
 
-    >>> from forceid.pseudorigid.materials import NeoHookean
+    >>> from forceid.pseudorigid.material.materials import NeoHookean
     >>> spin = 0.3 * hat(np.array([0.0, 0, 1]))
     >>> motion = simulate(np.eye(3), NeoHookean(1.0, 0.5, 3.0), np.eye(3), spin, np.array([0.0, 1.0]))
     >>> (2 * motion.L @ motion.m[..., None])[:, 2, 0].round(12)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError, EstimationError
-from forceid.pseudorigid.invariants import Elastic
+from forceid.pseudorigid.motion.invariants import Elastic
 from forceid.pseudorigid.validation import deformation, instants, matrix
 from forceid.records import Array
 

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from forceid.errors import DataError, EstimationError
-from forceid.pseudorigid.decomposition import bipolar
-from forceid.pseudorigid.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
+from forceid.pseudorigid.factors.decomposition import bipolar
+from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
 from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, flat, integrate_form, split_state
-from forceid.pseudorigid.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
 TWO_SIDED_SIMULATE = "two_sided.simulate"
@@ -119,7 +119,7 @@ def simulate(
     material asks for it). DataError for a body that is no ball, a material that is not isotropic, a start
     that does not fit; EstimationError, naming time and axes, where axes coalesce or J falls to 0.
 
-    >>> from forceid.pseudorigid.materials import NeoHookean
+    >>> from forceid.pseudorigid.material.materials import NeoHookean
     >>> F0, dF0 = np.diag([1.2, 1.0, 0.9]), 0.3 * hat(np.array([0.0, 0, 1]))
     >>> motion = simulate(np.eye(3), NeoHookean(1.0, 0.5, 3.0), F0, dF0, np.array([0.0, 0.5]))
     >>> np.ptp(np.linalg.norm(motion.kappa, axis=1)) < 1e-12

@@ -15,8 +15,8 @@ import numpy as np
 from forceid.records import Finding
 from forceid.report.numbers import digits, plus_minus, typeset
 from forceid.report.outliers import Outlier, find_outliers, magnitude
-from forceid.report.picture import Picture, pictured
-from forceid.report.style import BLUE, STYLE, VERMILION, label, panels
+from forceid.report.plots.picture import Picture, pictured
+from forceid.report.plots.style import BLUE, STYLE, VERMILION, label, panels
 from forceid.report.template import render
 
 VERDICTS = ("failed", "refused", "degraded", "ok")

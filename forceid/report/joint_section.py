@@ -9,9 +9,9 @@ import numpy as np
 
 from forceid.estimation import listed, trading_joints, undetermined_components
 from forceid.records import Array, Estimate, Interface
-from forceid.report.joint_figures import draw_joint, joint_truth
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
-from forceid.report.picture import Picture, pictured
+from forceid.report.plots.joint_figures import draw_joint, joint_truth
+from forceid.report.plots.picture import Picture, pictured
 
 JOINT_HEADLINE = {
     "ok": "Accurate: forces between the parts and their sigma can be believed.",

@@ -18,11 +18,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from forceid.files import read_result, read_title, read_truth
-from forceid.files.atomic import atomic
+from forceid.files.stored.atomic import atomic
 from forceid.records import Array, Estimate
-from forceid.report.figures import draw_wrench
 from forceid.report.numbers import Numbers, wrench_numbers
 from forceid.report.page import render_page
+from forceid.report.plots.figures import draw_wrench
 
 if TYPE_CHECKING:
     import xarray

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from forceid.records import Array, Estimate
-from forceid.report.style import (
+from forceid.report.plots.style import (
     BINS,
     BLUE,
     DASHED,

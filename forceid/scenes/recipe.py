@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Section, read_toml, to_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import Array, Motion, Recording
-from forceid.scenes import (
+from forceid.scenes.flights import (
     flexible_boomerang,
     frisbee,
     hinged,

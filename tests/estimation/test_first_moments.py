@@ -11,7 +11,7 @@ from forceid.estimation.affine.loads import MOMENT, affine_loads, moment_of
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.first_moments import with_moment
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 
 STORED = Path(__file__).parents[2] / "data/synthetic/spinning_block.h5"
 MIDDLE = slice(75, -75)

@@ -9,7 +9,7 @@ import pyuff
 
 from forceid.config import validate
 from forceid.errors import ForceIdError
-from forceid.files.sources import import_sources
+from forceid.files.formats.sources import import_sources
 from forceid.import_settings import ImportSettings
 
 N, RATE = 40, 200.0

@@ -5,8 +5,8 @@ import pytest
 
 from forceid.config import validate
 from forceid.errors import ConfigError, DataError
-from forceid.files.hdf5 import read_motion, write_motion
-from forceid.files.sources import import_sources
+from forceid.files.formats.sources import import_sources
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.import_settings import ImportSettings, load_import_settings
 
 MEAN = {

@@ -15,9 +15,9 @@ from hypothesis.extra.numpy import arrays
 from recordings import differences, markers, mean_motion
 
 from forceid.errors import ConfigError, DataError
-from forceid.files import hdf5
-from forceid.files.atomic import atomic
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored import hdf5
+from forceid.files.stored.atomic import atomic
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Body, Motion, Recording
 
 CONTRACT = Path(__file__).parents[3] / "shared" / "contract_files.py"

@@ -8,9 +8,9 @@ import pytest
 from recordings import estimate, markers
 
 from forceid.errors import DataError
-from forceid.files.hdf5 import read_motion, write_motion
-from forceid.files.heap import check_heaps, fingerprint
 from forceid.files.result import read_result, write_result
+from forceid.files.stored.hdf5 import read_motion, write_motion
+from forceid.files.stored.heap import check_heaps, fingerprint
 
 ROOM = 150_000  # kB that reading one may add to the peak
 
@@ -231,9 +231,11 @@ def test_a_heap_across_two_blocks_is_found_and_the_hash_is_of_all_bytes(tmp_path
     data = path.read_bytes()
     at = data.index(b"GCOL\x01")
     found = []
-    monkeypatch.setattr("forceid.files.heap.check_heap", lambda file, start, where: found.append(start))
+    monkeypatch.setattr(
+        "forceid.files.stored.heap.check_heap", lambda file, start, where: found.append(start)
+    )
     for block in range(at + 1, at + 5):
-        monkeypatch.setattr("forceid.files.heap._BLOCK", block)
+        monkeypatch.setattr("forceid.files.stored.heap._BLOCK", block)
         assert fingerprint(path) == hashlib.sha256(data).hexdigest()
     assert found.count(at) == 4
 
@@ -247,7 +249,7 @@ def test_a_file_that_grows_while_it_is_read_is_refused(tmp_path, monkeypatch):
             f.write(b"more")
         return "0" * 64
 
-    monkeypatch.setattr("forceid.files.hdf5.fingerprint", grow)
+    monkeypatch.setattr("forceid.files.stored.hdf5.fingerprint", grow)
     with pytest.raises(DataError, match="changed while it was read"):
         read_motion(path)
 
@@ -259,6 +261,6 @@ def test_an_error_of_our_own_is_no_damage_of_the_file(tmp_path, monkeypatch):
     def broken(*_args, **_more):
         raise TypeError("ours")
 
-    monkeypatch.setattr("forceid.files.hdf5.parse_recording", broken)
+    monkeypatch.setattr("forceid.files.stored.hdf5.parse_recording", broken)
     with pytest.raises(TypeError, match="ours"):
         read_motion(path)

@@ -17,8 +17,8 @@ from laboratory import (
 from scipy.io import savemat
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.mat import read_mat
-from forceid.files.sources import import_sources
+from forceid.files.formats.mat import read_mat
+from forceid.files.formats.sources import import_sources
 
 MARKERS = {name: POSITION[:, k] for k, name in enumerate(NAMES)}
 CAPTURE = {"t": TIME, "fs": RATE, "trial": {"markers": MARKERS, "names": NAMES, "all": POSITION}}

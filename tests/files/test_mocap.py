@@ -5,8 +5,8 @@ import pytest
 
 from forceid.config import validate
 from forceid.errors import ConfigError, DataError
-from forceid.files.mocap import read_c3d, read_mot, read_trc
-from forceid.files.sources import import_sources
+from forceid.files.formats.mocap import read_c3d, read_mot, read_trc
+from forceid.files.formats.sources import import_sources
 from forceid.import_settings import ImportSettings, PlateSetting
 
 TIME = np.arange(5) / 100

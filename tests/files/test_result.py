@@ -9,8 +9,8 @@ import xarray as xr
 from recordings import differences, estimate, markers
 
 from forceid.errors import DataError
-from forceid.files.hdf5 import write_motion
 from forceid.files.result import read_result, read_truth, write_result
+from forceid.files.stored.hdf5 import write_motion
 from forceid.files.tree import tree_from_estimate
 from forceid.records import Verdict
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 
-from forceid.files.hdf5 import read_motion, write_motion
-from forceid.files.sources import import_sources, load_import_settings
+from forceid.files.formats.sources import import_sources, load_import_settings
+from forceid.files.stored.hdf5 import read_motion, write_motion
 
 CONFIG = Path(__file__).parents[2] / "config"
 REAL = Path(os.environ.get("FORCEID_REAL", Path(__file__).parents[3] / "shared" / "real"))

@@ -23,7 +23,7 @@ from scipy.io import savemat
 
 from forceid.cli.app import main
 from forceid.errors import ConfigError, DataError
-from forceid.files.tdms import read_tdms
+from forceid.files.formats.tdms import read_tdms
 
 WHOLE = {"total_mass": 1.0, "inertia": np.eye(3).tolist(), "sensor_position": {"imu": [0, 0, 0]}}
 PATTERN = {"position": "capture/{name}_{axis}"}

@@ -7,7 +7,7 @@ from recordings import differences, markers, mean_motion
 
 import forceid
 from forceid.errors import DataError
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.files.tree import open_motion, recording_from_tree, tree_from_recording
 
 

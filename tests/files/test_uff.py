@@ -16,7 +16,7 @@ from laboratory import (
 )
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.uff import read_uff
+from forceid.files.formats.uff import read_uff
 
 MASS = {"mass": dict.fromkeys("1234", 0.02)}
 WHOLE = {"total_mass": 1.0, "inertia": np.eye(3).tolist()}

@@ -6,7 +6,7 @@ import pytest
 from recordings import markers, mean_motion
 
 from forceid.errors import DataError
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored.hdf5 import read_motion, write_motion
 
 
 def put(name, data):

@@ -13,10 +13,10 @@ from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.modes import FlyingModes
 from forceid.flight.vibration import Vibration
-from forceid.motion.frames import Frames
-from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp
-from forceid.motion.products import inertia_products
+from forceid.motion.shapes.frames import Frames
+from forceid.motion.shapes.mounting import mounted
+from forceid.motion.shapes.products import inertia_products
 
 MASS = np.array([0.05, 0.03, 0.04, 0.02])
 X = np.array([[0.2, 0.0, 0.02], [-0.1, 0.15, 0.0], [-0.1, -0.15, -0.02], [0.0, 0.0, 0.05]])

@@ -14,7 +14,7 @@ from forceid.flight.model import Reference, rotation_model, stack, translation, 
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.smoother import first_reference, smooth_flight
-from forceid.kalman.lines import Line
+from forceid.kalman.building.lines import Line
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
 TORQUE, TORQUE_RATE = np.array([0.05, -0.03, 0.02]), np.array([1.0, 2.0, -1.0])  # N m, N m/s

@@ -13,7 +13,7 @@ from forceid.flight import rigid_path as long_flight
 from forceid.flight import smoother as flights
 from forceid.flight.model import Reference, reference_trajectory
 from forceid.flight.smoother import first_reference, smooth_flight, smooth_long
-from forceid.kalman.lines import Line
+from forceid.kalman.building.lines import Line
 from forceid.motion.pose import exp
 
 pytestmark = pytest.mark.skipif(turning.compiled is None, reason="no compiler was here")

@@ -17,7 +17,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.periodic import Periodic
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.smoother import smooth_flight
-from forceid.kalman.process import discretize, matern_density
+from forceid.kalman.building.process import discretize, matern_density
 
 BEAT = Periodic(np.array([1.0, 2.0, 0.5]), 3.0, 0.4, 1.2, 10)
 START = Start(1e-2, 1e-2, 1e-2)

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from forceid.flight.channels import Start, load_chain, search_box, start_of, tuning_segments
 from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
-from forceid.kalman.search import maximize
+from forceid.kalman.tuning.search import maximize
 from forceid.significance import PATIENCE
 
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4

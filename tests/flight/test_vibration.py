@@ -3,8 +3,8 @@
 import numpy as np
 
 from forceid.flight.vibration import Vibration, tune_vibrations, vibrating
+from forceid.kalman.building.process import discretize, matern
 from forceid.kalman.engines import engine
-from forceid.kalman.process import discretize, matern
 
 PRIOR = Vibration(
     np.array([350.0, 60.0]), np.array([4.0, 60.0]), np.array([5e-4, 1e-3]), np.array([20.0, 60.0])

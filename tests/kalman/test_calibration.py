@@ -6,7 +6,7 @@ from linear_models import draw
 from scipy.stats import chi2
 
 from forceid import kalman
-from forceid.kalman.calibration import autocorrelation, chi_square_band, consistency, nees
+from forceid.kalman.tuning.calibration import autocorrelation, chi_square_band, consistency, nees
 
 
 def mass_under_force(q=1.0, r=1.0):

@@ -7,8 +7,8 @@ from scipy.stats import chi2
 
 from forceid.errors import EstimationError
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern, smooth
-from forceid.kalman.fit import model_derivatives, tune
-from forceid.kalman.process import integrate
+from forceid.kalman.building.process import integrate
+from forceid.kalman.tuning.fit import model_derivatives, tune
 
 STEP = 0.02
 

@@ -7,7 +7,7 @@ import pytest
 from linear_models import draw, hard_case, random_cov
 
 from forceid.kalman import StateSpace, log_likelihood
-from forceid.kalman.gradient import NAMES, score
+from forceid.kalman.tuning.gradient import NAMES, score
 
 SYMMETRIC = ("Q", "R", "P0")
 

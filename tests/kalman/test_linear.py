@@ -11,7 +11,8 @@ from scipy.stats import chi2, multivariate_normal
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
 from forceid.flight.channels import Start, load_chain
-from forceid.kalman import engines, linear
+from forceid.kalman import engines
+from forceid.kalman.recursions import linear
 
 BUILT = find_spec("forceid.compiled._engine") is not None
 OURS = ("numpy", "compiled") if BUILT else ("numpy",)

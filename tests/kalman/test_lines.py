@@ -13,7 +13,7 @@ from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
-from forceid.kalman.lines import (
+from forceid.kalman.building.lines import (
     Candidate,
     Line,
     excite,

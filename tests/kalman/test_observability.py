@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from forceid import kalman
 from forceid.kalman import Process, StateSpace
 from forceid.kalman.bounds import steady
+from forceid.kalman.inputs.unknown_input import input_filter
 from forceid.kalman.observability import (
     gramian,
     invariant_zeros,
@@ -14,7 +15,6 @@ from forceid.kalman.observability import (
     prior_only,
     variance_ratio,
 )
-from forceid.kalman.unknown_input import input_filter
 
 MASS = 0.1
 KAPPA = 10 * np.pi

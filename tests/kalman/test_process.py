@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from forceid.kalman.process import (
+from forceid.kalman.building.process import (
     Process,
     discretize,
     integrate,

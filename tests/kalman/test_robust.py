@@ -7,8 +7,8 @@ import pytest
 from linear_models import draw
 
 from forceid.kalman import StateSpace, discretize, smooth
-from forceid.kalman.process import integrate, matern
-from forceid.kalman.robust import WILD_SHARE, counted, drop_wild, reject, runs, unswap
+from forceid.kalman.building.process import integrate, matern
+from forceid.kalman.tuning.robust import WILD_SHARE, counted, drop_wild, reject, runs, unswap
 from forceid.significance import WILD
 
 NOISE, STEP, TIME = 1e-3, 0.01, 300

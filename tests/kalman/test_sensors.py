@@ -10,8 +10,8 @@ from scipy.stats import chi2
 from forceid import kalman
 from forceid.errors import ConfigError
 from forceid.kalman import StateSpace
-from forceid.kalman.process import discretize, integrated_wiener, matern, random_walk, resonator
-from forceid.kalman.sensors import (
+from forceid.kalman.building.process import discretize, integrated_wiener, matern, random_walk, resonator
+from forceid.kalman.building.sensors import (
     acceleration,
     angular_rate,
     biased,
@@ -23,7 +23,7 @@ from forceid.kalman.sensors import (
     strain,
     velocity,
 )
-from forceid.kalman.structure import Structure, discretize_input, drive, modal, state_matrices
+from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 
 ELEMENT = 0.4  # m
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from forceid.kalman import StateSpace, discretize, smooth
-from forceid.kalman.process import integrate, matern
-from forceid.kalman.slow_noise import RATES, slow_noise_cov
+from forceid.kalman.building.process import integrate, matern
+from forceid.kalman.tuning.slow_noise import RATES, slow_noise_cov
 
 STEP, COUNT, NOISE = 0.01, 201, 1e-3
 TIME = STEP * np.arange(COUNT)

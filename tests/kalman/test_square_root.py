@@ -9,11 +9,11 @@ from linear_models import draw, hard_case, random_cov
 
 from forceid import kalman
 from forceid.errors import EstimationError
-from forceid.kalman import conditioning, linear, passes, square_root
 from forceid.kalman.bounds import constant_acceleration_bound
 from forceid.kalman.covariance import combine
-from forceid.kalman.input_smoothing import input_smoother
-from forceid.kalman.input_system import with_white_input
+from forceid.kalman.inputs.input_smoothing import input_smoother
+from forceid.kalman.inputs.input_system import with_white_input
+from forceid.kalman.recursions import conditioning, linear, passes, square_root
 
 ENGINES = ["auto", "numpy"]
 

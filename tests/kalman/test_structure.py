@@ -4,7 +4,7 @@ from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from forceid.errors import ConfigError
-from forceid.kalman.process import (
+from forceid.kalman.building.process import (
     Process,
     discretize,
     integrated_wiener,
@@ -15,7 +15,7 @@ from forceid.kalman.process import (
     superpose,
     with_mean,
 )
-from forceid.kalman.structure import Structure, discretize_input, drive, modal, state_matrices
+from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 
 FREQUENCY = [1.19, 3.54, 5.81, 7.96, 9.92, 11.67, 13.15, 14.34, 15.21, 15.74]  # Hz
 DAMPING = [0.86, 0.78, 1.05, 1.35, 1.64, 1.90, 2.13, 2.31, 2.44, 2.52]  # %

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.bounds import steady
-from forceid.kalman.input_smoothing import input_smoother
-from forceid.kalman.input_system import with_white_input
-from forceid.kalman.unknown_input import input_filter
+from forceid.kalman.inputs.input_smoothing import input_smoother
+from forceid.kalman.inputs.input_system import with_white_input
+from forceid.kalman.inputs.unknown_input import input_filter
 
 
 def random_system(seed, direct, n=4, m=3, inputs=2):

@@ -7,8 +7,9 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError
-from forceid.motion.mode_selection import observable_modes, observed_shapes
-from forceid.motion.modes import (
+from forceid.motion.pose import exp
+from forceid.motion.shapes.mode_selection import observable_modes, observed_shapes
+from forceid.motion.shapes.modes import (
     GAUGES,
     deflected_shape,
     elastic_modes,
@@ -20,7 +21,6 @@ from forceid.motion.modes import (
     split_rigid,
     strain_shapes,
 )
-from forceid.motion.pose import exp
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 

@@ -13,7 +13,7 @@ from evidence.subjects.parts import failures as fp
 from evidence.subjects.parts.trial import WAYS, solved
 from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
-from forceid.partition.conjugate_gradient import projected_cg
+from forceid.partition.operators.conjugate_gradient import projected_cg
 
 SEEDS = (1, 2, 3)
 NEAR = 50.0  # times the error, that is claimed of it at most: rounding can be lucky, and is drawn at random

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import forceid
 from forceid.config import PartSetting
 from forceid.errors import ConfigError, DataError
-from forceid.files.hdf5 import write_motion
+from forceid.files.stored.hdf5 import write_motion
 from forceid.partition import from_assembled, from_meshes, from_motion_file, from_names
 from forceid.partition.elements import assemble_elements, bar
 from forceid.partition.grids import solid_parts

@@ -4,7 +4,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, expm, null_space
 
 from forceid.errors import DataError, EstimationError
-from forceid.partition.commands import mass_gauge, mean_control, solve_commands
+from forceid.partition.coupling.commands import mass_gauge, mean_control, solve_commands
 from forceid.partition.elements import assemble_elements, bar, box_element
 from forceid.principal.operator import summation_operator
 

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import cg
 
 from forceid.errors import EstimationError
 from forceid.partition import PartitionedSystem
-from forceid.partition.projection import Projection
+from forceid.partition.operators.projection import Projection
 
 NAMES = list(lc.PRINTED)
 

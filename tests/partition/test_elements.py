@@ -9,7 +9,7 @@ import pytest
 from forceid.errors import DataError
 from forceid.partition.elements import assemble_elements, bar, box_element, elasticity, strain_of
 from forceid.partition.grids import solid_parts
-from forceid.partition.inverse import validated_symmetric, zero_modes
+from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.principal.operator import summation_operator
 
 YOUNG, POISSON, DENSITY, THICKNESS = 70.0, 0.3, 2.7, 0.2

@@ -3,11 +3,11 @@ import pytest
 from scipy.stats import chi2
 
 from forceid.errors import DataError
+from forceid.partition.coupling.resultants import link_resultants
 from forceid.partition.grids import gathered, solid_parts
-from forceid.partition.interface_forces import interface_forces, stiffness_forces
-from forceid.partition.resultants import link_resultants
+from forceid.partition.operators.topology import boolean_from_positions
+from forceid.partition.solution.interface_forces import interface_forces, stiffness_forces
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import boolean_from_positions
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import transport, transport_cov
 

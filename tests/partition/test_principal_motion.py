@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
-from forceid.partition.principal_motion import momenta, principal_balance, tied_force
+from forceid.partition.coupling.principal_motion import momenta, principal_balance, tied_force
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 

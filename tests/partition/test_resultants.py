@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from forceid.errors import DataError
-from forceid.partition.resultants import incidence, link_resultants
+from forceid.partition.coupling.resultants import incidence, link_resultants
 from forceid.principal.wrench import transport
 
 CHAIN = [(0, 1), (1, 2), (2, 3)]

@@ -13,7 +13,7 @@ from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
 from forceid.partition.elements import assemble_elements, box_element
 from forceid.partition.grids import solid_parts
-from forceid.partition.inverse import validated_symmetric, zero_modes
+from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.partition.saddle import deficiency, four_field, reduced_matrix
 from forceid.principal.operator import summation_operator
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from forceid.errors import DataError
 from forceid.partition import boolean_from_names, boolean_from_positions, topology
 from forceid.partition.grids import solid_parts
-from forceid.partition.topology import compatible, without_fixed
+from forceid.partition.operators.topology import compatible, without_fixed
 from forceid.principal.operator import summation_operator
 
 

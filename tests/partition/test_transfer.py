@@ -4,8 +4,8 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError, EstimationError
-from forceid.partition.interpolation import interpolation
-from forceid.partition.transfer import reproduction, transfer_load, transfer_motion
+from forceid.partition.coupling.interpolation import interpolation
+from forceid.partition.coupling.transfer import reproduction, transfer_load, transfer_motion
 from forceid.principal.loads import distribute
 from forceid.principal.operator import sum_nodal, summation_operator
 

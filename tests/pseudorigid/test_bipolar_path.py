@@ -6,9 +6,9 @@ from crossing_motions import crossing, near_crossings, smooth_without_limit
 
 from forceid.errors import DataError
 from forceid.motion.pose import exp
-from forceid.pseudorigid.bipolar_path import bipolar_path, turn_of_bases
-from forceid.pseudorigid.decomposition import bipolar
-from forceid.pseudorigid.matching import nearest_signed
+from forceid.pseudorigid.factors.bipolar_path import bipolar_path, turn_of_bases
+from forceid.pseudorigid.factors.decomposition import bipolar
+from forceid.pseudorigid.factors.matching import nearest_signed
 
 E3 = np.array([0.0, 0.0, 1.0])
 

@@ -3,19 +3,19 @@ import pytest
 from printed_motions import PRINTED
 
 from forceid.errors import ConfigError, DataError
-from forceid.pseudorigid import integrators
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.integrators import STEPPERS
-from forceid.pseudorigid.materials import (
+from forceid.pseudorigid.material.materials import (
     HadamardGreen,
     MooneyRivlin,
     NeoHookean,
     PerfectGas,
     StVenantKirchhoff,
 )
-from forceid.pseudorigid.splittings import SPLITTINGS
-from forceid.pseudorigid.system import AffineSystem
+from forceid.pseudorigid.motion import integrators
+from forceid.pseudorigid.motion.integrators import STEPPERS
+from forceid.pseudorigid.motion.splittings import SPLITTINGS
+from forceid.pseudorigid.motion.system import AffineSystem
+from forceid.pseudorigid.steady.gravity import SelfGravity
 
 F0 = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.15], [0.05, 0.0, 1.05]])
 V0 = np.array([[0.1, -0.4, 0.3], [0.5, 0.0, -0.2], [-0.1, 0.3, -0.05]])

@@ -4,11 +4,11 @@ from printed_motions import PRINTED
 
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.cofactors import cofactor, determinant
-from forceid.pseudorigid.constrained import RATTLE, volume_root
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.materials import MooneyRivlin, NeoHookean
-from forceid.pseudorigid.splittings import COMPOSITIONS
+from forceid.pseudorigid.factors.cofactors import cofactor, determinant
+from forceid.pseudorigid.material.materials import MooneyRivlin, NeoHookean
+from forceid.pseudorigid.motion.constrained import RATTLE, volume_root
+from forceid.pseudorigid.motion.splittings import COMPOSITIONS
+from forceid.pseudorigid.steady.gravity import SelfGravity
 
 F0 = np.diag([1.25, 0.8, 1.0])
 V0 = F0 @ np.array([[0.1, -0.5, 0.2], [0.7, 0.05, -0.3], [0.1, 0.25, -0.15]])

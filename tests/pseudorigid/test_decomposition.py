@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
 from forceid.motion.pose import exp
-from forceid.pseudorigid import decomposition
-from forceid.pseudorigid.decomposition import bipolar, bipolar_rates, polar, polar_rates
+from forceid.pseudorigid.factors import decomposition
+from forceid.pseudorigid.factors.decomposition import bipolar, bipolar_rates, polar, polar_rates
 
 F_STAR = np.array([[1.2, 0.3, -0.1], [0.2, 0.9, 0.4], [-0.3, 0.1, 0.7]])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from forceid.errors import DataError
-from forceid.pseudorigid.ellipsoids import (
+from forceid.pseudorigid.steady.ellipsoids import (
     dedekind,
     irrotational,
     jacobi,
@@ -12,8 +12,8 @@ from forceid.pseudorigid.ellipsoids import (
     riemann_s,
     riemann_sequence,
 )
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.maclaurin_modes import (
+from forceid.pseudorigid.steady.gravity import SelfGravity
+from forceid.pseudorigid.steady.maclaurin_modes import (
     dynamical_instability,
     fastest_spheroid,
     jacobi_bifurcation,

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.gas_cloud import GasCloud
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.integrators import STEPPERS
-from forceid.pseudorigid.materials import MooneyRivlin, NeoHookean, StVenantKirchhoff
-from forceid.pseudorigid.ogden import Ogden
+from forceid.pseudorigid.material.materials import MooneyRivlin, NeoHookean, StVenantKirchhoff
+from forceid.pseudorigid.material.ogden import Ogden
+from forceid.pseudorigid.motion.integrators import STEPPERS
+from forceid.pseudorigid.steady.gas_cloud import GasCloud
+from forceid.pseudorigid.steady.gravity import SelfGravity
 
 TIME = np.linspace(0, 3, 61)
 SOFT = Body(1.0, StVenantKirchhoff(1.3, 0.7))

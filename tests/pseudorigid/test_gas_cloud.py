@@ -6,8 +6,8 @@ from printed_motions import PRINTED
 from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError
-from forceid.pseudorigid.gas_cloud import GasCloud, free_fall_time, spread
-from forceid.pseudorigid.oscillation import breathing, oscillation, spheroid_oscillation
+from forceid.pseudorigid.steady.gas_cloud import GasCloud, free_fall_time, spread
+from forceid.pseudorigid.steady.oscillation import breathing, oscillation, spheroid_oscillation
 
 RNG = np.random.default_rng(72)
 F0 = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.15], [0.05, 0.0, 1.05]])

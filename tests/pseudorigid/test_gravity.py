@@ -6,8 +6,8 @@ from printed_motions import PRINTED
 from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError
-from forceid.pseudorigid.gravity import SelfGravity, ball_gravity, gaussian_gravity
-from forceid.pseudorigid.index_symbols import index_symbols
+from forceid.pseudorigid.steady.gravity import SelfGravity, ball_gravity, gaussian_gravity
+from forceid.pseudorigid.steady.index_symbols import index_symbols
 
 RNG = np.random.default_rng(71)
 GRAVITY = SelfGravity(1.3, 0.7)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from forceid.errors import DataError
-from forceid.pseudorigid.index_symbols import index_symbols, pair_symbols, potential_integral
+from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols, potential_integral
 
 PRINTED = [
     ((1, 0.9, 0.6), (0.503667321927636, 0.575386311478644, 0.920946366593720)),

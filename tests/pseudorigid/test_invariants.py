@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from forceid.pseudorigid import invariants
+from forceid.pseudorigid.motion import invariants
 
 F0 = np.array([[1.1, 0.2, 0], [-0.1, 0.95, 0.15], [0.05, 0, 1.05]])
 dF0 = np.array([[0.1, -0.4, 0.3], [0.5, 0, -0.2], [-0.1, 0.3, -0.05]])

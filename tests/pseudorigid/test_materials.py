@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from forceid.errors import DataError
-from forceid.pseudorigid.cofactors import (
+from forceid.pseudorigid.factors.cofactors import (
     by_component,
     cofactor,
     determinant,
@@ -13,15 +13,15 @@ from forceid.pseudorigid.cofactors import (
     product,
     tensor_cross,
 )
-from forceid.pseudorigid.material_checks import check_material
-from forceid.pseudorigid.materials import (
+from forceid.pseudorigid.material.material_checks import check_material
+from forceid.pseudorigid.material.materials import (
     HadamardGreen,
     MooneyRivlin,
     NeoHookean,
     PerfectGas,
     StVenantKirchhoff,
 )
-from forceid.pseudorigid.ogden import Ogden, divided
+from forceid.pseudorigid.material.ogden import Ogden, divided
 
 F_STAR = np.array([[1.2, 0.3, -0.1], [0.2, 0.9, 0.4], [-0.3, 0.1, 0.7]])
 NATURAL = [

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.constrained import multiplier
-from forceid.pseudorigid.materials import MooneyRivlin
-from forceid.pseudorigid.reference import reference
+from forceid.pseudorigid.material.materials import MooneyRivlin
+from forceid.pseudorigid.motion.constrained import multiplier
+from forceid.pseudorigid.motion.reference import reference
 
 A, B, END, LOUD = 0.35, 0.15, 2.0, 0.5
 F0 = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.15], [0.05, 0.0, 1.05]])

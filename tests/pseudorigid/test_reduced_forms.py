@@ -6,9 +6,9 @@ from printed_motions import PRINTED
 from reduced_cases import BALL, BLOCK, EVERY, IDS, TIME, Springs, master, random_start
 
 from forceid.pseudorigid import general_reduced, left_reduced, two_sided
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.invariants import angular_momentum, circulation
-from forceid.pseudorigid.materials import MooneyRivlin, NeoHookean, PerfectGas, StVenantKirchhoff
+from forceid.pseudorigid.material.materials import MooneyRivlin, NeoHookean, PerfectGas, StVenantKirchhoff
+from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
+from forceid.pseudorigid.steady.gravity import SelfGravity
 
 START = (
     np.array([[1.1, 0.2, 0], [-0.1, 0.95, 0.15], [0.05, 0, 1.05]]),

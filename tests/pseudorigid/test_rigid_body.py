@@ -7,9 +7,9 @@ from scipy.special import ellipj
 
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.invariants import hat
-from forceid.pseudorigid.materials import MooneyRivlin
-from forceid.pseudorigid.rigid_body import (
+from forceid.pseudorigid.material.materials import MooneyRivlin
+from forceid.pseudorigid.motion.invariants import hat
+from forceid.pseudorigid.steady.rigid_body import (
     free_rotation,
     inertia,
     quaternion,

@@ -4,9 +4,9 @@ from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
-from forceid.pseudorigid.decomposition import polar
-from forceid.pseudorigid.materials import MooneyRivlin, StVenantKirchhoff
-from forceid.pseudorigid.shear import decompose_shear, held_shear, released_shear, shear
+from forceid.pseudorigid.factors.decomposition import polar
+from forceid.pseudorigid.material.materials import MooneyRivlin, StVenantKirchhoff
+from forceid.pseudorigid.steady.shear import decompose_shear, held_shear, released_shear, shear
 
 BODY = Body(np.diag([1.0, 1.5, 2.2]), MooneyRivlin.natural(0.6, 0.25, 0.4))
 

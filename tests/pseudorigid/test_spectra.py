@@ -9,13 +9,13 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
-from forceid.pseudorigid.ellipsoids import dedekind, irrotational, jacobi, maclaurin, riemann_s
-from forceid.pseudorigid.gas_cloud import GasCloud
-from forceid.pseudorigid.gravity import SelfGravity
-from forceid.pseudorigid.maclaurin_modes import dynamical_instability, maclaurin_modes
-from forceid.pseudorigid.natural_modes import lame_frequencies, natural_modes, spinning_body
-from forceid.pseudorigid.oscillation import breathing
-from forceid.pseudorigid.spectra import ellipsoid_spectrum, rotating_spectrum
+from forceid.pseudorigid.steady.ellipsoids import dedekind, irrotational, jacobi, maclaurin, riemann_s
+from forceid.pseudorigid.steady.gas_cloud import GasCloud
+from forceid.pseudorigid.steady.gravity import SelfGravity
+from forceid.pseudorigid.steady.maclaurin_modes import dynamical_instability, maclaurin_modes
+from forceid.pseudorigid.steady.natural_modes import lame_frequencies, natural_modes, spinning_body
+from forceid.pseudorigid.steady.oscillation import breathing
+from forceid.pseudorigid.steady.spectra import ellipsoid_spectrum, rotating_spectrum
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import pytest
 
 from forceid import pseudorigid as pr
 from forceid.pseudorigid import general_reduced, left_reduced, two_sided
-from forceid.pseudorigid.system import AffineSystem
+from forceid.pseudorigid.motion.system import AffineSystem
 
 RUBBER = pr.MooneyRivlin(0.73, 0.31, 0.52, 1.9)
 F, V = (

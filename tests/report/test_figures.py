@@ -10,7 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from forceid.records import Loads
-from forceid.report import figures, path, style, whiteness
+from forceid.report import whiteness
+from forceid.report.plots import figures, path, style
 
 UNIT = re.compile(r"\((m|mm|m/s|rad/s|s|N|N m|kg m²/s|1|sigma|samples)\)$")
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from forceid.scenes import flexible_boomerang
+from forceid.scenes.flights import flexible_boomerang
 
 RATE = 4000.0
 EIGHTH_ORDER = (4 / 5, -1 / 5, 4 / 105, -1 / 280)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.scenes.wobbling_drop import area
+from forceid.scenes.flights.wobbling_drop import area
 
 
 def spring_energy(springs, x):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from stored_energy import drop_energy
 
-from forceid.scenes import spinning_block, wobbling_drop
 from forceid.scenes.affine_body import affine_motion
+from forceid.scenes.flights import spinning_block, wobbling_drop
 
 RATE = 1000.0
 TIME = np.arange(201) / RATE

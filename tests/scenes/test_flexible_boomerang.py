@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 from stored_energy import spring_energy
 
-from forceid.scenes.flexible_boomerang import (
+from forceid.scenes.flights.flexible_boomerang import (
     MASS,
     NODES,
     Parameters,

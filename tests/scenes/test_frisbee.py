@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from forceid.scenes.frisbee import Coefficients, Parameters, aerodynamic_wrench, fly, launch
+from forceid.scenes.flights.frisbee import Coefficients, Parameters, aerodynamic_wrench, fly, launch
 from forceid.scenes.rigid import RigidState
 
 TIME = np.arange(1001) / 1000.0

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 from stored_energy import chain_energy
 
-from forceid.scenes.hinged import BLOCK_CORNERS, Parameters, chain_constants, chain_states, drawn, fly
+from forceid.scenes.flights.hinged import BLOCK_CORNERS, Parameters, chain_constants, chain_states, drawn, fly
 
 RATE = 1000.0
 TIME = np.arange(301) / RATE

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import validate
 from forceid.errors import ConfigError
-from forceid.files.hdf5 import read_motion, write_motion
-from forceid.scenes.instrumented import Parameters, fly, readings
+from forceid.files.stored.hdf5 import read_motion, write_motion
+from forceid.scenes.flights.instrumented import Parameters, fly, readings
 from forceid.scenes.recipe import SceneRecipe, simulate
 
 RATE = 2000.0

@@ -5,7 +5,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 from stored_energy import spring_energy
 
-from forceid.scenes.planar_boomerang import (
+from forceid.scenes.flights.planar_boomerang import (
     MASS,
     REST,
     REST_ANGLE,

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import forceid.scenes
 from forceid.errors import ConfigError
-from forceid.files.hdf5 import read_motion
-from forceid.scenes import flexible_boomerang
+from forceid.files.stored.hdf5 import read_motion
+from forceid.scenes.flights import flexible_boomerang
 from forceid.scenes.recipe import SCENES, SceneRecipe, load_recipe, simulate
 
 STORED = sorted((Path(__file__).parents[2] / "data/synthetic").glob("*.toml"))
@@ -164,7 +164,7 @@ def test_every_scene_has_unit_quaternions_and_a_finite_truth(scene):
 
 def test_truth_shares_no_code_with_the_estimators():
     allowed = ("forceid.config", "forceid.errors", "forceid.face", "forceid.records", "forceid.scenes")
-    for module in Path(forceid.scenes.__file__).parent.glob("*.py"):
+    for module in Path(forceid.scenes.__file__).parent.rglob("*.py"):
         for statement in ast.walk(ast.parse(module.read_text())):
             if isinstance(statement, ast.ImportFrom) and (statement.module or "").startswith("forceid"):
                 assert statement.module.startswith(allowed), module.name

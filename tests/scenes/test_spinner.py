@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from forceid.scenes import particle
-from forceid.scenes.spinner import Parameters, fly
+from forceid.scenes.flights import particle
+from forceid.scenes.flights.spinner import Parameters, fly
 
 RATE = 2000.0
 TIME = np.arange(2001) / RATE

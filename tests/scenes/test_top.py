@@ -7,8 +7,8 @@ from scipy.special import ellipj
 
 from forceid.config import validate
 from forceid.errors import ConfigError
+from forceid.scenes.flights.top import Parameters, fly
 from forceid.scenes.mechanics import center_of, inertia_tensor
-from forceid.scenes.top import Parameters, fly
 
 TIME = np.linspace(0.0, 3.0, 301)
 

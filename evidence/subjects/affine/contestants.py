@@ -13,7 +13,7 @@ from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, DeformedFrames
 from evidence.subjects.affine.problem import AffineProblem
 from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
-from forceid.pseudorigid.bipolar_path import FRAME_TURN
+from forceid.pseudorigid.factors.bipolar_path import FRAME_TURN
 from forceid.records import Array, Flags
 
 RESIDUAL = 1e-13  # of F, that factors may leave

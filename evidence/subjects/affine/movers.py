@@ -19,8 +19,8 @@ from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, LinearSprings, Throw, hat
 from evidence.subjects.affine.problem import AffineProblem, relative_error
 from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
-from forceid.pseudorigid.rigid_body import free_rotation
-from forceid.pseudorigid.trajectory import Trajectory
+from forceid.pseudorigid.motion.trajectory import Trajectory
+from forceid.pseudorigid.steady.rigid_body import free_rotation
 from forceid.pseudorigid.two_sided import TwoSidedState, reduced_velocity, two_sided_rates, two_sided_state
 from forceid.records import Array
 

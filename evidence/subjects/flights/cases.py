@@ -13,7 +13,7 @@ import numpy as np
 
 import forceid
 from forceid.errors import ConfigError, DataError
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Array, Recording
 from forceid.scenes.recipe import load_recipe, simulate
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from forceid.partition.elements import assemble_elements, bar, box_element
 from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
+from forceid.partition.operators.topology import compatible, without_fixed
 from forceid.partition.system import PartitionedSystem
-from forceid.partition.topology import compatible, without_fixed
 from forceid.principal.operator import summation_operator
 from forceid.records import Array, Flags, Indices
 

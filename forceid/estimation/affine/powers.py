@@ -9,9 +9,9 @@ import numpy as np
 
 from forceid.flight.channels import CHANNEL_SAMPLES, driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
+from forceid.kalman.building.process import Process, resonator
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, resonator
 from forceid.records import Array
 from forceid.significance import OUTLIER
 

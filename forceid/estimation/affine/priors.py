@@ -18,8 +18,8 @@ from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Kernel, LoadPrior, Tuned
 from forceid.flight.tuning import ORDERS, tune_loads
+from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import Line
 from forceid.records import Array
 from forceid.significance import NUMBER, PATIENCE
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from forceid.estimation.affine.powers import Axes, Resonance, powers
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.priors.protocol import Kernel
+from forceid.kalman.building.process import resonator
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.process import resonator
 from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
 from forceid.significance import OUTLIER, PATIENCE

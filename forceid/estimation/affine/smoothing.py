@@ -9,9 +9,9 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.affine.channels import AffineChannels
 from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import block_diagonal
 from forceid.records import Array
 from forceid.rounding import SINGLE
 

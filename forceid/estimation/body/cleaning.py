@@ -12,7 +12,7 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
-from forceid.kalman.robust import drop_wild, unswap
+from forceid.kalman.tuning.robust import drop_wild, unswap
 from forceid.motion.spikes import spikes
 from forceid.records import Array, Body, Flags, Motion
 

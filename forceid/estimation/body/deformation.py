@@ -11,7 +11,7 @@ from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import STATES, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import exp
-from forceid.motion.products import Products, fixed, inertia_products
+from forceid.motion.shapes.products import Products, fixed, inertia_products
 from forceid.records import Array
 
 

@@ -12,7 +12,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
-from forceid.kalman.passes import LOG_2PI
+from forceid.kalman.recursions.passes import LOG_2PI
 from forceid.motion.pose import body_axes, fit_rotation
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance

@@ -6,8 +6,8 @@ import numpy as np
 
 from forceid.estimation.body.markers import MarkerSet
 from forceid.estimation.body.shapes import rank_of
-from forceid.motion.mode_selection import log_evidence, observable_modes, observed_shapes
-from forceid.motion.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
+from forceid.motion.shapes.mode_selection import log_evidence, observable_modes, observed_shapes
+from forceid.motion.shapes.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
 from forceid.principal import summation_operator
 from forceid.records import Array
 

@@ -14,10 +14,6 @@ from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
 from forceid.estimation.body.mass_center import affine_center, with_center
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
-from forceid.motion.frames import Frames, fit_frames
-from forceid.motion.modes import (
-    fit_amplitudes,
-)
 from forceid.motion.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.motion.pose import (
     Pose,
@@ -25,7 +21,11 @@ from forceid.motion.pose import (
     fit_pose,
     log,
 )
-from forceid.motion.products import inertia_products
+from forceid.motion.shapes.frames import Frames, fit_frames
+from forceid.motion.shapes.modes import (
+    fit_amplitudes,
+)
+from forceid.motion.shapes.products import inertia_products
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, Motion

@@ -13,9 +13,9 @@ from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.shapes import check_scale, modes_of, rank_of, spinning_shape
 from forceid.estimation.body.thin_mass import observed_rank, thinned
-from forceid.motion.modes import Modes
 from forceid.motion.noise_axes import floored, rms_noise
 from forceid.motion.pose import body_axes, fit_rotation
+from forceid.motion.shapes.modes import Modes
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Flags, Motion
 

@@ -12,8 +12,8 @@ import numpy as np
 from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.motion.bridging import bridged
-from forceid.motion.frames import Frames
 from forceid.motion.pose import Pose
+from forceid.motion.shapes.frames import Frames
 from forceid.records import Array, Body, Flags, Motion
 
 

@@ -6,15 +6,15 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.estimation.body.inertia import Inertia
-from forceid.motion.modes import (
+from forceid.motion.pose import (
+    pose_rank,
+)
+from forceid.motion.shapes.modes import (
     Modes,
     deflected_shape,
     elastic_modes,
     given_modes,
     mean_shape,
-)
-from forceid.motion.pose import (
-    pose_rank,
 )
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags

@@ -30,8 +30,8 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.free_turn import largest_turn
-from forceid.motion.mounting import mounted
 from forceid.motion.pose import exp
+from forceid.motion.shapes.mounting import mounted
 from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Finding, Motion

@@ -22,7 +22,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge_recording, refusing
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.partition import link_resultants
-from forceid.partition.resultants import GROUND, incidence, loop_count, transmitted
+from forceid.partition.coupling.resultants import GROUND, incidence, loop_count, transmitted
 from forceid.principal import cross_matrix, transport_matrix
 from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 from forceid.rounding import SINGLE

@@ -26,8 +26,8 @@ from forceid.flight.model import Reference, linear_flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.tuning import ORDERS
+from forceid.kalman.building.lines import ROOM
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import ROOM
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 

@@ -13,8 +13,8 @@ from forceid.flight.modes import FlyingModes
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.priors.table import PRIORS
 from forceid.flight.tuning import ORDERS
+from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import Line
 from forceid.motion.first_moment import angular_channel
 from forceid.records import Array
 

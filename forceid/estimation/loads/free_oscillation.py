@@ -10,8 +10,8 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
+from forceid.kalman.building.lines import Line, excite, near, whiten
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import Line, excite, near, whiten
 from forceid.records import Array, Finding
 from forceid.significance import WORSE
 

@@ -19,7 +19,7 @@ from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.lines import REACH, near
+from forceid.kalman.building.lines import REACH, near
 from forceid.records import Array, Finding, HiddenLoad, deviation
 from forceid.significance import PATIENCE, WILD
 

@@ -10,8 +10,16 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
+from forceid.kalman.building.lines import (
+    AT_ONCE,
+    Candidate,
+    Line,
+    find_line,
+    let_drift,
+    line_candidates,
+    near,
+)
 from forceid.kalman.engines import Engine
-from forceid.kalman.lines import AT_ONCE, Candidate, Line, find_line, let_drift, line_candidates, near
 
 ROUNDS = 4  # of a search about what the last one found
 

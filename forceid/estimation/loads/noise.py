@@ -21,7 +21,7 @@ from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.slow_noise import slow_noise_cov
+from forceid.kalman.tuning.slow_noise import slow_noise_cov
 from forceid.motion.noise_axes import noisy
 from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array, Finding

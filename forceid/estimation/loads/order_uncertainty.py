@@ -16,7 +16,7 @@ from forceid.estimation.loads.hidden import band_of, densities
 from forceid.estimation.loads.whitened import Whitened
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
-from forceid.kalman.lines import REACH
+from forceid.kalman.building.lines import REACH
 from forceid.records import Array
 
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted

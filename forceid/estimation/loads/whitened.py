@@ -16,8 +16,8 @@ from forceid.estimation.loads.hidden import beside_parabola, densities
 from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.tuning import ORDERS
+from forceid.kalman.building.process import matern_density
 from forceid.kalman.engines import Engine
-from forceid.kalman.process import matern_density
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER
 

@@ -27,11 +27,11 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.files import stamp
-from forceid.files.atomic import atomic
-from forceid.files.blocks import Positions, is_large, opened
-from forceid.files.hdf5 import read_checked
-from forceid.files.heap import GIGABYTE, fingerprint
 from forceid.files.schema import TRUTH
+from forceid.files.stored.atomic import atomic
+from forceid.files.stored.blocks import Positions, is_large, opened
+from forceid.files.stored.hdf5 import read_checked
+from forceid.files.stored.heap import GIGABYTE, fingerprint
 from forceid.flight.channels import FLIGHT_SAMPLES
 from forceid.motion.window import noise_variance
 from forceid.records import SENSED, Array, Estimate, Finding, Recording

@@ -13,7 +13,7 @@ from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.lines import Lines, mass_hidden, more_lines
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.tracks import judge_wild
-from forceid.kalman.lines import AT_ONCE
+from forceid.kalman.building.lines import AT_ONCE
 
 
 def add_instruments(problem: Problem) -> Problem:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from forceid.estimation.body.gaps import longest_run, lost_frames
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.gaps import longest_run, lost_frames
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
 from forceid.flight.channels import CHANNEL_SAMPLES

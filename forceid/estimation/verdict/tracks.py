@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from forceid.estimation.body.cleaning import Mended, Wild
 from forceid.estimation.verdict.catalogue import note
-from forceid.kalman.robust import runs
+from forceid.kalman.tuning.robust import runs
 from forceid.records import Finding
 from forceid.significance import WILD
 

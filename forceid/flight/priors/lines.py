@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from forceid.flight.priors.body_fixed import swept
-from forceid.kalman.lines import Line
-from forceid.kalman.process import discretize, integrate
+from forceid.kalman.building.lines import Line
+from forceid.kalman.building.process import discretize, integrate
 from forceid.records import Array
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.kalman.process import Process, matern, matern_density
+from forceid.kalman.building.process import Process, matern, matern_density
 from forceid.records import Array, Indices
 
 UNTOLD_ORDER = 2  # order where a record leaves little to tell orders apart: continuous, with a rate

@@ -24,10 +24,10 @@ from scipy.special import ive
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import AT_LIMIT, ORDERS, tune_loads
+from forceid.kalman.building.lines import REACH, Line, winsorized
+from forceid.kalman.building.process import Process, matern, resonator, superpose
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.lines import REACH, Line, winsorized
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, matern, resonator, superpose
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, PATIENCE
 

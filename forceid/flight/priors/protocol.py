@@ -19,9 +19,9 @@ import numpy as np
 from forceid.flight.channels import Channel, Start, load_chain
 from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
-from forceid.kalman.lines import Line
+from forceid.kalman.building.lines import Line
+from forceid.kalman.building.process import Process, discretize
 from forceid.kalman.model import StateSpace
-from forceid.kalman.process import Process, discretize
 from forceid.records import Array, Indices
 
 INTEGRAL, MOMENTUM, LOAD = slice(0, 3), slice(3, 6), slice(6, None)  # states of Y, H and the load in a chain

@@ -13,11 +13,11 @@ from forceid.estimation.affine.loads import affine_loads, smooth_affine
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
-from forceid.pseudorigid.materials import MooneyRivlin
+from forceid.pseudorigid.material.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
-from forceid.scenes.spinning_block import CORNERS, Parameters, corner_positions
+from forceid.scenes.flights.spinning_block import CORNERS, Parameters, corner_positions
 
 STORED = Path(__file__).parents[3] / "data/synthetic/spinning_block.h5"
 SIGMA, TIME = 3e-4, np.arange(300) / 500

@@ -10,9 +10,9 @@ from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.affine.channels import affine_channels, aligned_basis, observed_arms
 from forceid.estimation.affine.loads import affine_loads
-from forceid.pseudorigid.materials import MooneyRivlin
+from forceid.pseudorigid.material.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
-from forceid.scenes.spinning_block import CORNERS
+from forceid.scenes.flights.spinning_block import CORNERS
 
 SIGMA, TIME = 3e-4, np.arange(300) / 500
 PLATE = np.array([[x, y, 0.0] for x in (-0.12, 0.0, 0.12) for y in (-0.09, 0.0, 0.09)])

@@ -7,8 +7,8 @@ from forceid.estimation.affine.powers import Axes, powers, richest
 from forceid.estimation.affine.priors import least_error, likeliest
 from forceid.estimation.affine.resonances import find_resonances
 from forceid.flight.channels import CHANNEL_SAMPLES
+from forceid.kalman.building.process import matern_density
 from forceid.kalman.engines import engine
-from forceid.kalman.process import matern_density
 from forceid.scenes.drawn_loads import draw_periodic
 
 TIME, SIGMA, AXES = np.arange(800) / 500, 1e-4, 9

@@ -10,7 +10,6 @@ from forceid import kalman
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.body.deformation import smooth_deformation
-from forceid.estimation.body.gaps import lost_frames
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.instruments.on_flight import fused, judge_sensors, sensors_of, with_sensors
@@ -19,6 +18,7 @@ from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge_recording
+from forceid.estimation.verdict.gaps import lost_frames
 from forceid.files.validate import check_recording
 from forceid.flight.smoother import smooth_flight
 from forceid.scenes.recipe import SceneRecipe, simulate

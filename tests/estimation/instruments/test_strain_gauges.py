@@ -9,7 +9,7 @@ import pytest
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.files.validate import check_recording
 
 BREATH, BIAS, FINE = 0.05, 4e-3, 2e-5

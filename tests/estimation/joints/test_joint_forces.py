@@ -23,7 +23,7 @@ from forceid.estimation.verdict.finding import judge
 from forceid.files.result import read_result, read_truth, write_result
 from forceid.files.tree import tree_from_recording
 from forceid.records import Motion, Recording
-from forceid.scenes import hinged
+from forceid.scenes.flights import hinged
 
 ROOT = Path(__file__).parents[3]
 NOISE = 3e-4  # m

@@ -15,7 +15,7 @@ from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.run import estimate_whole
 from forceid.records import Motion, Recording
-from forceid.scenes import hinged
+from forceid.scenes.flights import hinged
 
 ROOT = Path(__file__).parents[3]
 DATA, CONFIG = ROOT / "data/synthetic/two_blocks.h5", ROOT / "config/two_blocks.toml"

@@ -8,7 +8,7 @@ import pytest
 
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 
 FRISBEE = Path(__file__).parents[3] / "data" / "synthetic" / "frisbee.h5"
 

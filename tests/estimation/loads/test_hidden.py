@@ -12,8 +12,8 @@ from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
+from forceid.kalman.building.lines import find_line, line_candidates
 from forceid.kalman.engines import engine
-from forceid.kalman.lines import find_line, line_candidates
 from forceid.records import HiddenLoad
 from forceid.scenes.recipe import SceneRecipe, simulate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.hidden_bodies import SUBSTEPS, Term, box, rotations_under, sum_terms, wave
+from evidence.drawn.records.hidden_bodies import SUBSTEPS, Term, box, rotations_under, sum_terms, wave
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording

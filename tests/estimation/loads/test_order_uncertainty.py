@@ -8,8 +8,8 @@ from forceid.estimation.loads.order_uncertainty import growth_of
 from forceid.estimation.loads.whitened import whitened
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
+from forceid.kalman.building.process import discretize, integrate, matern
 from forceid.kalman.engines import engine
-from forceid.kalman.process import discretize, integrate, matern
 
 STEP, SIGMA, MASS = 2e-3, 3e-4, 0.5
 INNER = slice(75, -75)

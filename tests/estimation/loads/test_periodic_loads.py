@@ -12,7 +12,7 @@ from forceid.config import load_settings
 from forceid.errors import ConfigError
 from forceid.estimation.loads import channels
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.flight.priors.periodic import Periodic
 from forceid.flight.tuning import tune_loads
 

@@ -13,8 +13,8 @@ from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.long import out_of_core as streaming
 from forceid.estimation.long.out_of_core import estimate_source, read_recording
 from forceid.estimation.run import estimate_recording
-from forceid.files import blocks
-from forceid.files.hdf5 import read_motion, write_motion
+from forceid.files.stored import blocks
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.motion.pose import fit_rotation
 from forceid.principal.mass import mass_properties
 from forceid.records import Body, Motion, Recording

@@ -11,7 +11,7 @@ from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics
 from forceid.estimation.methods.left_over import with_left_over
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.flight.model import unsettled
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman import engine

@@ -24,8 +24,8 @@ from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.levels import LevelCandidate, Step, explaining, levels, weigh
 from forceid.estimation.run import estimate_recording
-from forceid.files.hdf5 import read_motion
 from forceid.files.result import read_result, write_result
+from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
 from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate

@@ -13,11 +13,11 @@ from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict import body_errors as wrong
 from forceid.estimation.verdict import sensitivity as sn
-from forceid.files.hdf5 import read_motion
+from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
-from forceid.motion.modes import split_rigid
+from forceid.motion.shapes.modes import split_rigid
 from forceid.records import Motion, Recording
-from forceid.scenes import flexible_boomerang as scene
+from forceid.scenes.flights import flexible_boomerang as scene
 from forceid.scenes.springs import spring_stiffness
 
 DATA = Path(__file__).parents[3] / "data" / "synthetic"

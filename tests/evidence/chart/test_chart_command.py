@@ -10,7 +10,7 @@ from evidence.chart.subjects import CHARTED
 from evidence.subjects.flights.methods import ours
 from evidence.subjects.flights.peers.entrants import peers
 from forceid.cli.app import main
-from forceid.files.hdf5 import write_motion
+from forceid.files.stored.hdf5 import write_motion
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from evidence.subjects.parts import failures as fp
 from evidence.subjects.parts.trial import DEFAULT, WAYS, Way, solved, solver
 from forceid.cli.app import main
 from forceid.cli.output import finite_or_none
-from forceid.partition.conjugate_gradient import projected_cg
+from forceid.partition.operators.conjugate_gradient import projected_cg
 from forceid.records import Verdict
 
 BY_NAME = {f.name: f for f in failures_named(["partition"])}

@@ -1,0 +1,1 @@
+"""Who does the files of a batch: processes, clusters, what is done already, and how far it is."""

@@ -1,0 +1,1 @@
+"""The formats of laboratories, and from their channels to a recording."""

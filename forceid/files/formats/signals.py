@@ -1,0 +1,255 @@
+"""From named channels to the variables of /motion, as the import settings say: names, units, clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from forceid.errors import ConfigError, DataError
+from forceid.files.formats.channels import Channels, base_of, nearest_names, raw, shape_of
+from forceid.files.schema import MOTION
+from forceid.files.units import si_factor
+from forceid.import_settings import ON_SENSORS, ChannelSetting
+from forceid.records import Array
+
+Spec = str | tuple[str, ...]
+_UNITS = {name: variable.units for name, variable in MOTION.items()} | {"displacement": "m"}
+_CLOCK = 1e-3  # of a sampling interval, by which clocks may differ: UFF keeps six digits of a time
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Variables of /motion in SI, the names of their nodes and sensors, and places (3,) m of nodes."""
+
+    variables: dict[str, Array]
+    node: tuple[str, ...] = ()
+    sensor: tuple[str, ...] = ()
+    geometry: dict[str, Array] = field(default_factory=dict)
+
+
+def motion_signals(
+    channels: Channels, setting: ChannelSetting, reference: Mapping[str, Sequence[float]]
+) -> Signals:
+    """The variables of /motion that the settings name, in SI, and the nodes and sensors they belong to.
+
+    reference: places (3,) m of nodes, before those of the file, to which displacements are added. DataError:
+    a channel is missing, has no unit, no clock or another length. ConfigError: settings that clash.
+    """
+    where = f"[{channels.table}]"
+    if not channels.values:
+        raise DataError(f"holds no {channels.noun} of numbers", channels.where, "export it again, with data")
+    found: dict[str, Array] = {}
+    names: dict[str, tuple[str, ...]] = {}
+    used: dict[str, int] = {}  # channels by name, and how many samples each has
+    for variable in ("position", "displacement", *ON_SENSORS):
+        if spec := getattr(setting, variable):
+            names[variable], found[variable] = points(channels, setting, variable, spec, used)
+    for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
+        if spec := getattr(setting, variable):
+            found[variable] = vector_channel(channels, setting, variable, spec, width, used)
+    if not found:
+        what = f"names no {channels.noun}, expected position, center and orientation, or sensors"
+        raise ConfigError(what, where, f"{channels.where} has {', '.join(list(channels.values)[:6])}")
+    found["time"] = clock(channels, setting, used)
+    sensor = same_sensors(found, names, where)
+    geometry = node_places(channels, setting) | {
+        k: np.asarray(place, float) for k, place in reference.items()
+    }
+    if "displacement" in found:
+        if "position" in found:
+            raise ConfigError("has position and displacement, expected one of them", where, "drop the other")
+        node = names["position"] = names["displacement"]
+        found["position"] = found.pop("displacement") + start_positions(node, geometry, channels)
+    return Signals(found, names.get("position", ()), sensor, geometry)
+
+
+def points(
+    channels: Channels, setting: ChannelSetting, variable: str, spec: Mapping[str, Spec] | str,
+    used: dict[str, int],
+) -> tuple[tuple[str, ...], Array]:  # fmt: skip
+    """Vectors of nodes or sensors: their names, and (time, name, 3)."""
+    if isinstance(spec, str) and "{name}" not in spec:
+        return whole(channels, setting, variable, spec, used)
+    table = matches(channels, spec) if isinstance(spec, str) else spec
+    vectors = [vector_channel(channels, setting, variable, entry, 3, used) for entry in table.values()]
+    return tuple(table), np.stack(vectors, 1)
+
+
+def vector_channel(
+    channels: Channels, setting: ChannelSetting, variable: str, spec: Spec, width: int, used: dict[str, int]
+) -> Array:
+    """One vector (time, width): each column a channel, or all of them in one channel, either way up."""
+    if isinstance(spec, str):
+        values = si(channels, setting, variable, spec)
+        require_shape(channels, spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
+        values = values if values.shape[1] == width else values.T
+        count_samples(channels, spec, len(values), used)
+        return values
+    columns = []
+    for name in spec:
+        column = si(channels, setting, variable, name)
+        require_shape(channels, name, column.ndim == 1, column, "one number a sample")
+        count_samples(channels, name, len(column), used)
+        columns.append(column)
+    return np.stack(columns, -1)
+
+
+def whole(
+    channels: Channels, setting: ChannelSetting, variable: str, name: str, used: dict[str, int]
+) -> tuple[tuple[str, ...], Array]:
+    """All nodes in one array, its axes in the order of `dims`; three coordinates, or those and a fourth."""
+    values, dims = si(channels, setting, variable, name), setting.dims
+    require_shape(channels, name, values.ndim == 3, values, f"{' x '.join(dims)}, or a pattern with {{name}}")
+    values = values.transpose([dims.index(d) for d in ("time", "node", "axis")])
+    what = f"3 coordinates in {' x '.join(dims)}: set dims"
+    require_shape(channels, name, values.shape[2] in (3, 4), values, what)
+    node = setting.nodes
+    if isinstance(node, str):
+        if node not in channels.label:
+            hint = nearest_names(node, channels.label)
+            raise DataError(f"has no list of names {node!r}", channels.where, hint)
+        node = channels.label[node]
+    node = node or tuple(str(k + 1) for k in range(values.shape[1]))
+    if len(node) != values.shape[1]:
+        what = f"holds {values.shape[1]} nodes, expected {len(node)} as `nodes` names"
+        raise DataError(what, f"{channels.where}:{name}", "correct nodes, or the order in dims")
+    count_samples(channels, name, len(values), used)
+    return node, values[..., :3]
+
+
+def matches(channels: Channels, pattern: str) -> dict[str, Spec]:
+    """The channels of each name that a pattern finds: {name} is anything, {axis} one of x y z or X Y Z.
+
+    >>> zeros = dict.fromkeys(("tip x", "tip y", "tip z", "load"), np.zeros(3))
+    >>> matches(Channels("a.csv", "column", zeros), "{name} {axis}")
+    {'tip': ('tip x', 'tip y', 'tip z')}
+    """
+    text = (
+        re.escape(pattern)
+        .replace(r"\{name\}", "(?P<name>.+)", 1)
+        .replace(r"\{axis\}", "(?P<axis>[xyzXYZ])", 1)
+    )
+    text = text.replace(r"\{name\}", "(?P=name)").replace(r"\{axis\}", "(?P=axis)")
+    found: dict[str, dict[str, str]] = {}
+    for channel in channels.values:
+        if match := re.fullmatch(text, channel):
+            axis = match["axis"].lower() if "{axis}" in pattern else ""
+            found.setdefault(match["name"], {})[axis] = channel
+    if not found:
+        hint = nearest_names(pattern, channels.values)
+        raise DataError(f"has no {channels.noun} like {pattern!r}", channels.where, hint)
+    if "{axis}" not in pattern:
+        return {name: axes[""] for name, axes in found.items()}
+    for name, axes in found.items():
+        if lacking := [axis for axis in "xyz" if axis not in axes]:
+            what = f"has no axis {lacking[0]} of {name!r}, found {', '.join(axes.values())}"
+            raise DataError(
+                what, channels.where, "name the channels of each node, without the incomplete ones"
+            )
+    return {name: tuple(axes[axis] for axis in "xyz") for name, axes in found.items()}
+
+
+def si(channels: Channels, setting: ChannelSetting, variable: str, name: str) -> Array:
+    """A channel in SI: by the unit of the settings, else of the file; as it is where the format has none."""
+    values, wanted, where = raw(channels, name), _UNITS[variable], f"{channels.where}:{name}"
+    given = setting.units.get(variable)
+    if given is not None or channels.unit is None:
+        return np.asarray(si_factor(wanted if given is None else given, wanted, where) * values)
+    stated = channels.unit.get(base_of(name), "").strip()
+    next_step = f'say which: {channels.table}.units.{variable} = "{wanted}"'
+    if not stated and wanted not in ("1", "s"):
+        raise DataError(f"states no unit, expected one that converts to {wanted!r}", where, next_step)
+    try:
+        return np.asarray(si_factor(stated or wanted, wanted, where) * values)
+    except DataError as e:
+        raise DataError(e.what, where, f"correct it, or {next_step}") from e
+
+
+def clock(channels: Channels, setting: ChannelSetting, used: Mapping[str, int]) -> Array:
+    """The times (time,) s: of a channel, by a rate, or of the clock that all channels used share."""
+    (first, count), *_ = used.items()
+    if setting.time is not None:
+        time = si(channels, setting, "time", setting.time)
+        require_shape(channels, setting.time, time.ndim == 1, time, "one time a sample")
+        count_samples(channels, setting.time, len(time), dict(used))
+        return time
+    if setting.rate is not None:
+        return np.asarray(np.arange(count) / stated_rate(channels, setting.rate))
+    common = channels.time.get(base_of(first))
+    if common is None:
+        next_step = f'add {channels.table}.time = "NAME", or rate = HZ'
+        raise DataError("says no times of the samples", f"{channels.where}:{first}", next_step)
+    slack = _CLOCK * np.ptp(common) / max(count - 1, 1)
+    for name in used:
+        own = channels.time.get(base_of(name))
+        if own is None or len(own) != len(common) or not np.allclose(own, common, rtol=0, atol=slack):
+            what = f"has another clock than {first!r}, expected one for all"
+            raise DataError(what, f"{channels.where}:{name}", "resample them to one clock, or leave it out")
+    return common
+
+
+def stated_rate(channels: Channels, rate: float | str) -> float:
+    """A rate in Hz, stated or held by a channel of one number."""
+    if not isinstance(rate, str):
+        return rate
+    values = raw(channels, rate)
+    if values.size != 1 or not 0 < values.item() < np.inf:
+        found = f"{values.item():g}" if values.size == 1 else f"{values.size} numbers"
+        what = f"holds {found}, expected one positive rate in Hz"
+        raise DataError(what, f"{channels.where}:{rate}", "give the number itself as rate")
+    return float(values.item())
+
+
+def node_places(channels: Channels, setting: ChannelSetting) -> dict[str, Array]:
+    """The places (3,) m of nodes in the file; none where nobody says their unit."""
+    unit = setting.units.get("geometry", channels.geometry_unit)
+    if not unit:
+        return {}
+    factor = si_factor(unit, "m", f"{channels.where}:geometry")
+    return {name: factor * place for name, place in channels.geometry.items()}
+
+
+def start_positions(node: tuple[str, ...], geometry: Mapping[str, Array], channels: Channels) -> Array:
+    """The places (node, 3) m that displacements start from."""
+    for name in node:
+        if name not in geometry:
+            next_step = "give it in [import.body] position"
+            if name in channels.geometry:
+                next_step = f'say the unit of the places in the file: {channels.table}.units.geometry = "m"'
+            what = f"has no place of node {name!r} in m, expected one that its displacement starts from"
+            raise DataError(what, channels.where, next_step)
+    return np.stack([geometry[name] for name in node])
+
+
+def same_sensors(
+    found: dict[str, Array], names: Mapping[str, tuple[str, ...]], where: str
+) -> tuple[str, ...]:
+    """The sensors of all their variables; puts those of every other in the order of the first."""
+    first, *others = [variable for variable in ON_SENSORS if variable in names] or [""]
+    order = names.get(first, ())
+    for other in others:
+        own = names[other]
+        if set(order) != set(own):
+            what = f"has sensors {', '.join(order)} of {first} but {', '.join(own)} of {other}"
+            raise ConfigError(what, where, "name the same sensors in both")
+        found[other] = found[other][:, [own.index(name) for name in order]]
+    return order
+
+
+def count_samples(channels: Channels, name: str, count: int, used: dict[str, int]) -> None:
+    """Note how many samples a channel has. DataError: not as many as those before."""
+    used[name] = count
+    first, expected = next(iter(used.items()))
+    if count != expected:
+        what = f"has {count} samples, expected {expected} as {first!r} has"
+        raise DataError(what, f"{channels.where}:{name}", "export both on one clock")
+
+
+def require_shape(channels: Channels, name: str, fits: bool, values: Array, expected: str) -> None:
+    """DataError unless the shape of a channel fits."""
+    if not fits:
+        what = f"is {shape_of(values)}, expected {expected}"
+        raise DataError(what, f"{channels.where}:{name}", f"correct [{channels.table}]")

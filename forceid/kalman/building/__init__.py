@@ -1,0 +1,1 @@
+"""Models built: priors of loads, structures, sensors and lines."""

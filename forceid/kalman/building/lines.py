@@ -1,0 +1,245 @@
+"""Lines of a load: phasors along fixed directions, found in what a prior without them leaves unexplained.
+
+A load that turns with a spinning body, or is struck by it once a turn, holds lines at multiples of the spin.
+A prior that falls smoothly with frequency takes them for noise. Against such a prior a coherent line is a
+regression: its cosine and sine, sent through the same filter as the measurement, are its regressors, and
+the evidence for it follows in closed form. Source: principal equations 4e (spin harmonics).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from forceid.kalman.building.process import Process, resonator
+from forceid.kalman.model import Filtered, StateSpace
+from forceid.records import Array
+from forceid.significance import NUMBER, OUTLIER, PATIENCE
+
+COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
+DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
+REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
+AT_ONCE = 4  # lines that one look takes up, the tallest ones
+PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
+ROOM = 40_000_000  # numbers held at a time, 320 MB
+SETTLE = 30  # rounds of expectation and maximization for the size of a line
+
+
+@dataclass(frozen=True)
+class Line:
+    """A load direction * a(t): frequency Hz, std of a in units of the load, bandwidth 1/s, direction (3,).
+
+    driven: a keeps its std for ever, and forgets its phase at `bandwidth`; else it rings down from the start
+    of the record at that rate, as a nutation or a struck body does. turns: with the body, in whose axes the
+    direction stands then; else it stands still in those of the world.
+    """
+
+    frequency: float
+    std: float
+    bandwidth: float
+    direction: Array
+    driven: bool = True
+    turns: bool = False
+
+    @property
+    def process(self) -> Process:
+        """The load along its direction: a and its quadrature."""
+        return self.scaled(1.0)
+
+    def scaled(self, share: ArrayLike) -> Process:
+        """The process of (...) shares of the load."""
+        load = resonator(self.frequency, self.std * np.asarray(share), self.bandwidth)
+        return load if self.driven else replace(load, Qc=0 * load.Qc)
+
+    def along(self, axes: Array) -> Line:
+        """The same line seen from other axes, given as columns."""
+        return replace(self, direction=self.direction @ axes)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A frequency Hz at which a line may be; named: known beforehand, as a harmonic of the spin is."""
+
+    frequency: float
+    named: bool
+
+
+def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
+    """Whether a line is among those taken, as far as a record of this length can tell.
+
+    >>> near(10.0, [10.4], np.linspace(0.0, 2.0, 100)), near(10.0, [11.0], np.linspace(0.0, 2.0, 100))
+    (True, False)
+    """
+    return any(abs(frequency - f) * np.ptp(time) <= REACH for f in taken)
+
+
+def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:
+    """Frequencies that stand out of whitened innovations (time, channel), strongest first.
+
+    A harmonic (once, twice) of the spin (Hz) needs an ordinate of PATIENCE times the mean of its channel; any
+    other frequency more, by the logarithm of how many there are. taken: lines that the prior holds already.
+    """
+    span, count = float(np.ptp(time)), len(time)
+    step = span / (count - 1)
+    frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
+    v = winsorized(innovation)
+    power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
+    stands = (power / np.maximum((v**2).sum(0), 1.0)).max(1)
+    for f in taken:
+        stands[np.abs(frequency - f) * span <= REACH] = 0.0
+    stands[frequency * span < 2 * REACH] = 0.0  # so slow is any smooth load
+    harmonics = [h for h in (spin, 2 * spin) if 0 < h < 0.5 / step]
+    found: list[tuple[float, Candidate]] = []
+    for h in harmonics:
+        near = np.abs(frequency - h) * span <= REACH
+        if (best := stands[near].max(initial=0.0)) > PATIENCE:
+            found.append((best, Candidate(h, named=True)))
+        stands[near] = 0.0
+    while stands.max(initial=0.0) > PATIENCE + np.log(2 * count):
+        k = int(stands.argmax())
+        found.append((stands[k], Candidate(float(frequency[k]), named=False)))
+        stands[np.abs(frequency - frequency[k]) * span <= 2 * REACH] = 0.0
+    return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
+
+
+def winsorized(innovation: Array) -> Array:
+    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none.
+
+    >>> winsorized(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).round(2).tolist()
+    [[1.0, 9.0], [-1.0, -9.0], [5.93, 9.0]]
+    """
+    v = np.nan_to_num(innovation)
+    typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
+    return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
+
+
+def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
+    """Signals (time, channel, column) as the innovations that they would make, whitened; zero at gaps.
+
+    filtered: what the model made of a measurement; the signals are sent through the same gains.
+    """
+    seen = np.isfinite(filtered.innovation)
+    H = np.broadcast_to(model.H, (len(seen), *model.H.shape[-2:])) * seen[..., None]
+    R = np.where(seen[:, None, :] & seen[..., None], model.R, np.eye(H.shape[1]))
+    PHt = filtered.P_pred @ H.swapaxes(1, 2)
+    S = H @ PHt + R
+    K = np.linalg.solve(S, PHt.swapaxes(1, 2)).swapaxes(1, 2)
+    error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
+    present = signal * seen[..., None]
+    for k in range(len(signal)):
+        error[k] = present[k] - H[k] @ x
+        x = x + K[k] @ error[k]
+        if k < len(signal) - 1:
+            x = model.at("F", k) @ x
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(S), error))
+
+
+def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:
+    """What the channels see of unit lines from rest: (time, channel, direction, root, 2).
+
+    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
+    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
+    states of a line at the first sample.
+    """
+    step = np.diff(time)
+    F, H = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
+    turned = root * step[:, None]  # (step, root)
+    phase = np.exp(root * (time - time[0])[:, None])
+    pushed = np.expm1(turned) / root * phase[:-1]
+    moved = (np.expm1(turned) - turned) / root**2 * phase[:-1]
+    by_load = np.empty((len(step), 6, 3, len(root)), complex)
+    by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
+    by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
+    x = np.zeros((len(time), 6, 3, len(root)), complex)
+    moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
+    for k, more in enumerate(by_load.view(float).reshape(len(step), 6, -1)):
+        moving[k + 1] = F[k] @ moving[k] + more
+    seen = np.einsum("...cs,...sdf->...cdf", H, x)
+    return np.stack([seen.real, -seen.imag], -1)
+
+
+def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
+    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
+
+    information (..., axis, 2, axis, 2) and vector (..., axis, 2) of the amplitudes of cosine and sine. By
+    expectation and maximization in the coordinates in which the amplitudes are known apart.
+    """
+    n, pick = 2 * len(axes), np.array(axes)
+    among = information[..., pick, :, :, :][..., pick, :].reshape(*information.shape[:-4], n, n)
+    known, turn = np.linalg.eigh(among)
+    known = np.maximum(known, 1e-12 * known[..., -1:])
+    some = known[..., -1] > 0
+    known = np.where(some[..., None], known, 1.0)
+    y = vector[..., pick, :].reshape(*vector.shape[:-2], n)
+    y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
+    var = (y2 / known**2).mean(-1, keepdims=True)
+    some &= var[..., 0] > 0
+    for _ in range(SETTLE):
+        post = var / (1 + var * known)
+        var = (post**2 * y2 + post).mean(-1, keepdims=True)
+    post = var / (1 + var * known)
+    gained = 0.5 * (post * y2 - np.log1p(var * known)).sum(-1)
+    return np.where(some, gained, 0.0), np.where(some, np.sqrt(var[..., 0]), 0.0)
+
+
+def find_line(
+    model: StateSpace, filtered: Filtered, time: Array, axes: Array, candidate: Candidate
+) -> tuple[Line, ...]:
+    """Lines at or near a candidate frequency along x, y, z, where the evidence is for them; else none.
+
+    model: three channels, and the load without these lines, as in `excite`; filtered: what it made of the
+    record. Each axis has to gain PATIENCE, and so has a frequency that is not a harmonic's own. Axes that
+    would explain the record as well (a nutation shows a moment about either cross axis) share the line.
+    World axes, because supports, fields and jets that act in a line stand still in the laboratory: a free
+    direction is wrong by an angle that the record fixes to some degrees only, and leaks onto axes that
+    have no line.
+    """
+    span, center = float(np.ptp(time)), candidate.frequency
+    v = winsorized(filtered.innovation)
+    subsets = [s for n in (1, 2, 3) for s in combinations(range(3), n)]
+
+    def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
+        signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
+        white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+        information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
+        vector = np.einsum("tcafi,tc->fai", white, v)
+        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in subsets]), 0, -1)
+        price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
+        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
+        price = price + np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
+        return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std
+
+    def best_of(frequency: Array, decay: Array) -> tuple[float, float, Array, Array]:
+        frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
+        possible = (frequency * span >= REACH) & (frequency < 0.5 * (len(time) - 1) / span)
+        frequency, decay = frequency[possible], decay[possible]
+        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
+        gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
+        f = int(gained.max(1).argmax())
+        return float(frequency[f]), float(decay[f]), gained[f], std[f]
+
+    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE * REACH / span
+    at, decay, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
+    if gained.max() > 0 and (at != center or decay * span > COHERENT):
+        finer = np.append(at + off / PER_CYCLE, center)
+        at, decay, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
+    if gained.max() <= 0:
+        return ()
+    count = np.array([len(s) for s in subsets])
+    alike = (count == count[gained.argmax()]) & (gained > gained.max() - PATIENCE)
+    shared = tuple(sorted({axis for i in np.flatnonzero(alike) for axis in subsets[i]}))
+    size = float(std[subsets.index(shared)])
+    return tuple(Line(at, size, decay, np.eye(3)[axis], driven=False) for axis in shared)
+
+
+def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
+    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^2."""
+    tried = [line, *(replace(line, bandwidth=b / span, driven=True) for b in DRIFTS)]
+    value = [likelihood(t) for t in tried]
+    best = int(np.argmax(value))
+    return tried[best] if value[best] > value[0] + 2 * NUMBER else line

@@ -1,0 +1,277 @@
+"""The passes that filter, smoother and likelihood are made of, in plain numpy.
+
+Covariances do not depend on the data: one pass over them serves any number of signals, and ends as soon
+as they stand still, until a gap stirs them. From there on both means are one recursion with constant
+matrices, y_k = A y_{k-1} + b_k, which a block scan turns into matrix products. passes.hpp holds the same
+in C++. Arguments as `linear.Arrays`: F, Q, H, R (time or 1, model, ., .), u (time or 1, model,
+state); seen (time, channel) 1 where z is present; steady: whether F, Q, H, R are constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.kalman.covariance import combine as combine
+from forceid.kalman.recursions.scan import scan
+from forceid.records import Array, Flags, Indices
+from forceid.rounding import ROUNDED
+from forceid.significance import WHOLE
+
+Runs = tuple[Indices, Array, Array, Array, Array, int]  # as covariance_pass gives them
+
+LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
+LAG = 8  # samples between two looks at whether a covariance has come to rest
+ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes
+
+
+@dataclass
+class Rest:
+    """Whether a covariance that is looked at sample by sample has come to rest."""
+
+    before: Array | None = None
+    change: float = 0.0
+    since: int = 0
+
+    def reached(self, P: Array) -> bool:
+        """Look at the covariance (..., state, state) of one more sample."""
+        if self.before is None:
+            self.before, self.change, self.since = P.copy(), 0.0, 0
+            return False
+        self.since += 1
+        if self.since < LAG:
+            return False
+        size = np.sqrt(np.abs(np.diagonal(P, axis1=-2, axis2=-1)))
+        scale, moved = size[..., None] * size[..., None, :], np.abs(P - self.before)
+        now = float((moved / np.where(moved > 0, scale, 1.0)).max())
+        # no rate tells that while it still falls from a start as good as unknown
+        ratio = now / self.change if 0 < self.change < 1 else 1.0
+        self.before, self.change, self.since = P.copy(), now, 0
+        return now < ROUNDING or (ratio < 1 and now * ratio < ROUNDED * (1 - ratio))
+
+
+def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool) -> Runs:
+    """Filter covariances of one model as runs of samples that share them.
+
+    Returns start (run,), P_pred, P (run, state, state), gain K (run, state, channel), W (run, channel,
+    channel) which whitens an innovation, and the sample where its covariance is not positive definite, or -1.
+    A channel that is missing has zero columns in K, zero rows and columns in W.
+    """
+    P_pred, rest = P0, Rest()
+    runs: list[tuple[int, Array, Array, Array, Array]] = []
+    failed, which = -1, seen.astype(bool)
+    stirred = channel_changes(which)
+    k = 0
+    while k < len(seen):
+        if k in stirred:
+            rest = Rest()
+        if k > 0:
+            F_k = of(F, k - 1)
+            P_pred = F_k @ runs[-1][2] @ F_k.T + of(Q, k - 1)
+            P_pred = 0.5 * (P_pred + P_pred.T)
+        K, W, P = np.zeros((len(P0), seen.shape[1])), np.zeros((seen.shape[1],) * 2), P_pred
+        if (c := which[k]).any():
+            H_k, R_k = of(H, k)[c], of(R, k)[c][:, c]
+            PHt = P_pred @ H_k.T
+            try:
+                W_c = np.linalg.inv(np.linalg.cholesky(H_k @ PHt + R_k))
+                white = PHt @ W_c.T
+            except np.linalg.LinAlgError:
+                failed = k
+                break
+            K_c = white @ W_c
+            P = updated(P_pred, K_c, H_k, R_k, white @ white.T)
+            K[:, c] = K_c
+            W[np.ix_(c, c)] = W_c
+        runs.append((k, P_pred, P, K, W))
+        still = steady and k > 0 and rest.reached(P)
+        k = min((i for i in stirred if i > k), default=len(seen)) if still else k + 1
+    n, m = len(P0), seen.shape[1]
+    shapes = ((n, n), (n, n), (n, m), (m, m))
+    first, *others = zip(*runs, strict=True) if runs else ((),) * 5
+    P_preds, Ps, Ks, Ws = (np.array(a).reshape(-1, *s) for a, s in zip(others, shapes, strict=True))
+    return np.array(first, np.intp), P_preds, Ps, Ks, Ws, failed
+
+
+def updated(P: Array, K: Array, H: Array, R: Array, taken: Array) -> Array:
+    """Covariances (..., state, state) after an update: in Joseph's form where it takes most of a variance.
+
+    Elsewhere P - taken, with taken = P H^T S^-1 H P, is as good: what it loses to rounding is small against
+    what is left.
+    """
+    part = np.diagonal(taken, axis1=-2, axis2=-1) > WHOLE * np.diagonal(P, axis1=-2, axis2=-1)
+    if part.any():
+        I_KH = np.eye(P.shape[-1]) - K @ H
+        P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+    else:
+        P = P - taken
+    return np.asarray(0.5 * (P + P.swapaxes(-1, -2)))
+
+
+def mean_pass(F: Array, u: Array, H: Array, start: Indices, K: Array, x0: Array, z: Array) -> Array:
+    """Filtered states (time, signal, state) under gains K of runs; z (time, signal, channel)."""
+    x, z = np.empty((*z.shape[:2], x0.shape[1])), np.nan_to_num(z)
+    for r, (first, stop) in enumerate(spans(start, len(z))):
+        pred = x0 if first == 0 else x[first - 1] @ of(F, first - 1).T + of(u, first - 1)
+        x[first] = pred + (z[first] - pred @ of(H, first).T) @ K[r].T
+        if stop - first > 1:
+            I_KH = np.eye(x.shape[2]) - K[r] @ of(H, 0)
+            b = z[first + 1 : stop] @ K[r].T
+            if u.any():
+                b += (known_inputs(u, first, stop - 1) @ I_KH.T)[:, None]
+            x[first + 1 : stop] = scan(I_KH @ of(F, 0), b, x[first])
+    return x
+
+
+def adjoint_pass(
+    F: Array, u: Array, H: Array, start: Indices, P: Array, K: Array, W: Array, G: Array, z: Array, x: Array
+) -> Array:
+    """Smoothed states (time, signal, state): x + P a, with the adjoint a of Bryson and Frazier (1963).
+
+    G (run, state, state): Rauch, Tung and Striebel's gain of a run where it is safe, else NaN.
+    """
+    smoothed, z, a = np.empty_like(x), np.nan_to_num(z), np.zeros(x.shape[1:])
+    for r, (first, stop) in reversed(list(enumerate(spans(start, len(z))))):
+        S_inv = W[r].T @ W[r]
+        if stop - first > 1 and np.isfinite(G[r, 0, 0]):
+            I_GF = np.eye(len(G[r])) - G[r] @ of(F, 0)
+            smoothed[stop - 1] = x[stop - 1] + a @ P[r]
+            b = x[first : stop - 1] @ I_GF.T
+            smoothed[first : stop - 1] = scan(G[r], b[::-1], smoothed[stop - 1])[::-1]
+            a = np.linalg.solve(P[r], (smoothed[first] - x[first]).T).T
+        elif stop - first > 1:
+            F_0, H_0, here = of(F, 0), of(H, 0), slice(first + 1, stop)
+            pred = x[first : stop - 1] @ F_0.T
+            if u.any():
+                pred += known_inputs(u, first, stop - 1)[:, None]
+            b = (z[here] - pred @ H_0.T) @ (F_0.T @ H_0.T @ S_inv).T
+            path = scan(((np.eye(len(F_0)) - K[r] @ H_0) @ F_0).T, b[::-1], a)[::-1]
+            smoothed[stop - 1] = x[stop - 1] + a @ P[r]
+            smoothed[first + 1 : stop - 1] = x[first + 1 : stop - 1] + path[1:] @ P[r]
+            a = path[0]
+        smoothed[first] = x[first] + a @ P[r]
+        if first > 0:
+            F_k, H_k = of(F, first - 1), of(H, first)
+            e = z[first] - (x[first - 1] @ F_k.T + of(u, first - 1)) @ H_k.T
+            a = (a + (e @ S_inv - a @ K[r]) @ H_k) @ F_k
+    return smoothed
+
+
+def information_pass(
+    F: Array, Q: Array, H: Array, R: Array, seen: Flags, steady: bool
+) -> tuple[Indices, Array, int]:
+    """Information (run, state, state) that all later samples hold on the state of a sample.
+
+    Returns the last sample of each run, from the end of the record backwards; the information; and the sample
+    where a covariance is not positive definite, or -1. No covariance of the state or of the noise is inverted
+    (Fraser and Potter 1969 does both): a step that adds nothing, or a channel without white noise, is fine.
+    """
+    n, which, rest = F.shape[-1], seen.astype(bool), Rest()
+    now, one, last = np.zeros((n, n)), np.eye(n), [len(seen) - 1]
+    later, failed, stirred = [now], -1, channel_changes(which)
+    k = len(seen) - 1
+    while k > 0:
+        if k + 1 in stirred:
+            rest = Rest()
+        F_k, Q_k = of(F, k - 1), of(Q, k - 1)
+        Y = np.linalg.inv(one + now @ Q_k)
+        information = Y @ now
+        if (c := which[k]).any():
+            H_k = of(H, k)[c]
+            S = H_k @ (Q_k @ Y) @ H_k.T + of(R, k)[c][:, c]
+            try:
+                L = np.linalg.cholesky(0.5 * (S + S.T))
+            except np.linalg.LinAlgError:
+                failed = k
+                break
+            white = np.linalg.solve(L, H_k @ Y.T)
+            information = information + white.T @ white
+        now = F_k.T @ information @ F_k
+        now = 0.5 * (now + now.T)
+        last.append(k - 1)
+        later.append(now)
+        still = steady and rest.reached(now)
+        k = max((i for i in stirred if i <= k), default=1) - 1 if still else k - 1
+    return np.array(last), np.array(later), failed
+
+
+def log_likelihood(
+    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array,
+    seen: Flags, limit: float, steady: bool,
+) -> Array:  # fmt: skip
+    """Log-likelihood (model,) of many models, z (time, model or 1, channel), all with the same gaps.
+
+    Of a single channel, whitened innovations beyond `limit` count as outliers of just that size, and their
+    sample is believed accordingly less (Huber's filter). A model that loses its sign to rounding goes as NaN.
+    """
+    x, P, total, which = x0, P0, np.zeros(len(x0)), seen.astype(bool)
+    L: Array = np.zeros((len(x0), 1, 1))
+    rest, resting = Rest(), False
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for k, c in enumerate(which):
+            if k > 0 and (c != which[k - 1]).any():
+                rest, resting = Rest(), False
+            if k > 0:
+                F_k = step_of(F, k - 1)
+                x = (F_k @ x[..., None])[..., 0] + step_of(u, k - 1)
+                if not resting:
+                    P = F_k @ P @ F_k.swapaxes(1, 2) + step_of(Q, k - 1)
+            if not c.any():
+                continue
+            H_k = step_of(H, k)[:, c]
+            e = z[k][:, c] - (H_k @ x[..., None])[..., 0]
+            if resting and c.sum() == 1 and (np.abs(e) > limit * L[:, 0]).any():
+                P, rest, resting = F_k @ P @ F_k.swapaxes(1, 2) + step_of(Q, k - 1), Rest(), False
+            if not resting:
+                R_k, PHt = step_of(R, k)[:, c][:, :, c], P @ H_k.swapaxes(1, 2)
+                S = H_k @ PHt + R_k
+                if c.sum() == 1:
+                    more = np.maximum((e[:, :, None] / limit) ** 2 - S, 0.0)
+                    S, R_k = S + more, R_k + more
+                    L, K = np.sqrt(np.where(S > 0, S, np.nan)), PHt / S
+                    taken = K @ PHt.swapaxes(1, 2)
+                    if (more > 0).any():
+                        rest = Rest()
+                else:
+                    try:
+                        L = np.asarray(np.linalg.cholesky(S), float)
+                    except np.linalg.LinAlgError:
+                        return np.full(len(x0), np.nan)
+                    white = np.linalg.solve(L, PHt.swapaxes(1, 2))
+                    K = np.linalg.solve(L.swapaxes(1, 2), white).swapaxes(1, 2)
+                    taken = white.swapaxes(1, 2) @ white
+                log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1) + 0.5 * c.sum() * LOG_2PI
+                P = updated(P, K, H_k, R_k, taken)
+                resting = steady and k > 0 and rest.reached(np.nan_to_num(P))
+            white = e / L[:, 0] if c.sum() == 1 else np.linalg.solve(L, e[..., None])[..., 0]
+            total -= 0.5 * (white**2).sum(1) + log_det
+            x = x + (K @ e[..., None])[..., 0]
+    return total
+
+
+def channel_changes(which: Flags) -> set[int]:
+    """Samples whose channels present (time, channel) are not those of the sample before."""
+    return set((1 + np.flatnonzero((which[1:] != which[:-1]).any(1))).tolist())
+
+
+def spans(start: Indices, time: int) -> list[tuple[int, int]]:
+    """First sample, and the one after the last, of each run."""
+    return list(zip(start.tolist(), [*start[1:].tolist(), time], strict=True))
+
+
+def of(a: Array, k: int) -> Array:
+    """Matrix of sample or step k of one model."""
+    out: Array = a[k, 0] if len(a) > 1 else a[0, 0]
+    return out
+
+
+def step_of(a: Array, k: int) -> Array:
+    """Matrices (model, ...) of sample or step k."""
+    out: Array = a[k] if len(a) > 1 else a[0]
+    return out
+
+
+def known_inputs(u: Array, first: int, stop: int) -> Array:
+    """Known input of the steps from `first` to before `stop`, or the one of all."""
+    return u[first:stop, 0] if len(u) > 1 else u[:, 0]

@@ -1,0 +1,1 @@
+"""Parameters by likelihood, measurements that nothing agrees with, and whether a filter is honest."""

@@ -1,0 +1,1 @@
+"""Shapes in which a body deforms, and which of them markers show."""

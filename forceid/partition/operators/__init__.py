@@ -1,0 +1,1 @@
+"""What parts do to vectors: stiffness, inverses, interface maps, preconditioners, projection."""

@@ -1,0 +1,175 @@
+"""How far a solution in parts is off: one more, of what it leaves of its equations and of what nobody knows.
+
+A solution leaves r_s = f_s - K_s u_s - B_s lambda_s of every part, and gaps B^T u - L_f u_f between them.
+Solved for by the same means they make a correction, which is what the solution is off. Beside them stand
+loads of random sign: rounding of the given ones, what they are out of balance, and what rigid modes strain
+their part beyond rounding. Up to rounding K_s R_s is zero here: stiff parts that move far would else carry as
+much of it as soft ones carry force.
+Source: principal equations 2.9, 6; N. J. Higham, Accuracy and Stability of Numerical Algorithms, chapter 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.partition.operators.projection import Projection
+from forceid.partition.solution.assembly import Assembly
+from forceid.records import Array
+
+UNIT = float(np.finfo(float).eps) / 2  # of a number, which rounding takes or adds
+ROUNDING_FACTOR = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
+STRAIN_FACTOR = 4  # roundings of its terms, beyond which K R is more than that
+STORAGE_ERROR = 64 * UNIT  # of motions and forces, that they are off as they are held and summed
+PASSES = 3  # corrections at most
+DIVERGED = 2.0  # times the last error, above which a correction is taken back
+HELPS = 0.1  # of the last correction, which one is to be at most for another to be worth it
+EVEN = 100.0  # ratio of stiffnesses up to which it does not matter which of two parts follows the other
+LEAST_FORCE = 1e-6  # of the loads at the interface, below which multipliers are measured by these
+
+SaddleSolve = Callable[[Array, Array, float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What nobody knows: forces (dof,) N, and gaps (multiplier,) m that are no more than rounding of motions.
+
+    rounding: of the loads, of random sign; imbalance N: length of what is random all over; strain: what K and
+    the same without its rigid motions differ by.
+    """
+
+    rounding: Array
+    imbalance: float
+    strain: Array
+    gap: Array
+
+    def drawn(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Loads (dof,) and gaps (multiplier,) that may be there unseen."""
+        n = len(self.rounding)
+        signs, way = rng.choice([-1.0, 1.0], n), rng.standard_normal(n)
+        load = signs * self.rounding + self.imbalance / np.sqrt(max(n, 1)) * way - self.strain
+        return np.asarray(load), np.asarray(rng.choice([-1.0, 1.0], len(self.gap)) * self.gap)
+
+
+@dataclass(frozen=True)
+class Refined:
+    """lam and u, and what one more correction would change of each, relative to its length."""
+
+    lam: Array
+    u: Array
+    lam_error: float
+    error: float
+    doubt: Doubt
+
+    @property
+    def worse(self) -> float:
+        """The larger of the two errors."""
+        return max(self.lam_error, self.error)
+
+
+def refine_solution(
+    system: Assembly,
+    f: Array,
+    found: tuple[Array, Array],
+    solve: SaddleSolve,
+    imbalance: float = 0.0,
+    enough: float = 0.0,
+    draws: int = 1,
+) -> Refined:
+    """Multipliers and motions corrected while that helps and they are off by more than enough.
+
+    found: lam (multiplier,) and u (dof,) of the loads f (dof,); solve: the same of loads (dof,), of gaps
+    (multiplier,) that are to be closed, and of the length of u, by which gaps are small; imbalance: of the
+    loads, relative to their length; draws: of what is unseen, each of which takes a solution. Raises what
+    `solve` raises.
+    """
+    rng, (lam, u) = np.random.default_rng(0), found
+    last: Refined | None = None
+    for _ in range(PASSES):
+        doubt = in_doubt(system, f, u, imbalance, ROUNDING_FACTOR / np.sqrt(draws))
+        r, gap = residuals(system, f, lam, u)
+        drawn = [doubt.drawn(rng) for _ in range(draws)]
+        each = [solve(in_balance(system, r + unseen), gap + slit, norm(u)) for unseen, slit in drawn]
+        off = np.array([relative_errors(system, f, lam, u, *more) for more in each])
+        lam_error, error = np.sqrt((off**2).mean(axis=0)).tolist()
+        now = Refined(lam, u, lam_error, error, doubt)
+        if last is not None and now.worse > DIVERGED * last.worse:
+            return last
+        if now.worse <= enough or (last is not None and now.worse > HELPS * last.worse):
+            return now
+        more_lam, more_u = solve(in_balance(system, r), gap, norm(u))  # without what is only drawn
+        last, lam, u = now, lam + more_lam, u + more_u
+    assert last is not None
+    return last
+
+
+def relative_errors(
+    system: Assembly, f: Array, lam: Array, u: Array, more_lam: Array, more_u: Array
+) -> tuple[float, float]:
+    """Errors of multipliers and motions by their correction, and by what it leaves, relative to their length.
+
+    It leaves gaps, to be closed where parts are soft, and by rigid motions before forces.
+    """
+    top, new_u = system.topology, u + more_u
+    gap = system.projection.averaged(top.B.T @ new_u)
+    closing = system.precondition("lumped")(stiffness_projection(system).gaps(gap))
+    force = max(norm(lam + more_lam), LEAST_FORCE * norm(top.B.T @ f))
+    return (
+        STORAGE_ERROR + ratio(norm(more_lam) + norm(closing), force),
+        STORAGE_ERROR + ratio(norm(more_u) + norm(gap), norm(new_u)),
+    )
+
+
+def stiffness_projection(system: Assembly) -> Projection:
+    """The projection by which the softer of two parts follows the other, where that makes a difference."""
+    stiff = np.concatenate([K.diagonal() for K in system.stiffness])
+    uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()
+    return system.by_stiffness if uneven else system.projection
+
+
+def residuals(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:
+    """What lam and u leave: r (dof,) of the balance of each part, and gaps (multiplier,) between them."""
+    top, Q = system.topology, system.rigid
+    inner = system.strained(u - Q @ (Q.T @ u))
+    r = f - top.B @ system.projection.balanced(lam) - (inner - Q @ (Q.T @ inner))
+    return r, system.projection.averaged(top.B.T @ u)
+
+
+def in_doubt(system: Assembly, f: Array, u: Array, imbalance: float, sure: float = ROUNDING_FACTOR) -> Doubt:
+    """What nobody knows of the forces on parts under loads f (dof,) that move by u (dof,)."""
+    Q, R, strain = system.rigid, system.modes, np.zeros_like(f)
+    rigid = Q @ (Q.T @ u)
+    inner = u - rigid
+    terms = system.strained_terms(np.abs(inner))
+    forced, summed = system.strained(rigid), Q.T @ system.strained(inner)
+    rounding = system.strained_terms(np.abs(rigid)), abs(Q).T @ terms
+    for d, c in zip(system.topology.dofs, system.columns, strict=True):
+        pairs = (forced[d], rounding[0][d]), (summed[c], rounding[1][c])
+        if any(norm(x) > STRAIN_FACTOR * UNIT * norm(y) for x, y in pairs):
+            strain[d] = forced[d] + Q[d, c] @ summed[c]
+    size = np.abs(f) + terms
+    held = np.abs(inner) + abs(R) @ np.abs(system.pinned @ u)
+    gap = sure * UNIT * (system.topology.B.T @ held)
+    return Doubt(sure * UNIT * size, imbalance * norm(f) * np.sqrt(sure), strain, gap)
+
+
+def in_balance(system: Assembly, f: Array) -> Array:
+    """Loads (dof,) less, by least squares, what moves the whole."""
+    S = system.free_motions
+    return np.asarray(f - S @ (S.T @ f))
+
+
+def norm(x: Array) -> float:
+    """Euclidean."""
+    return float(np.linalg.norm(x))
+
+
+def ratio(part: float, whole: float) -> float:
+    """Part over whole; none of nothing.
+
+    >>> ratio(1.0, 4.0), ratio(0.0, 0.0)
+    (0.25, 0.0)
+    """
+    return part / whole if part > 0 and whole > 0 else 0.0

@@ -1,0 +1,102 @@
+"""DOP853 with tolerances near rounding: one body, any material, with or without det F = 1.
+
+The reference for other integrators; nothing is kept exactly. Source: pseudo-rigid bodies, section 9.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from forceid.errors import DataError
+from forceid.pseudorigid.factors.cofactors import determinant
+from forceid.pseudorigid.motion.constrained import constrained_acceleration
+from forceid.pseudorigid.motion.system import AffineSystem
+from forceid.records import Array
+
+REFERENCE_RTOL, REFERENCE_ATOL = 1e-13, 1e-14
+COLLAPSED = 1e-9  # of det F at the start: below, a body with a barrier has collapsed
+REFLECTION = np.diag([1.0, 1.0, -1.0])
+
+
+class TooLongError(Exception):
+    """More evaluations than allowed."""
+
+
+@dataclass(frozen=True)
+class ReferencePath:
+    """F and V (time, 3, 3), NaN after a stop; kind of stop ("", inversion, collapse) and its time."""
+
+    F: Array
+    V: Array
+    kind: str
+    stop: float
+
+
+def reference(
+    system: AffineSystem,
+    F0: Array,
+    V0: Array,
+    time: Array,
+    constrained: bool = False,
+    rtol: float = REFERENCE_RTOL,
+    most: float = float("inf"),
+) -> ReferencePath:
+    """One body from F0, V0 (3, 3) at time[0] through the samples `time`.
+
+    Ends at det F = 0 where forces are finite beyond (inversion); where they are not, at 1e-9 of its start, or
+    where no step is short enough (collapse). TooLongError after `most` evaluations of the force.
+    """
+
+    def rate(t: float, y: Array) -> Array:
+        F, V = y.reshape(2, 3, 3)
+        if next(calls) >= most:
+            raise TooLongError
+        # a stage beyond det F = 0 has no force; the step that asked is rejected, or ends in the event
+        with np.errstate(all="ignore"):
+            if not (determinant(F) > 0) and not regular(system, F):
+                return np.full(18, np.nan)
+            a = constrained_acceleration(system, F, V) if constrained else system.acceleration(F)
+        return np.concatenate([y[9:], a.ravel()])
+
+    if len(time) == 1:
+        return ReferencePath(F0[None], V0[None], "", float("nan"))
+    accepted, calls = [float(time[0])], count()
+    floor = 0.0 if regular(system, F0 @ REFLECTION) else COLLAPSED * float(determinant(F0))
+
+    def volume(t: float, y: Array) -> float:
+        accepted.append(t)
+        return float(determinant(y[:9].reshape(3, 3))) - floor
+
+    volume.terminal = True  # type: ignore[attr-defined]
+    start = np.concatenate([F0.ravel(), V0.ravel()])
+    options: dict[str, Any] = {
+        "method": "DOP853",
+        "t_eval": time,
+        "events": volume,
+        "rtol": rtol,
+        "atol": REFERENCE_ATOL,
+    }
+    with np.errstate(all="ignore"):
+        found: Any = solve_ivp(rate, (float(time[0]), float(time[-1])), start, **options)
+    y = np.full((len(time), 18), np.nan)
+    y[: len(found.t)] = found.y.T
+    kind, stop = "", float("nan")
+    if found.status == 1:
+        kind, stop = "collapse" if floor else "inversion", float(found.t_events[0][0])
+    elif found.status < 0:
+        kind, stop = "collapse", accepted[-1]
+    return ReferencePath(y[:, :9].reshape(-1, 3, 3), y[:, 9:].reshape(-1, 3, 3), kind, stop)
+
+
+def regular(system: AffineSystem, F: Array) -> bool:
+    """Whether the force is finite at det F <= 0, as where there is no barrier."""
+    try:
+        with np.errstate(all="ignore"):
+            return bool(np.isfinite(system.acceleration(F)).all() and np.isfinite(system.material.energy(F)))
+    except (np.linalg.LinAlgError, DataError):  # no singular values, or a barrier
+        return False

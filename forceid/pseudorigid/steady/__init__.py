@@ -1,0 +1,1 @@
+"""Motions in closed form, steady motions and their spectra."""

@@ -1,0 +1,107 @@
+"""Self-gravity of an ellipsoidal body as a stored energy of its deformation.
+
+The reference body is a ball, E = mu I, and its density falls as 1/J: W = -4 mu pi G rho R_F(a_1^2, a_2^2,
+a_3^2) with rho at J = 1 and a_i the singular values of F. Source: pseudo-rigid bodies, section 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, pi, sqrt
+
+import numpy as np
+
+from forceid.errors import DataError
+from forceid.pseudorigid.material.material_law import validated_constant
+from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols, potential_integral
+from forceid.pseudorigid.validation import tensors
+from forceid.records import Array
+
+
+@dataclass(frozen=True)
+class SelfGravity:
+    """Stored energy of a body's own gravity: pi_G_rho = pi G rho in 1/s^2 at det F = 1, and mu of E = mu I.
+
+    Energies have the unit of mu over s^2. Defined for every F of rank 3, smooth where axes are equal.
+    DataError where a constant is not positive and finite. Source: pseudo-rigid bodies, section 8.
+
+    >>> print(f"{SelfGravity(pi_G_rho=1.0).energy(np.eye(3)):.1f}")
+    -4.0
+    """
+
+    pi_G_rho: float = 1.0
+    mu: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("pi_G_rho", self.pi_G_rho), ("mu", self.mu)):
+            validated_constant("SelfGravity", name, value)
+            if not (isfinite(value) and value > 0):
+                raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")
+
+    def energy(self, F: Array) -> Array:
+        """W(F) (...,) of F (..., 3, 3): -(3/5) G m^2 R_F for a homogeneous ball, mu = m r^2 / 5."""
+        F = tensors(F)
+        a = np.linalg.svd(F, compute_uv=False)
+        return np.asarray(-4 * self.mu * self.pi_G_rho * potential_integral(*np.moveaxis(a, -1, 0)))
+
+    def gradient(self, F: Array) -> Array:
+        """dW/dF = 2 mu pi G rho (A(B)/J) F (..., 3, 3), B = F F^T and A(B) with the eigenvalues A_i."""
+        F = tensors(F)
+        L, a, R = np.linalg.svd(F)
+        force = index_symbols(*np.moveaxis(a, -1, 0)) * a / a.prod(-1)[..., None]
+        return np.asarray(2 * self.mu * self.pi_G_rho * (L * force[..., None, :]) @ R)
+
+    def hessian(self, F: Array, H: Array) -> Array:
+        """d2W[H] (..., 3, 3) along H (..., 3, 3), which broadcasts against F.
+
+        The divided differences of A_i by a_i^2 that a derivative of A(B) holds are -A_ij, so nothing is lost
+        at equal axes.
+        """
+        F, H = tensors(F), tensors(H, "H")
+        L, a, R = np.linalg.svd(F)
+        axes = np.moveaxis(a, -1, 0)
+        A, A_pair = index_symbols(*axes), pair_symbols(*axes)[0]
+        h = np.swapaxes(L, -1, -2) @ H @ np.swapaxes(R, -1, -2)
+        ha = h * a[..., None, :]
+        dB = ha + np.swapaxes(ha, -1, -2)
+        stretched = np.diagonal(dB, axis1=-2, axis2=-1)
+        # A_i/J by a_j^2: -A_ij / (2 J), three times that where j = i
+        on_axis = 0.5 * np.einsum("...ij,...j->...i", A_pair, stretched)
+        on_axis = on_axis + np.diagonal(A_pair, axis1=-2, axis2=-1) * stretched
+        eye = np.eye(3)
+        dA = -A_pair * dB * (1 - eye) - on_axis[..., None] * eye
+        change = dA * a[..., None, :] + A[..., None] * h
+        return np.asarray(2 * self.mu * self.pi_G_rho * L @ (change / a.prod(-1)[..., None, None]) @ R)
+
+
+def ball_gravity(G: float, mass: float, radius: float) -> SelfGravity:
+    """Self-gravity of a homogeneous ball of mass and radius at F = I: mu = mass radius^2 / 5.
+
+    >>> ball = ball_gravity(1.0, 5.0, 1.0)
+    >>> print(f"{ball.energy(np.eye(3)):.1f}")  # -(3/5) G m^2 / r
+    -15.0
+    """
+    validate_constants(G, mass, radius)
+    return SelfGravity(pi_G_rho=0.75 * G * mass / radius**3, mu=mass * radius**2 / 5)
+
+
+def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
+    """Self-gravity of a Gaussian cloud of mass and standard deviation sigma at F = I: mu = mass sigma^2.
+
+    W = -G m^2 / (2 sqrt(pi) sigma) R_F(a^2): the law of every density that is constant on similar ellipsoids.
+
+    >>> cloud = gaussian_gravity(1.0, 1.0, 1.0)
+    >>> print(f"{cloud.energy(np.eye(3)) * 2 * np.sqrt(np.pi):.1f}")
+    -1.0
+    """
+    validate_constants(G, mass, sigma)
+    mu = mass * sigma**2
+    return SelfGravity(pi_G_rho=G * mass**2 / (8 * sqrt(pi) * sigma * mu), mu=mu)
+
+
+def validate_constants(G: float, mass: float, length: float) -> None:
+    """DataError where a constant of a gravitating body is not positive and finite."""
+    for name, value in (("G", G), ("mass", mass), ("length", length)):
+        validated_constant("gravity", name, value)
+        if not (isfinite(value) and value > 0):
+            raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")

@@ -1,0 +1,137 @@
+"""The figures over time: wrench, mean motion, deformation, loads."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from forceid.records import Array, Estimate, Loads
+from forceid.report.numbers import mean, truth_at
+from forceid.report.plots.bands import draw_estimate, explain
+from forceid.report.plots.style import (
+    AXES,
+    AXIS_COLOR,
+    CYCLE,
+    PURPLE,
+    STYLE,
+    draw_columns,
+    draw_line,
+    label,
+    panels,
+)
+
+
+@rc_context(STYLE)
+def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Figure:
+    """Force and moment by axis with two-sigma bands, the plain route, and the truth where there is one."""
+    figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
+    witness = estimate.witness
+    plain = {} if witness is None else {"force": witness.force, "moment": witness.moment}
+    if estimate.moment_about != "mass_center":
+        plain.pop("moment", None)
+    sides = (
+        ("force", "Force", "N", estimate.force, estimate.force_std),
+        ("moment", f"Moment about {moment_point(estimate)}", "N m", estimate.moment, estimate.moment_std),
+    )
+    known = False
+    for column, (name, title, unit, values, std) in enumerate(sides):
+        true = truth_at(estimate, truth or {}, name)
+        for row, axis in enumerate(AXES):
+            ax = axes[row, column]
+            label(
+                ax,
+                title if row == 0 else "",
+                f"{name[0].upper()}$_{axis}$ ({unit})",
+                "time (s)" if row == 2 else "",
+            )
+            known = known or bool(np.isfinite(true[:, row]).any())
+            other = plain[name][:, row] if name in plain else None
+            draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row], plain=other)
+    explain(figure, "two sigma", known, any(np.isfinite(values).any() for values in plain.values()))
+    return figure
+
+
+@rc_context(STYLE)
+def draw_motion(estimate: Estimate) -> Figure:
+    """Translation on the left, rotation on the right; below them the deformation, if there is any."""
+    e = estimate
+    deforms = bool(np.nan_to_num(e.deformation).any())
+    figure, axes = panels(2 + deforms, 2, (10.0, 4.4 + 2.0 * deforms), sharex=True)
+    moving = e.center - e.center[np.argmax(np.isfinite(e.center).all(axis=1))]
+    histories = (
+        (axes[0, 0], moving, "Center, from its start", "$x - x_0$ (m)"),
+        (axes[1, 0], e.velocity, "Velocity of the center", "$v$ (m/s)"),
+        (axes[0, 1], e.angular_velocity, "Angular velocity", "$\\omega$ (rad/s)"),
+        (axes[1, 1], e.angular_momentum, "Angular momentum", "$H$ (kg m²/s)"),
+    )
+    for ax, values, title, y in histories:
+        label(ax, title, y, "")
+        draw_columns(ax, e.time, values, AXES, list(AXIS_COLOR.values()))
+    if deforms:
+        draw_deformation(e, axes[2, 0])
+        draw_shape(e, axes[2, 1])
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
+    figure.align_ylabels()
+    return figure
+
+
+def draw_deformation(estimate: Estimate, ax: Axes) -> None:
+    """Deformation, rms over the nodes, in millimeters."""
+    label(ax, "Deformation, rms over the nodes", "$u$ (mm)", "")
+    size = 1e3 * np.sqrt(mean(np.moveaxis(np.sum(estimate.deformation**2, axis=-1), 1, 0)))
+    draw_line(ax, estimate.time, size, color=PURPLE)
+    ax.margins(x=0.01)
+    ax.set_ylim(bottom=0)
+
+
+def draw_shape(estimate: Estimate, ax: Axes) -> None:
+    """What the model says of the shape: stretch minus one, or mode amplitudes."""
+    if estimate.stretch is not None:
+        label(ax, "Stretch less one", "$U - 1$ (1)", "")
+        pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        strain = np.stack([estimate.stretch[:, i, j] - (i == j) for i, j in pairs], axis=-1)
+        draw_columns(ax, estimate.time, strain, [AXES[i] + AXES[j] for i, j in pairs], CYCLE)
+        return
+    q = np.zeros((len(estimate.time), 0)) if estimate.mode_amplitude is None else estimate.mode_amplitude
+    shown = min(q.shape[1], len(CYCLE))
+    title = f"Modes 1 to {shown} of {q.shape[1]}" if q.shape[1] > shown else "Mode amplitudes"
+    label(ax, title, "$q$ (mm)", "")
+    draw_columns(ax, estimate.time, 1e3 * q[:, :shown], [f"{k + 1}" for k in range(shown)], CYCLE)
+
+
+@rc_context(STYLE)
+def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
+    """The applied loads that were asked for, with two-sigma bands; at most eight."""
+    asked = tomllib.loads(estimate.settings).get("load", [])
+    unit = {load["name"]: "N m" for load in asked if load.get("kind") == "moment"}
+    std = np.sqrt(np.diagonal(loads.load_cov, axis1=-2, axis2=-1))
+    rows = min(len(loads.name), 8)
+    figure, axes = panels(rows, 1, (10.0, 0.9 + 1.5 * rows), sharex=True)
+    for k, ax in enumerate(axes[:, 0]):
+        name, values = loads.name[k], loads.load[:, k]
+        last = k == rows - 1
+        label(
+            ax,
+            "Applied loads" if k == 0 else "",
+            f"{name} ({unit.get(name, 'N')})",
+            "time (s)" if last else "",
+        )
+        draw_estimate(ax, estimate.time, values, 2 * std[:, k])
+    figure.align_ylabels()
+    return figure
+
+
+def moment_point(estimate: Estimate) -> str:
+    """The point of the moment in words.
+
+    >>> from types import SimpleNamespace
+    >>> moment_point(SimpleNamespace(moment_about="mass_center"))
+    'the mass center'
+    """
+    return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
