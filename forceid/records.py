@@ -133,16 +133,6 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Wrench:
-    """Force (..., 3) N and moment (..., 3) N m about a point (..., 3) m, with covariance (..., 6, 6)."""
-
-    force: Array
-    moment: Array
-    cov: Array
-    about: Array
-
-
-@dataclass(frozen=True)
 class Loads:
     """Applied loads p of f = B p. load (time, load) N, load_cov (time, load, load_2) N2.
 

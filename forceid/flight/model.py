@@ -101,11 +101,6 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
 
-def reference_trajectory(flight: Flight, reference: Reference) -> ReferenceTrajectory:
-    """The flight about its reference."""
-    return trajectory_of(flight, reference.rotation, *reference.moment.read(reference.chain))
-
-
 def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> ReferenceTrajectory:
     """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn."""
     step = np.diff(flight.time)
@@ -136,15 +131,6 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Referenc
     b, c = 6 * Y / s**2 - 2 * H / s, 3 * H / s**2 - 6 * Y / s**3
     T, dT = (np.concatenate([a, a[-1:]]) for a in (b, 2 * c))
     return trajectory_of(flight, reference.rotation, reference.moment.read(reference.chain)[0], T, dT)
-
-
-def turn_along_reference(flight: Flight, reference: Reference) -> tuple[Array, Array, Array]:
-    """One step of the rotation from each sample of the reference: R (time - 1, 3, 3), and its derivatives.
-
-    d theta / d theta (time - 1, 3, 3), and that by delta H which grows over the step as 1, s and s^2, (3,
-    time - 1, 3, 3).
-    """
-    return turn_along(reference_trajectory(flight, reference))
 
 
 def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:

@@ -119,22 +119,6 @@ def integrated_wiener_bound(n: int, k: int, density: float, r: float) -> float:
     return float(r * w**power / (2 * n * np.sin(np.pi * power / (2 * n))))
 
 
-def integrated_wiener_filter_bound(n: int, k: int, density: float, r: float) -> float:
-    """Filter variance of derivative k of n-fold integrated white noise; arguments as in the smoother's.
-
-    The poles of the filter are Butterworth's, and its gains the coefficients b of their polynomial; then
-    Riccati's equation, read entry by entry, gives the diagonal: r w^(2k+1) (b_k b_k+1 - b_k-1 b_k+2 + ...).
-
-    >>> round(integrated_wiener_filter_bound(3, 2, density=1.0, r=1.0), 6)  # 6 times the smoother's
-    2.0
-    """
-    w = (density / r) ** (1 / (2 * n))
-    angle = np.pi * (2 * np.arange(n) + n + 1) / (2 * n)
-    b = np.real(np.poly(np.exp(1j * angle)))
-    terms = [(-1) ** i * b[k - i] * b[k + 1 + i] for i in range(min(k, n - 1 - k) + 1)]
-    return float(r * w ** (2 * k + 1) * sum(terms))
-
-
 def driven_load_bound(p: int, Q: float, mass: float, r: float) -> float:
     """Smoother variance of a load on a mass whose position is measured; load spectrum Q / w^2p.
 

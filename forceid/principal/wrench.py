@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.principal.mass import SparseMatrix, mass_center, mass_times, nodal_mass, nodes_with_mass
 from forceid.principal.operator import axis_count, cross, cross_matrix, sum_nodal, summation_operator
-from forceid.principal.symmetric import pseudo_inverse
 from forceid.records import Array
 
 
@@ -91,28 +90,6 @@ def transport_cov(cov: ArrayLike, arm: ArrayLike) -> Array:
     """
     T = transport_matrix(arm)
     return np.asarray(T @ np.asarray(cov, dtype=float) @ T.mT)
-
-
-def least_variance_point(cov: ArrayLike) -> Array:
-    """The arm d* (..., 3) m that carries a wrench to the point where its moment varies least.
-
-    cov (..., 6, 6) of a wrench about c; the point is c - d*, and `transport_cov(cov, d*)` has the least
-    moment trace: d* = -(tr C_FF I - C_FF)^-1 eps, eps_i = eps_ijk (C_FM)_jk. Where forces vary along one
-    line only, the shortest such arm. Planar (..., 3, 3) gives (..., 2). Source: principal equations 4c.
-
-    >>> least_variance_point([[1.0, 0.0, -0.5], [0.0, 1.0, 0.5], [-0.5, 0.5, 2.0]])
-    array([-0.5, -0.5])
-    """
-    C = np.asarray(cov, dtype=float)
-    axis = 3 if C.shape[-1] == 6 else 2
-    C_FF, C_FM = C[..., :axis, :axis], C[..., :axis, axis:]
-    A = np.trace(C_FF, axis1=-2, axis2=-1)[..., None, None] * np.eye(axis) - C_FF
-    if axis == 2:
-        eps = np.stack([C_FM[..., 1, 0], -C_FM[..., 0, 0]], axis=-1)
-    else:
-        B = C_FM - C_FM.mT
-        eps = np.stack([B[..., 1, 2], B[..., 2, 0], B[..., 0, 1]], axis=-1)
-    return np.asarray(-(pseudo_inverse(A) @ eps[..., None])[..., 0])
 
 
 def _project(

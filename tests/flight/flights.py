@@ -6,8 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from forceid.flight.attitude import turn_along
 from forceid.flight.channels import Start, load_chain
-from forceid.flight.model import Flight
+from forceid.flight.model import Flight, trajectory_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.kalman import StateSpace, discretize, matern
@@ -52,6 +53,11 @@ def seen(time, center, rotation, rng, scale=1.0):
     noise = scale * POSE_STD * rng.standard_normal((len(time), 6))
     turned = Rotation.from_rotvec(noise[:, 3:]).as_matrix() @ rotation
     return flight_of(time, center + noise[:, :3], turned, scale)
+
+
+def steps_of(flight, reference):
+    """The rotation's step from each sample of a reference, and its derivatives, as `turn_along` has them."""
+    return turn_along(trajectory_of(flight, reference.rotation, *reference.moment.read(reference.chain)))
 
 
 def flight_of(time, center, rotation, scale=1.0):

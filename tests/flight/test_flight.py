@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flights import INERTIA, SPIN, drawn_flight, flight_of, free_top, prior, tumble
+from flights import INERTIA, SPIN, drawn_flight, flight_of, free_top, prior, steps_of, tumble
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -10,7 +10,7 @@ from forceid import kalman
 from forceid.errors import EstimationError
 from forceid.flight import model as flight_model
 from forceid.flight import smoother as flights
-from forceid.flight.model import Reference, rotation_model, stack, translation, turn_along_reference
+from forceid.flight.model import Reference, rotation_model, stack, translation
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.smoother import first_reference, smooth_flight
@@ -55,7 +55,7 @@ def driven_top(step, count=12):
 def test_one_step_of_the_rotation_is_that_of_dop853(step):
     """A tenth of a radian a step, which is the longest substep."""
     flight, reference, _ = driven_top(step)
-    R, _, _ = turn_along_reference(flight, reference)
+    R, _, _ = steps_of(flight, reference)
     assert np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max() < 1e-8
 
 
@@ -64,7 +64,7 @@ def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
     error = []
     for substep in (0.1, 0.05):
         monkeypatch.setattr(flight_model, "SUBSTEP", substep)
-        R, _, _ = turn_along_reference(flight, reference)
+        R, _, _ = steps_of(flight, reference)
         error.append(np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max())
     assert 3.7 < np.log2(error[0] / error[1]) < 4.5
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flights import steps_of
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from forceid.flight.channels import Start
-from forceid.flight.model import Flight, Reference, flexed, linear_flight, turn_along_reference
+from forceid.flight.model import Flight, Reference, flexed, linear_flight
 from forceid.flight.modes import FlyingModes
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
@@ -40,7 +41,7 @@ def flying(time, path, leak, rows, rng=None):
     chain = np.zeros((T, 15))
     chain[:, 3:6] = H
     for k in range(T - 1):  # a step at a time: each begins where the last one ended
-        R[k + 1] = turn_along_reference(still, Reference(R, chain, prior()))[0][k]
+        R[k + 1] = steps_of(still, Reference(R, chain, prior()))[0][k]
     cov = np.tile(np.diag([1e-8] * 3 + [1e-6] * 3), (T, 1, 1))
     noise = np.zeros((T, 8)) if rng is None else rng.standard_normal((T, 8))
     off = noise[:, :6] * np.sqrt(np.diagonal(cov[0])) + np.einsum("tik,tk->ti", leak, q)
@@ -81,7 +82,7 @@ def test_rotation_answers_the_modes_as_the_equations_say():
             for i in range(12):  # as the mode moves by itself, to both sides of the step
                 free[i] = np.einsum("mij,mj->mi", expm(A * (time[i] - time[k])), free[k])
             there = flexed(flight, replace(reference, modes=path + free.reshape(12, 6)))
-            moved.append(turn_along_reference(there, reference)[0][k])
+            moved.append(steps_of(there, reference)[0][k])
         size = 2 * [1e-5, 1e-3, 1.0][state % 3]
         wanted = log(moved[0] @ moved[1].T) / size
         np.testing.assert_allclose(model.F[k, theta, own][:, state], wanted, atol=0.02 * np.abs(wanted).max())

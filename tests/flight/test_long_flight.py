@@ -11,7 +11,7 @@ from forceid.flight import attitude as turning
 from forceid.flight import rigid_batch
 from forceid.flight import rigid_path as long_flight
 from forceid.flight import smoother as flights
-from forceid.flight.model import Reference, reference_trajectory
+from forceid.flight.model import trajectory_of
 from forceid.flight.smoother import first_reference, smooth_flight, smooth_long
 from forceid.kalman.building.lines import Line
 from forceid.motion.pose import exp
@@ -67,7 +67,7 @@ def test_compiled_steps_are_those_in_numpy(flown, bending):
         )
     about = first_reference(flight, MOMENT)
     chain = about.chain + 1e-3 * np.random.default_rng(1).standard_normal(about.chain.shape)
-    here = reference_trajectory(flight, Reference(about.rotation, chain, MOMENT))
+    here = trajectory_of(flight, about.rotation, *MOMENT.read(chain))
     for ours, plain in zip(turning.turn_along(here), turning.turn_in_numpy(here), strict=True):
         np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-13 * np.abs(plain).max())
 

@@ -8,7 +8,7 @@ from linear_models import draw
 
 from forceid.kalman import StateSpace, discretize, smooth
 from forceid.kalman.building.process import integrate, matern
-from forceid.kalman.tuning.robust import WILD_SHARE, counted, drop_wild, reject, runs, unswap
+from forceid.kalman.tuning.robust import WILD_SHARE, drop_wild, reject, runs, unswap
 from forceid.significance import WILD
 
 NOISE, STEP, TIME = 1e-3, 0.01, 300
@@ -53,7 +53,7 @@ def test_short_run_of_wild_samples_is_a_burst():
     z[100:104, 0] += NOISE * np.array([60.0, -40.0, 80.0, 50.0])
     _, found = reject(tracked(), z)
     assert {(r.sample, r.channel) for r in found} == {(k, 0) for k in range(100, 104)}
-    assert counted(found) == {"burst": 4}
+    assert Counter(r.reason for r in found) == {"burst": 4}
 
 
 def test_step_of_a_sensor_is_named_and_nothing_is_taken_out():
@@ -71,7 +71,7 @@ def test_estimate_without_the_wild_samples_is_as_good_as_if_they_had_been_gaps()
     spoiled[[60, 150, 220], 0] += 80 * NOISE
     gaps[[60, 150, 220], 0] = np.nan
     cleaned, found = reject(tracked(), spoiled)
-    assert counted(found) == {"isolated": 3}
+    assert Counter(r.reason for r in found) == {"isolated": 3}
     force = [smooth(tracked(), v).x[:, 2] for v in (cleaned, gaps, spoiled)]
     np.testing.assert_array_equal(force[0], force[1])
     error = [np.sqrt(np.mean((f - x[:, 2]) ** 2)) for f in force]

@@ -6,13 +6,13 @@ from beam import beam
 from hypothesis import given
 from hypothesis import strategies as st
 from linear_models import draw, hard_case, random_cov
+from white_input import with_white_input
 
 from forceid import kalman
 from forceid.errors import EstimationError
 from forceid.kalman.bounds import constant_acceleration_bound
 from forceid.kalman.covariance import combine
 from forceid.kalman.inputs.input_smoothing import input_smoother
-from forceid.kalman.inputs.input_system import with_white_input
 from forceid.kalman.recursions import conditioning, linear, passes, square_root
 
 ENGINES = ["auto", "numpy"]

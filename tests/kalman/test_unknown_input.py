@@ -5,12 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from linear_models import random_cov
 from scipy.stats import chi2
+from white_input import with_white_input
 
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.bounds import steady
 from forceid.kalman.inputs.input_smoothing import input_smoother
-from forceid.kalman.inputs.input_system import with_white_input
 from forceid.kalman.inputs.unknown_input import input_filter
 
 

@@ -13,14 +13,12 @@ from principal_bodies import (
     frame_mass,
     truss_mass,
 )
-from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
 from forceid.principal.mass import mass_center, mass_properties
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import (
-    least_variance_point,
     momentum,
     resultant,
     transport,
@@ -187,27 +185,6 @@ def test_transported_covariance_is_that_of_transported_samples(L, arm):
         transport_cov(samples.T @ samples / 12, arm), carried.T @ carried / 12, rtol=1e-10, atol=1e-10
     )
     np.testing.assert_allclose(transport(carried, -arm), samples, atol=1e-12)
-
-
-@pytest.mark.parametrize("axis", [2, 3])
-def test_no_other_point_has_less_moment_variance(axis):
-    size = 3 if axis == 2 else 6
-    L = np.random.default_rng(3).normal(size=(4, size, size))
-    C = L @ L.mT
-    best = least_variance_point(C)
-
-    def moment_variance(arm, k):
-        return np.trace(transport_cov(C[k], arm)[axis:, axis:])
-
-    for k in range(4):
-        searched = minimize(moment_variance, np.zeros(axis), args=(k,), tol=1e-12)
-        np.testing.assert_allclose(best[k], searched.x, atol=1e-5)
-        assert moment_variance(best[k], k) <= searched.fun * (1 + 1e-12)
-
-
-def test_least_variance_point_of_certain_forces_stays_and_of_a_gap_is_a_gap():
-    C = np.stack([np.diag([0.0, 0, 0, 1, 1, 1]), np.full((6, 6), np.nan), np.diag([1.0, 0, 0, 1, 1, 1])])
-    np.testing.assert_array_equal(least_variance_point(C), [[0, 0, 0], [np.nan] * 3, [0, 0, 0]])
 
 
 def test_planar_transport_is_the_planar_part_of_the_spatial_one():

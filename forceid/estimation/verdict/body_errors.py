@@ -75,39 +75,8 @@ def wrong_mass(motion: Turning, part: float) -> Bias:
     Where nodes carry the mass the inertia goes with it; where the inertia is given by itself, it does not.
     """
     force = part * motion.force
-    whole = motion.kin.inertia.nodal is None
-    return Bias(
-        force, moved_to_point(motion, np.zeros(3), 0 * force if whole else part * motion.moment, force)
-    )
-
-
-def wrong_center(motion: Turning, d: Array) -> Bias:
-    """Bias of a mass center that is claimed too far by d (3,) m, body axes.
-
-    Where nodes carry the mass, by masses wrong in proportion to the distance along d: the least that do it.
-    """
-    return wrong_body(motion, d, center_inertia(motion.kin) @ d)
-
-
-def wrong_inertia(motion: Turning, dJ: Array) -> Bias:
-    """Bias of an inertia tensor that is claimed too large by dJ (3, 3) kg m2, body axes."""
-    return wrong_body(motion, np.zeros(3), np.array([dJ[i, j] for i, j in SYMMETRIC]))
-
-
-def wrong_marker(motion: Turning, node: int, e: Array) -> Bias:
-    """Bias of a marker whose place on the body is claimed wrong by e (3,) m, body axes.
-
-    Placed far enough off that the mean shape shows it: then the shape is that of the record, and only the
-    axes and the center that the reference shape lends it are wrong.
-    """
-    d, dJ = marker_map(motion.kin, node)
-    return wrong_body(motion, d @ e, dJ @ e)
-
-
-def wrong_body(motion: Turning, d: Array, dJ: Array) -> Bias:
-    """Bias of a center wrong by d (3,) and an inertia wrong by dJ (6,), entries in the order of SYMMETRIC."""
-    force, moment = columns(motion)
-    return Bias(force @ d, moment @ np.concatenate([d, dJ]))
+    moment = 0 * force if motion.kin.inertia.nodal is None else part * motion.moment
+    return Bias(force, moment if motion.arm is None else moment + np.cross(motion.arm, force))
 
 
 def columns(motion: Turning) -> tuple[Array, Array]:
@@ -125,13 +94,6 @@ def columns(motion: Turning) -> tuple[Array, Array]:
     if motion.arm is not None:
         moment[:, :, :3] = cross_matrix(motion.arm) @ force - cross_matrix(motion.force) @ R
     return force, moment
-
-
-def moved_to_point(motion: Turning, d: Array, moment: Array, force: Array) -> Array:
-    """A bias of the moment about the mass center, taken to the point that moments are wanted about."""
-    if motion.arm is None:
-        return moment
-    return np.asarray(moment + np.cross(motion.arm, force) + np.cross(motion.rotation @ d, motion.force))
 
 
 def center_inertia(kin: Kinematics) -> Array:
@@ -169,21 +131,6 @@ def marker_map(kin: Kinematics, node: int) -> tuple[Array, Array]:
     grown = np.einsum("n,na,nbe->abe", m, X, u)
     change = 2 * np.einsum("aae,bc->bce", grown, np.eye(3)) - grown - grown.swapaxes(0, 1)
     return d, np.stack([change[i, j] for i, j in SYMMETRIC])
-
-
-def wrong_shape(motion: Turning, amplitude: Array, change: Array) -> Bias:
-    """Bias of shapes (shape, node, 3) that are claimed wrong by `change`, of amplitude (time, shape) m.
-
-    The nodes are claimed where they are not: u in body axes, after the fit of pose and amplitude to the
-    markers has made the best of it. Force is m d2/dt2 of the center that the fit finds, moment d/dt of the
-    change of sum m rho x v; as far as the smoother, by the prior in `tuned`, follows loads that fast.
-    """
-    force, moment = np.zeros((2, len(amplitude), 3))
-    center, spread = after_fit(motion.kin, change.reshape(len(change), -1).T)
-    for k, q in enumerate(amplitude.T):
-        by_center, by_spread = shape_columns(motion, q)
-        force, moment = force + by_center @ center[:, k], moment + by_spread @ spread[:, k]
-    return Bias(force, moved_to_point(motion, np.zeros(3), moment, force))
 
 
 def shape_columns(motion: Turning, q: Array) -> tuple[Array, Array]:

@@ -99,7 +99,7 @@ RECORDING = (
     ),
     Entry(
         "sensors-left-out", "degraded",
-        "gyros and accelerometers are left out: of a body whose mass lies near a line or on a point they "
+        "the sensors on the body are left out: of a body whose mass lies near a line or on a point they "
         "do not go together with markers; take the markers out to see what the sensors say",
         "For a body this thin, the method uses either markers or sensors. It used the markers.",
         "Estimate a copy of the file without markers, and compare both.",
@@ -122,9 +122,10 @@ RECORDING = (
         "fast-turn", "degraded",
         "the body turns {degrees:.0f} degrees between frames, near or past the half turn at "
         "which the sense and number of turns are lost: what is read as {rev_per_s:.3g} rev/s may be "
-        "{other_rev_per_s:.3g} rev/s the other way; record faster or add a gyro",
+        "{other_rev_per_s:.3g} rev/s the other way; record faster, or add a gyro, or a magnetometer that "
+        "reads between frames",
         "Frames this far apart do not say which way the body turned. The moment may be far off.",
-        "Record at a higher rate, or add a gyro.",
+        "Record at a higher rate, or add a gyro, or a magnetometer that reads between frames.",
     ),
     Entry(
         "turn-by-moment", "degraded",
@@ -502,7 +503,7 @@ SENSORS = (
         "no marker and no mean motion was measured: place, speed and the attitude at the start are not "
         "observable; force and moment stand in the axes of the body at the first sample, and place and speed "
         "are left out; add markers, or a measured pose",
-        "Gyros and accelerometers do not show where the body is. World axes are those of the first sample.",
+        "Sensors on the body do not show where it is. World axes are those of the first sample.",
         "Nothing, if these axes do. Otherwise add markers.",
     ),
     Entry(

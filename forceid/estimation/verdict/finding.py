@@ -49,7 +49,7 @@ def refusing(findings: Sequence[Finding]) -> bool:
 def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
     """What the recording alone does not allow, before any force is computed.
 
-    motion: where it may hold gyros and accelerometers beside what shows a pose.
+    motion: where it may hold sensors on the body beside what shows a pose.
     """
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.sensors import Sensors
-from forceid.motion.pose import log
 from forceid.records import Array
 
 
@@ -49,11 +48,3 @@ def reckoned(time: Array, step: Array, rotation: Array) -> Array:
         return np.asarray(off @ path)
     between = Slerp(time[seen], Rotation.from_matrix(off))
     return np.asarray(between(np.clip(time, *time[seen][[0, -1]])).as_matrix() @ path)
-
-
-def drift(time: Array, step: Array, rotation: Array) -> float:
-    """Largest angle rad by which dead reckoning, as in `reckoned`, misses a frame seen from the last."""
-    seen = np.flatnonzero(np.isfinite(rotation).all((1, 2)))
-    path = reckoned(time, step, np.full_like(rotation, np.nan))
-    off = rotation[seen] @ path[seen].swapaxes(1, 2)
-    return float(np.linalg.norm(log(off[1:] @ off[:-1].swapaxes(1, 2)), axis=1).max(initial=0.0))

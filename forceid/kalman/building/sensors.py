@@ -1,4 +1,4 @@
-"""What sensors on a structure under loads read, as rows H on its state, and their noise and biases.
+"""Models of sampled measurements, and the noise and biases that sensors add to them.
 
 Loads are states, so an accelerometer's feedthrough of force is part of its row: z = H x + offset + n.
 
@@ -7,9 +7,7 @@ Loads are states, so an accelerometer's feedthrough of force is part of its row:
 >>> from forceid.kalman.building.structure import Structure, drive
 >>> particle = Structure(frequency=[0.0], damping=[0.0], participation=[[1 / 0.5]])  # 0.5 kg
 >>> system = drive(particle, [matern(2, std=1.0, rate=30.0)], var_q=1.0, var_rate=1.0)
->>> H = np.vstack([position(system, [[1.0]]), acceleration(system, [[1.0]])])
->>> H.tolist()
-[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]]
+>>> H = np.array([[1.0, 0, 0, 0], [0, 0, 1 / 0.5, 0]])  # its position, and its acceleration
 >>> model = state_space(system, step=1e-3, H=H, R=np.diag([1e-4, 5e-2]) ** 2)
 >>> biased(model, channels=[1], var=0.1).H[1].tolist()
 [0.0, 0.0, 2.0, 0.0, 1.0]
@@ -31,70 +29,9 @@ from forceid.kalman.building.process import (
     random_walk,
     superpose,
 )
-from forceid.kalman.building.structure import Structure, System
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import SINGLE
-
-
-def position(system: System, shape: ArrayLike) -> Array:
-    """Rows (sensor, state) of displacements shape q; shape (sensor, mode): Phi along the sensing axis."""
-    return modal_rows(system, shape, 0)
-
-
-def velocity(system: System, shape: ArrayLike) -> Array:
-    """Rows (sensor, state) of velocities shape q'; shape (sensor, mode)."""
-    return modal_rows(system, shape, 1)
-
-
-def acceleration(system: System, shape: ArrayLike) -> Array:
-    """Rows (..., sensor, state) of accelerations; shape (sensor, mode).
-
-    They read shape (-2 Z W q' - W^2 q + Phi^T B p).
-    """
-    m = system.modes
-    return np.asarray(sensor_shapes(system, shape) @ system.A[..., m : 2 * m, :])
-
-
-def specific_force(
-    system: System, shape: ArrayLike, direction: ArrayLike, gravity: ArrayLike, tilt: ArrayLike | None = None
-) -> tuple[Array, Array]:
-    """Rows and offset (sensor,) of accelerometers, which read acceleration less gravity: +9.81 up at rest.
-
-    shape (sensor, mode) along the sensor's direction (sensor, 3), a unit vector; gravity (3,) m/s2, in the
-    same axes. tilt (sensor, 3, mode): small rotation of the sensor by each mode, where it turns enough to see
-    gravity from aside. Filter z - offset. Source: principal equations 4d, linear in q.
-
-    >>> from forceid.kalman.building.structure import Structure, drive
-    >>> particle = drive(Structure([0.0], [0.0], np.zeros((1, 0))), [], var_q=1.0, var_rate=1.0)
-    >>> H, offset = specific_force(particle, [[1.0]], direction=[[0, 0, 1]], gravity=[0, 0, -9.81])
-    >>> H.tolist(), offset.tolist()
-    ([[0.0, 0.0]], [9.81])
-    """
-    e, g = np.asarray(direction, float), np.asarray(gravity, float)
-    H = acceleration(system, shape)
-    if tilt is not None:
-        # the sensor, turned by theta, reads e . (theta x g) = theta . (g x e) more
-        H = H + position(system, np.einsum("sam,sa->sm", np.asarray(tilt, float), np.cross(g, e)))
-    return H, -(e @ g)
-
-
-def angular_rate(system: System, shape: ArrayLike) -> Array:
-    """Rows (sensor, state) of gyroscopes; shape (sensor, mode): rotation about the sensing axis."""
-    return modal_rows(system, shape, 1)
-
-
-def strain(system: System, shape: ArrayLike) -> Array:
-    """Rows (sensor, state) of strain gauges; shape (sensor, mode): strain of each mode, 0 for rigid ones."""
-    return modal_rows(system, shape, 0)
-
-
-def feedthrough(structure: Structure, shape: ArrayLike) -> Array:
-    """J (sensor, load) of acceleration = H x + J p where the loads are unknown inputs, not states.
-
-    shape (sensor, mode). H is that of `drive` without loads; the other sensors have no feedthrough.
-    """
-    return np.asarray(np.asarray(shape, float) @ np.asarray(structure.participation, float))
 
 
 def state_space(system: Diffusion, step: ArrayLike, H: ArrayLike, R: ArrayLike) -> StateSpace:
@@ -217,23 +154,3 @@ def transitions(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     each = np.bincount(which, h) / np.bincount(which)
     F, Q = discretize(process, each[:, None] if many else each)
     return F[which], Q[which]
-
-
-def modal_rows(system: System, shape: ArrayLike, derivative: int) -> Array:
-    """Rows (sensor, state) of shape times the modal amplitudes or rates."""
-    shape, m = sensor_shapes(system, shape), system.modes
-    H = np.zeros((len(shape), system.A.shape[-1]))
-    H[:, derivative * m : (derivative + 1) * m] = shape
-    return H
-
-
-def sensor_shapes(system: System, shape: ArrayLike) -> Array:
-    """The sensors' shapes (sensor, mode), checked."""
-    shape = np.asarray(shape, float)
-    if shape.ndim != 2 or shape.shape[1] != system.modes:
-        raise ConfigError(
-            f"has shape {shape.shape}, expected (sensor, {system.modes})",
-            "the sensor shape",
-            "give one column for each mode of the structure",
-        )
-    return shape

@@ -1,4 +1,4 @@
-"""A linear system with an input: its seven matrices, and models of it that a white prior on the input gives.
+"""A linear system with an input: its seven matrices, and what a white prior on the input adds to it.
 
 x_{k+1} = A x_k + B u_k + w_k, z_k = C x_k + D u_k + v_k, cov w = Q, cov v = R, E[w v^T] = S.
 """
@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError
 from forceid.kalman.covariance import square_root
-from forceid.kalman.model import StateSpace
-from forceid.kalman.recursions.square_root import squared
 from forceid.records import Array, Flags
 
 SystemMatrices = tuple[Array, Array, Array, Array, Array, Array, Array]  # A, B, C, D, Q, R, S
@@ -56,30 +54,3 @@ def with_prior(system: SystemMatrices, z: Array, var: ArrayLike) -> tuple[System
     R = np.pad(R, [(0, inputs)] * 2)
     R[-inputs:, -inputs:] = np.diag(np.broadcast_to(np.asarray(var, float), inputs))
     return (A, B, C, D, Q, R, S), z
-
-
-def with_white_input(system: SystemMatrices, z: Array, var: ArrayLike, P0: Array) -> StateSpace:
-    """A plain model of states x, u for `kalman.filter` and `bounds.steady`: u white of variance `var`.
-
-    system: A, B, C, D, Q, R, S; noises of step and sample are made independent, for the samples z at hand.
-    Its matrices are constant unless S is not zero and z (time, channel) misses some channels.
-    """
-    B, C, D, R, S = system[1:4] + system[5:]
-    n, inputs = B.shape
-    spread = np.diag(np.broadcast_to(np.asarray(var, float), inputs))
-    seen = np.isfinite(z[:-1])
-    patterns, which = np.unique(seen, axis=0, return_inverse=True)
-    if not S.any() or not len(seen):
-        patterns, which = np.ones((1, z.shape[1]), bool), np.zeros(len(seen), int)
-    F, Q = (np.zeros((len(patterns), n + inputs, n + inputs)) for _ in range(2))
-    known = np.zeros((len(seen), n + inputs))
-    for i, there in enumerate(patterns):
-        Ak, Bk, common, noise = uncorrelated(system, there)
-        F[i, :n], Q[i, :n, :n], Q[i, n:, n:] = np.hstack([Ak, Bk]), squared(noise), spread
-        at = np.flatnonzero(which.ravel() == i)
-        known[at, :n] = np.where(seen[at][:, there], z[at][:, there], 0.0) @ common.T
-    F, Q = (a[0] if len(patterns) == 1 else a[which.ravel()] for a in (F, Q))
-    start = np.zeros((n + inputs, n + inputs))
-    start[:n, :n], start[n:, n:] = P0, spread
-    u = known if S.any() and len(seen) else None
-    return StateSpace(F, Q, np.hstack([C, D]), R, np.zeros(n + inputs), start, u)

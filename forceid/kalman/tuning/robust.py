@@ -7,7 +7,6 @@ error of the measurement but a motion that the model does not follow: then nothi
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
@@ -126,8 +125,3 @@ def unswap(position: Array) -> tuple[Array, tuple[Rejection, ...]]:
                 x[k:, [i, j]] = x[k:, [j, i]]
                 found += [Rejection(int(k), int(m), float(away[m, m] / typical), "swapped") for m in (i, j)]
     return x, tuple(found)
-
-
-def counted(rejections: tuple[Rejection, ...]) -> dict[Reason, int]:
-    """How many rejections there are of each reason."""
-    return dict(Counter(r.reason for r in rejections))

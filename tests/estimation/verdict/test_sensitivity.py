@@ -1,4 +1,4 @@
-"""The budget of a wrong body predicts by how much an estimate made with it is wrong."""
+"""The budget of a wrong body predicts by how much an estimate made with it is"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +11,18 @@ from scipy.linalg import eigh
 from forceid.config import load_settings
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.verdict import body_errors as wrong
 from forceid.estimation.verdict import sensitivity as sn
+from forceid.estimation.verdict.body_errors import (
+    SYMMETRIC,
+    Bias,
+    after_fit,
+    center_inertia,
+    columns,
+    marker_map,
+    shape_columns,
+    turning_of,
+    wrong_mass,
+)
 from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
 from forceid.motion.shapes.modes import split_rigid
@@ -30,13 +40,42 @@ def solved(recording, settings=SETTINGS):
 
 
 def motion_of(solution):
-    return wrong.turning_of(solution.kinematics, solution.deformation, solution.state)
+    return turning_of(solution.kinematics, solution.deformation, solution.state)
+
+
+def wrong_body(motion, d, dJ):
+    """Bias of a center wrong by d (3,) and an inertia wrong by dJ (6,), entries in the order of SYMMETRIC."""
+    force, moment = columns(motion)
+    return Bias(force @ d, moment @ np.concatenate([d, dJ]))
+
+
+def wrong_center(motion, d):
+    return wrong_body(motion, d, center_inertia(motion.kin) @ d)
+
+
+def wrong_inertia(motion, dJ):
+    return wrong_body(motion, np.zeros(3), np.array([dJ[i, j] for i, j in SYMMETRIC]))
+
+
+def wrong_marker(motion, node, e):
+    d, dJ = marker_map(motion.kin, node)
+    return wrong_body(motion, d @ e, dJ @ e)
+
+
+def wrong_shape(motion, amplitude, change):
+    """Bias of shapes (shape, node, 3) that are claimed wrong by `change`, of amplitude (time, shape) m."""
+    force, moment = np.zeros((2, len(amplitude), 3))
+    center, spread = after_fit(motion.kin, change.reshape(len(change), -1).T)
+    for k, q in enumerate(amplitude.T):
+        by_center, by_spread = shape_columns(motion, q)
+        force, moment = force + by_center @ center[:, k], moment + by_spread @ spread[:, k]
+    return Bias(force, moment)
 
 
 def found_bias(recording, solution, body, settings=SETTINGS):
     """What the estimate with another body differs by."""
-    wrong = estimate_recording(replace(recording, body=body), settings)
-    return wrong.force - solution.state.force, wrong.moment - solution.state.moment
+    there = estimate_recording(replace(recording, body=body), settings)
+    return there.force - solution.state.force, there.moment - solution.state.moment
 
 
 def middle(v):
@@ -74,7 +113,7 @@ def boomerang():
 def test_wrong_mass_of_a_whole_body_scales_the_force_only(rigid):
     recording, solution = rigid
     force, moment = found_bias(recording, solution, replace(recording.body, total_mass=1.02 * cf.MASS))
-    bias = wrong.wrong_mass(motion_of(solution), 0.02)
+    bias = wrong_mass(motion_of(solution), 0.02)
     assert agrees(force, bias.force, 0.01)
     assert cf.rms(moment) < 1e-3 * cf.rms(solution.state.moment)
     assert not bias.moment.any()
@@ -83,7 +122,7 @@ def test_wrong_mass_of_a_whole_body_scales_the_force_only(rigid):
 def test_wrong_nodal_masses_scale_both(boomerang):
     recording, solution = boomerang
     force, moment = found_bias(recording, solution, replace(recording.body, mass=1.02 * recording.body.mass))
-    bias = wrong.wrong_mass(motion_of(solution), 0.02)
+    bias = wrong_mass(motion_of(solution), 0.02)
     assert agrees(force, bias.force, 0.01)
     assert agrees(moment, bias.moment, 0.01)
 
@@ -92,7 +131,7 @@ def test_wrong_nodal_masses_scale_both(boomerang):
 def test_center_wrong_by_two_millimeters_costs_what_the_budget_says(rigid, along):
     recording, solution = rigid
     force, _ = found_bias(recording, solution, replace(recording.body, mass_center=2e-3 * along))
-    assert agrees(force, wrong.wrong_center(motion_of(solution), 2e-3 * along).force)
+    assert agrees(force, wrong_center(motion_of(solution), 2e-3 * along).force)
 
 
 def test_center_moved_by_wrong_masses_costs_force_and_moment():
@@ -101,7 +140,7 @@ def test_center_moved_by_wrong_masses_costs_force_and_moment():
     m, X, d = recording.body.mass, solution.kinematics.shape, np.array([2e-3, 0, 0])
     more = m * (X @ np.linalg.pinv(X.T @ (m[:, None] * X), rcond=1e-9) @ d) * m.sum()
     force, moment = found_bias(recording, solution, replace(recording.body, mass=m + more))
-    bias = wrong.wrong_center(motion_of(solution), d)
+    bias = wrong_center(motion_of(solution), d)
     assert agrees(force, bias.force)
     assert cf.rms(middle(bias.moment)) == pytest.approx(cf.rms(middle(moment)), rel=0.2)
 
@@ -111,7 +150,7 @@ def test_wrong_inertia_costs_what_the_budget_says(rigid):
     J = cf.INERTIA
     for dJ in (np.diag([0, 0, 0.05 * J[2, 2]]), 0.05 * J[2, 2] * np.array([[0, 0, 1], [0, 0, 0], [1, 0, 0]])):
         _, moment = found_bias(recording, solution, replace(recording.body, inertia=J + dJ))
-        assert agrees(moment, wrong.wrong_inertia(motion_of(solution), dJ).moment)
+        assert agrees(moment, wrong_inertia(motion_of(solution), dJ).moment)
 
 
 @pytest.mark.parametrize(("node", "along"), [(0, 1), (8, 0), (8, 2)])
@@ -120,7 +159,7 @@ def test_marker_wrong_by_a_millimeter_costs_what_the_budget_says(boomerang, node
     place = recording.body.position.copy()
     place[node, along] += 1e-3
     force, moment = found_bias(recording, solution, replace(recording.body, position=place))
-    bias = wrong.wrong_marker(motion_of(solution), node, 1e-3 * np.eye(3)[along])
+    bias = wrong_marker(motion_of(solution), node, 1e-3 * np.eye(3)[along])
     whole = cf.rms(middle(force)), cf.rms(middle(moment))
     assert (cf.rms(middle(bias.force)), cf.rms(middle(bias.moment))) == pytest.approx(whole, rel=0.2)
 
@@ -129,7 +168,7 @@ def test_markers_on_every_mass_may_sit_anywhere():
     recording = first(read_motion(DATA / "flexible_boomerang.h5"), 200)
     solution = solved(recording)
     for node in (0, 7):
-        d, dJ = wrong.marker_map(solution.kinematics, node)
+        d, dJ = marker_map(solution.kinematics, node)
         assert np.abs(d).max() < 1e-12
         assert np.abs(dJ).max() < 1e-12
 
@@ -157,7 +196,7 @@ def test_wrong_mode_shapes_cost_what_the_budget_says():
     flat = [split_rigid(m, kin.shape, scene.MASS)[1].reshape(3, -1).T for m in (modes, modes + change)]
     mix = np.linalg.lstsq(flat[0], kin.shapes.reshape(3, -1).T, rcond=None)[0]
     off = ((flat[1] - flat[0]) @ mix).T.reshape(kin.shapes.shape)
-    bias = wrong.wrong_shape(motion_of(solution), solution.deformation.amplitude, off)
+    bias = wrong_shape(motion_of(solution), solution.deformation.amplitude, off)
     assert cf.rms(middle(bias.force)) == pytest.approx(cf.rms(middle(force)), rel=0.25)
     assert cf.rms(middle(bias.moment)) == pytest.approx(cf.rms(middle(moment)), rel=0.25)
 
@@ -173,11 +212,11 @@ def test_budget_is_the_worst_of_its_kind(boomerang):
     assert found.mass.force == pytest.approx(0.01 * sn.length(solution.state.force))
     rng = np.random.default_rng(0)
     for d in rng.standard_normal((20, 3)):
-        bias = wrong.wrong_center(motion, 1e-3 * d / np.linalg.norm(d))
+        bias = wrong_center(motion, 1e-3 * d / np.linalg.norm(d))
         assert sn.length(bias.force) <= found.center.force * (1 + 1e-9)
         assert sn.length(bias.moment) <= found.center.moment * (1 + 1e-9)
     node = recording.body.node.index(found.marker_name)
-    bias = wrong.wrong_marker(motion, node, np.array([0, 0, 1e-3]))
+    bias = wrong_marker(motion, node, np.array([0, 0, 1e-3]))
     assert sn.length(bias.force) <= found.marker.force * (1 + 1e-9)
     assert set(found.numbers()) >= {"center_force_per_mm", "inertia_moment_per_percent"}
     assert any("per mm of the place of marker" in line for line in found.summary)
@@ -188,11 +227,11 @@ def test_moment_about_another_point_pays_for_the_lever(rigid):
     arm = np.tile([0.3, 0.0, 0.0], (300, 1))
     plain, moved = motion_of(solution), replace(motion_of(solution), arm=arm)
     d = np.array([1e-3, 0, 0])
-    bias = wrong.wrong_center(moved, d)
+    bias = wrong_center(moved, d)
     turned = plain.rotation @ d
     lever = np.cross(arm + turned, solution.state.force + bias.force) - np.cross(arm, solution.state.force)
     assert bias.moment == pytest.approx(lever, rel=0.02, abs=1e-4)
-    assert wrong.wrong_mass(moved, 0.01).moment == pytest.approx(0.01 * np.cross(arm, solution.state.force))
+    assert wrong_mass(moved, 0.01).moment == pytest.approx(0.01 * np.cross(arm, solution.state.force))
 
 
 def test_body_whose_rotation_is_not_seen_has_a_budget_of_its_mass_only():
