@@ -83,7 +83,8 @@ class Settings(Section):
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
     for at these frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in
-    these.
+    these. material: name and constants (J, or Pa with
+    `volume` m3) of a body that deforms affinely, in place of /body/material.
     """
 
     method: Method = "smoother"
@@ -101,6 +102,7 @@ class Settings(Section):
     load: tuple[LoadSetting, ...] = ()
     part: tuple[PartSetting, ...] = ()
     joint: tuple[JointSetting, ...] = ()
+    material: dict[str, str | float | tuple[float, ...]] | None = None
 
 
 def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:

@@ -50,6 +50,7 @@ class Body:
     internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows.
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
     strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
+    material: its name and constants, by name, of a body that deforms affinely.
     """
 
     node: tuple[str, ...] = ()
@@ -67,6 +68,7 @@ class Body:
     sensor_position: Array | None = None
     sensor_rotation: Array | None = None
     strain_shape: Array | None = None
+    material: Mapping[str, str | float | tuple[float, ...]] | None = None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
+from forceid.estimation.body.material import with_material
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import observed_first_moments
 from forceid.estimation.joints.forces import joint_forces
@@ -171,13 +172,15 @@ def with_known_axes(solution: Solution) -> Solution:
 
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:
-    """The recording under the gravity, and of a body with the momentum inside, that the settings state."""
+    """The recording under the gravity, and of a body with the momentum inside and the material, that the
+    settings state.
+    """
     body, motion = recording.body, recording.motion
     if settings.gravity is not None:
         motion = replace(motion, gravity=np.array(settings.gravity))
     if settings.internal_momentum is not None:
         body = replace(body, internal_momentum=np.array(settings.internal_momentum))
-    return replace(recording, body=body, motion=motion)
+    return replace(recording, body=with_material(body, settings), motion=motion)
 
 
 def check_stiffness(body: Body) -> None:

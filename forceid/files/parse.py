@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.schema import BODY, MOTION, SCHEMA, TRUTH
+from forceid.files.schema import BODY, MATERIAL, MOTION, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
 from forceid.records import Array, Body, Motion, Recording, Variable
@@ -74,6 +74,7 @@ def parse_recording(
         body=Body(
             node=node_names(groups, sizes.get("node", 0), where),
             total_mass=None if total_mass is None else float(total_mass),
+            material=read_material(groups[MATERIAL], f"{where}:/{MATERIAL}") if MATERIAL in groups else None,
             **body,
         ),
         motion=Motion(
@@ -175,6 +176,20 @@ def read_gravity(attrs: Mapping[str, Any], where: str, gravity: Sequence[float] 
             "set the attribute gravity, for example 0, 0, -9.81",
         )
     return array.astype(np.float64)
+
+
+def read_material(group: Stored, where: str) -> dict[str, str | float | tuple[float, ...]]:
+    """Name and constants of a material, one number or several each; an estimate judges what they mean."""
+    found: dict[str, str | float | tuple[float, ...]] = {}
+    for name, value in group.attrs.items():
+        array = np.asarray(value)
+        if name == "name":
+            found[name] = text(value)
+        elif not name.startswith("_") and (array.dtype.kind not in "fiu" or array.ndim > 1):
+            raise DataError(f"is {value!r}, expected numbers", f"{where}@{name}", "write it as float64")
+        elif not name.startswith("_"):
+            found[name] = float(array.item()) if array.size == 1 else tuple(map(float, array))
+    return found
 
 
 def node_names(groups: Mapping[str, Stored], count: int, where: str) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from forceid.records import (
 )
 
 SCHEMA = "1"
+MATERIAL = "body/material"  # a group of attributes: name and constants
 CONVENTIONS = "CF-1.11"
 
 
@@ -219,6 +220,8 @@ def motion_groups(recording: Recording) -> dict[str, Group]:
             {"gravity": np.asarray(motion.gravity, float)},
         ),
     }
+    if body.material is not None:
+        groups[MATERIAL] = Group({}, dict(body.material))
     return groups | truth_group(recording)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from forceid.files.parse import Stored, parse_recording
-from forceid.files.schema import Group, estimate_groups, hash_arrays, motion_groups
+from forceid.files.schema import MATERIAL, Group, estimate_groups, hash_arrays, motion_groups
 from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Estimate, Recording
 
@@ -27,6 +27,8 @@ def open_motion(path: str | Path, gravity: Sequence[float] | None = None) -> xr.
 def recording_from_tree(tree: xr.DataTree, gravity: Sequence[float] | None = None) -> Recording:
     """The validated recording in a tree; its SHA-256 is that of the arrays. DataError: see open_motion."""
     groups = {name: tree_group(node) for name, node in tree.children.items()}
+    if "body" in groups and (material := tree.children["body"].children.get("material")) is not None:
+        groups[MATERIAL] = tree_group(material)
     where = tree.name or "tree"
     recording = parse_recording(groups, {str(k): v for k, v in tree.attrs.items()}, where, gravity=gravity)
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))

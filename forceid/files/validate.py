@@ -60,7 +60,7 @@ def check_clock(time: Array, where: str) -> None:
 def check_body(body: Body, where: str) -> None:
     """Finite body data, mass that is positive, symmetric matrices."""
     for name, value in vars(body).items():
-        if name != "node" and value is not None and not np.isfinite(value).all():
+        if name not in ("node", "material") and value is not None and not np.isfinite(value).all():
             raise DataError(
                 f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none",
                 f"{where}/{name}",

@@ -16,7 +16,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.parse import READ, Stored, parse_recording, text
-from forceid.files.schema import BODY, MOTION, TRUTH, Group, motion_groups
+from forceid.files.schema import BODY, MATERIAL, MOTION, TRUTH, Group, motion_groups
 from forceid.files.stored.atomic import atomic
 from forceid.files.stored.attributes import attributes, judge_attribute
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
@@ -27,7 +27,7 @@ _COMPRESSION_LIMIT = 2000  # deflate reaches 1032
 _CHUNK = 1 << 30  # bytes that reading a single value may unpack
 _NAMES = 1000  # members of a group that are looked at
 DAMAGE = OSError, RuntimeError, KeyError, ValueError  # what h5py raises on damaged metadata
-_TABLES = {"body": BODY, "motion": MOTION, "truth": TRUTH, "estimate": {}}
+_TABLES = {"body": BODY, MATERIAL: {}, "motion": MOTION, "truth": TRUTH, "estimate": {}}
 
 
 def read_motion(path: str | Path, gravity: Sequence[float] | None = None) -> Recording:

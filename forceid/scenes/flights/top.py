@@ -54,8 +54,8 @@ def top_body(parameters: Parameters) -> Body:
     node, X = tuple(f"marker_{i + 1}" for i in range(len(p.position))), np.array(p.position)
     if p.mass:
         return Body(node=node, position=X, mass=np.array(p.mass))
-    whole = {"mass_center": np.array(p.mass_center), "inertia": np.array(p.inertia)}
-    return Body(node=node, position=X, total_mass=p.total_mass, **whole)
+    center, inertia = np.array(p.mass_center), np.array(p.inertia)
+    return Body(node=node, position=X, total_mass=p.total_mass, mass_center=center, inertia=inertia)
 
 
 def fly(parameters: Parameters, time: Array) -> KnownFlight:
