@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 CHANCE = 0.01  # that a test doubts an honest record: one in a hundred is looked at in vain
-DENIED = 1e-4  # that a test denies what an honest record says: one in ten thousand loses its `ok`
+DENIED = CHANCE * CHANCE  # that a test denies what an honest record says: one in ten thousand loses its `ok`
 SIGMAS = 3.0  # standard errors beyond which a number is no error: one in 370
 WILD = 5.0  # standard deviations that no sample of a record of a million has by chance
 OUTLIER = 4.0  # standard deviations that an innovation counts for at most: one wild sample is no load

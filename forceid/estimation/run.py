@@ -54,6 +54,7 @@ from forceid.motion.pose import fit_rotation
 from forceid.motion.shapes.modes import gauge_weight
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
+from forceid.rounding import SOLVED
 
 if TYPE_CHECKING:
     import xarray
@@ -281,7 +282,7 @@ def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tupl
 
 def stretch_to(mean: Array, shape: Array) -> Array:
     """Right stretch U (time, 3, 3) of the affine map that takes the mean shape to `shape` (time, node, 3)."""
-    A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=1e-9))
+    A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=SOLVED))
     square, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)
     return np.asarray(axes * np.sqrt(square)[:, None] @ axes.swapaxes(1, 2))
 

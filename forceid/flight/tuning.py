@@ -31,6 +31,7 @@ MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are n
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
+PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
 LEAK = 0.01  # of the load on the strongest axis
 
 

@@ -16,8 +16,6 @@ from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import ROUNDED
 
-DOUBLINGS = 100  # 2^100 samples: what has not settled by then never will
-
 
 @dataclass(frozen=True)
 class Steady:
@@ -83,10 +81,10 @@ def settle(F: Array, Q: Array, H: Array, R: Array, P0: Array) -> tuple[Array, Ar
     A, X, Y = F, Q, H.T @ np.linalg.solve(R, H)
     P = P0
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(DOUBLINGS):
+        for k in range(np.finfo(float).maxexp):  # doublings: by then what grows has overflowed
             # over 2^k samples a start P comes out as X + A P (1 + Y P)^-1 A^T
             last, P = P, X + A @ P0 @ np.linalg.solve(one + Y @ P0, A.T)
-            size = np.sqrt(np.maximum(np.diagonal(P), 1e-12 * np.diagonal(P0)))
+            size = np.sqrt(np.maximum(np.diagonal(P), ROUNDED * np.diagonal(P0)))
             if not np.isfinite(P).all():
                 break
             if np.all(np.abs(P - last) <= ROUNDED * np.outer(size, size)):

@@ -13,7 +13,7 @@ from forceid.kalman.engines import engine
 from forceid.kalman.model import StateSpace
 from forceid.kalman.recursions.scan import ROWS
 from forceid.records import Array, Flags
-from forceid.rounding import SOLVED
+from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import WHOLE
 
 Complex = NDArray[np.complex128]
@@ -71,8 +71,8 @@ def pbh(A: Array, C: Array) -> Observability:
     value: list[complex] = []
     direction = np.zeros((len(A), 0), complex)
     for x in lost:
-        if all(abs(x - v) > 1e-6 * reach for v in value):
-            v = size[:, None] * (hidden @ null_space(inner - x * np.eye(len(inner)), rcond=1e-6))
+        if all(abs(x - v) > SINGLE * reach for v in value):
+            v = size[:, None] * (hidden @ null_space(inner - x * np.eye(len(inner)), rcond=SINGLE))
             value += [complex(x)] * v.shape[1]
             direction = np.hstack([direction, v / v[np.abs(v).argmax(0), np.arange(v.shape[1])]])
     basis = np.asarray(np.linalg.qr(size[:, None] * hidden)[0], float)

@@ -18,6 +18,7 @@ from forceid.motion.window import ORDER as DIFFERENCES
 from forceid.motion.window import noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
+from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import CHANCE, LAGS
 
 
@@ -69,7 +70,7 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
     residual = body_axes(x, center, R) - kin.shape
     S = summation_operator(kin.shape[kept])
     left, size, _ = np.linalg.svd(S, full_matrices=True)
-    U = left[:, int((size > 1e-9 * size[0]).sum()) :]
+    U = left[:, int((size > SOLVED * size[0]).sum()) :]
     return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
@@ -81,7 +82,7 @@ def noise_beyond(kin: Kinematics, motion: Motion) -> float:
     if motion.measured is None:
         return 1.0
     seen = beyond_rigid(motion.time, motion.measured, kin)
-    left = seen.y @ null_space(seen.of(kin.shapes), rcond=1e-6)
+    left = seen.y @ null_space(seen.of(kin.shapes), rcond=SINGLE)
     if not left.shape[1] or seen.frames < 2 * DIFFERENCES:
         return 1.0
     return float(np.sqrt(noise_variance(motion.time, left) / seen.var))
@@ -95,7 +96,7 @@ def principal_axes(y: Array, directions: Array) -> Array:
     if not len(directions):
         return np.zeros((y.shape[1], 0))
     basis, size, _ = np.linalg.svd(directions.T, full_matrices=False)
-    basis = basis[:, size > 1e-6 * size.max(initial=0.0)]
+    basis = basis[:, size > SINGLE * size.max(initial=0.0)]
     q = (y @ basis)[np.isfinite(y).all(1)]
     return np.asarray(basis @ np.linalg.eigh(q.T @ q)[1][:, ::-1])
 

@@ -10,6 +10,7 @@ from forceid.motion.shapes.mode_selection import log_evidence, observable_modes,
 from forceid.motion.shapes.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
 from forceid.principal import summation_operator
 from forceid.records import Array
+from forceid.rounding import SINGLE
 
 
 def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tuple[Array, Array, Array]:
@@ -31,7 +32,7 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tupl
         gauge = inertia.nodal if whole and inertia.nodal is not None else weight
         flat = split_rigid(raw, shape, gauge)[1].reshape(len(raw), -1)
         U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
-        shapes = U[:, size > 1e-6 * size[0]].T.reshape(-1, *shape.shape)
+        shapes = U[:, size > SINGLE * size[0]].T.reshape(-1, *shape.shape)
         q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
         if not np.isfinite(q).any(0).all():  # in no frame are markers enough
             return none

@@ -19,7 +19,7 @@ from forceid.motion.shapes.modes import Modes
 from forceid.motion.window import noise_variance
 from forceid.records import Array, Body, Flags, Motion
 
-ROUNDOFF = 1e-7  # of the size of the motion: noise below this is not believed
+ROUNDOFF = float(np.finfo(np.float32).eps)  # of the size of the motion: noise below this is not believed
 
 
 @dataclass(frozen=True)

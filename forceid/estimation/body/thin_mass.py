@@ -135,7 +135,7 @@ def seen_line(position: Array, X: Array, inertia: Inertia, noise_std: float) -> 
     weight = None
     if inertia.nodal is not None:
         weight = inertia.nodal * along if inertia.nodal.ndim == 1 else inertia.nodal[::3, ::3] @ along
-        weight = np.where(np.abs(weight) > 1e-12 * np.abs(weight).max(), weight, 0.0)
+        weight = np.where(np.abs(weight) > ROUNDED * np.abs(weight).max(), weight, 0.0)
     return directions(position, along, usable, weight, noise_std)
 
 

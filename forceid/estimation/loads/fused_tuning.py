@@ -20,14 +20,13 @@ from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Flight, Reference, linear_flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import SHORTEST, FlightState, settled
-from forceid.flight.tuning import LEAK
+from forceid.flight.tuning import LEAK, PROBE
 from forceid.kalman.engines import Engine
 from forceid.records import Array
+from forceid.rounding import ITERATIONS
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
-PROBE = 0.02  # of a logarithm: over which the likelihood is differenced; a hundredth of its top's width
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
-CLIMB_STEPS = 15  # of a search, at most
 NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
 GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
@@ -230,7 +229,7 @@ def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
     """
     best, H = value(p), np.eye(len(p))
     slope, first = slope_of(value, p, best), True
-    for _ in range(CLIMB_STEPS):
+    for _ in range(ITERATIONS):
         step = H @ slope
         step *= min(1.0, FARTHER / max(float(np.abs(step).max()), 1e-300))
         gain = float(slope @ step)

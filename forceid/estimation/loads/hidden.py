@@ -19,7 +19,7 @@ from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.building.lines import REACH, near
+from forceid.kalman.building.lines import near
 from forceid.records import Array, Finding, HiddenLoad, deviation
 from forceid.significance import PATIENCE, WILD
 
@@ -141,12 +141,12 @@ def required_gain(cycles: Array, samples: int, named: bool = False) -> Array:
     slow a load as is no line must be likelier than a constant on every axis.
     """
     price = np.full(len(cycles), PATIENCE if named else 2 * PATIENCE)
-    price[cycles < 2 * REACH] = 3 * PATIENCE
+    price[cycles < 2] = 3 * PATIENCE
     gained = price
     for _ in range(20):  # two amplitudes that nobody knows cost the logarithm of what they gain
         gained = price + np.log1p(gained)
     stands = PATIENCE + (0.0 if named else np.log(2 * samples))
-    return np.where(cycles < 2 * REACH, gained, np.maximum(gained, stands))
+    return np.where(cycles < 2, gained, np.maximum(gained, stands))
 
 
 def beside_parabola(cycles: Array) -> Array:

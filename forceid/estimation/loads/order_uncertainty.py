@@ -16,7 +16,6 @@ from forceid.estimation.loads.hidden import band_of, densities
 from forceid.estimation.loads.whitened import Whitened
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
-from forceid.kalman.building.lines import REACH
 from forceid.records import Array
 
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
@@ -61,7 +60,7 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
         counted = width
         if not prior.kernel.std[axis] > 2 * LEAK * prior.kernel.std.max():
             # what is faster than the band of the load is no part of the claim, but of what may hide
-            counted = np.where(wide < max(band, 2 * REACH / span), width, 0.0)
+            counted = np.where(wide < max(band, 2 / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2
         likelihood, error = candidates.log_likelihood(powers[:, axis]), candidates.density(wide, counted)
         weight = np.exp(likelihood - likelihood.max())

@@ -19,6 +19,7 @@ from forceid.motion.pose import fit_rotation
 from forceid.motion.window import Window, WindowChoice, choose_window, windows
 from forceid.principal import axial
 from forceid.records import Array, Body, Motion
+from forceid.rounding import SOLVED
 
 
 def estimate_classic(
@@ -37,7 +38,7 @@ def estimate_classic(
     path = derivatives(time, kin.pose.center, force.window)
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
-    innovation = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], 1e-9))
+    innovation = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
     nis = mean_square(innovation)
     shared = kin.stated[next(iter(kin.noise))] and slow_and_small(innovation, nis)
     none = np.full((len(time), 3), np.nan)

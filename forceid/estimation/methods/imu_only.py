@@ -38,6 +38,7 @@ from forceid.flight.smoother import SETTLED, FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion.pose import Pose
 from forceid.records import Array, Body, Finding, Motion
+from forceid.rounding import SOLVED
 from forceid.significance import TENTH
 
 SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
@@ -92,7 +93,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     off = float(np.degrees(np.sqrt(var.max())))
     findings.append(note("attitude-drifts", drift_deg=off))
     turn = largest_step(flight, fine.time)
-    if turn > (1 + 1e-9) * TURN:
+    if turn > (1 + SOLVED) * TURN:
         findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > TENTH:
         findings.append(note("path-not-at-rest", left=best.left))

@@ -17,7 +17,6 @@ from forceid.motion.window import noise_growth
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
-FIXED = (1.0, 1.0)  # factors on a noise that is known already
 SAME_NOISE = 1.02  # a noise factor this near to one changes nothing
 
 
@@ -29,12 +28,13 @@ def see_motion(problem: Problem) -> Problem:
     if not followed and not fixed and not kin.stated[source]:
         beyond = min(noise_beyond(kin, problem.motion), 1.0) * np.eye(3)
         kin, fixed = problem.look(scaled_noise(kin, {source: beyond})), True
-    factors = FIXED if fixed else range_of(kin, source)
-    return replace(problem, noise_range=factors, followed=followed, notes=()).seeing(kin)
+    return replace(problem, noise_range=range_of(kin, source, fixed), followed=followed, notes=()).seeing(kin)
 
 
-def range_of(kin: Kinematics, variable: str) -> tuple[float, float]:
-    """Smallest and largest factor that tuning may put on the noise of a variable."""
+def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float, float]:
+    """Smallest and largest factor that tuning may put on the noise of a variable: none, if it is known."""
+    if known:
+        return 1.0, 1.0
     return STATED if kin.stated[variable] else UNSTATED
 
 
@@ -64,7 +64,8 @@ def find_slow_errors(problem: Problem) -> Problem:
         beyond = noise_beyond_motion(force_channel(kin, problem.motion.gravity), stated)
         slow = scaled_noise(kin, {source: beyond * np.eye(3)})
         apart = {load: prior for load, prior in problem.near.items() if load != "force"}
-        problem = replace(problem, slow=slow, noise_range=FIXED, near=apart).seeing(problem.look(slow))
+        problem = replace(problem, slow=slow, noise_range=range_of(kin, source, known=True), near=apart)
+        problem = problem.seeing(problem.look(slow))
         problem = tune_force(problem)
     if problem.slow is None:
         return problem
@@ -86,9 +87,8 @@ def tune_moment(problem: Problem) -> Problem:
     kin = problem.kin
     if not kin.attitude:
         return problem
-    measured, factors = "orientation" in kin.noise, FIXED
-    if measured:
-        factors = range_of(kin, "orientation")
+    measured = "orientation" in kin.noise
+    factors = range_of(kin, "orientation", known=not measured)
     near, lines = problem.near.get("moment"), problem.lines.moment
     engine, kind = problem.engine, problem.settings.load_prior
     moment = tune_channel(problem.channels["moment"], factors, lines, engine=engine, near=near, kind=kind)

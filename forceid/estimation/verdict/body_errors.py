@@ -23,6 +23,7 @@ from forceid.flight.smoother import FlightState
 from forceid.motion.pose import pose_gain
 from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
+from forceid.rounding import SOLVED
 
 SYMMETRIC = [(k, k) for k in range(3)] + [*combinations(range(3), 2)][::-1]  # entries of dJ, in order
 
@@ -101,7 +102,7 @@ def center_inertia(kin: Kinematics) -> Array:
     if kin.inertia.nodal is None or not kin.inertia.weight.any():
         return np.zeros((6, 3))
     m, X = kin.inertia.weight, kin.shape
-    dm = m[:, None] * X @ np.linalg.pinv(X.T @ (m[:, None] * X), rcond=1e-9) * m.sum()
+    dm = m[:, None] * X @ np.linalg.pinv(X.T @ (m[:, None] * X), rcond=SOLVED) * m.sum()
     each = (X**2).sum(1)[:, None, None] * np.eye(3) - X[:, :, None] * X[:, None, :]
     return np.stack([np.einsum("nd,n->d", dm, each[:, i, j]) for i, j in SYMMETRIC])
 

@@ -16,7 +16,7 @@ from forceid.motion.pose import pose_gain, pose_rank
 from forceid.motion.shapes.modes import split_rigid, strain_shapes
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
-from forceid.rounding import SOLVED
+from forceid.rounding import ROUNDED, SINGLE, SOLVED
 from forceid.significance import TENTH
 
 LOOKED = 64  # frames, nodes, sets of markers or points of a curve that are looked at where many are alike
@@ -115,7 +115,7 @@ def shapes_of(body: Body, kin: Kinematics) -> tuple[tuple[str, ...], Array]:
         shapes[:, kin.seen] = strains
         shapes = split_rigid(shapes, kin.shape, weight)[1] * kin.seen[:, None]
         name = tuple(f"strain {k}" for k in range(1, len(shapes) + 1))
-    kept = np.sqrt((shapes**2).sum((1, 2))) > 1e-9
+    kept = np.sqrt((shapes**2).sum((1, 2))) > SOLVED
     return tuple(n for n, k in zip(name, kept, strict=True) if k), shapes[kept]
 
 
@@ -163,7 +163,7 @@ def cross_blocks(S: Array, flat: Array, kin: Kinematics, seen: Flags, weight: Ar
         return to_rigid, 0.0
     model = kin.shapes.reshape(len(kin.shapes), -1).T
     both = np.concatenate([S, model], 1)[rows]
-    if np.linalg.matrix_rank(both, rtol=1e-6) < both.shape[1]:
+    if np.linalg.matrix_rank(both, rtol=SINGLE) < both.shape[1]:
         return to_rigid, np.nan
     left = S[rows] - S[rows] @ (gain[0] @ S[rows])  # of a rigid motion, once the pose is taken out
     taken = model @ (np.linalg.pinv(both)[6:] @ left)
@@ -189,7 +189,7 @@ def sine(rigid: Array, shapes: Array) -> Array:
     array([0., 1.])
     """
     U, s, _ = np.linalg.svd(rigid / np.linalg.norm(rigid, axis=0).clip(1e-300), full_matrices=False)
-    U = U[:, s > 1e-9 * s[0]]
+    U = U[:, s > SOLVED * s[0]]
     left = shapes - U @ (U.T @ shapes)
     whole = np.linalg.norm(shapes, axis=0)
     return np.asarray(np.linalg.norm(left, axis=0) / np.where(whole > 0, whole, 1.0))
@@ -202,7 +202,7 @@ def joint_condition(rigid: Array, shapes: Array) -> float:
     if both.shape[0] < both.shape[1] or not length.all():
         return np.inf
     s = np.linalg.svd(both / length, compute_uv=False)
-    return float(s[0] / s[-1]) if s[-1] > 1e-12 * s[0] else np.inf
+    return float(s[0] / s[-1]) if s[-1] > ROUNDED * s[0] else np.inf
 
 
 def rigid_condition(position: Array) -> float:
@@ -219,7 +219,7 @@ def rigid_condition(position: Array) -> float:
     if not length > 0:
         return np.inf
     s = np.linalg.svd(summation_operator(lever / length), compute_uv=False)
-    return float(s[0] / s[-1]) if len(s) == 6 and s[-1] > 1e-9 * s[0] else np.inf
+    return float(s[0] / s[-1]) if len(s) == 6 and s[-1] > SOLVED * s[0] else np.inf
 
 
 def rotation_sigma(position: Array) -> Array:
@@ -234,7 +234,7 @@ def rotation_sigma(position: Array) -> Array:
     lever = position - position.mean(0)
     inertia = (lever**2).sum() * np.eye(3) - lever.T @ lever
     spread, axes = np.linalg.eigh(inertia)
-    known = spread > 1e-12 * max(spread[-1], 1e-300)
+    known = spread > ROUNDED * max(spread[-1], 1e-300)
     var = np.where(known, 1 / np.where(known, spread, 1.0), np.inf)
     found = np.array([sum(v * a**2 for v, a in zip(var, row, strict=True) if abs(a) > 1e-7) for row in axes])
     return np.asarray(np.degrees(np.sqrt(found)) * 1e-3)

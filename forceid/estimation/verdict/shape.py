@@ -13,6 +13,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.records import Body, Finding, Motion
+from forceid.rounding import SINGLE
 from forceid.significance import WILD
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
@@ -104,7 +105,7 @@ def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:
     """
     assert motion.position is not None
     seen = beyond_rigid(motion.time, motion.position, kin)
-    left = null_space(seen.of(kin.shapes), rcond=1e-6)  # (freedom, direction) that no shape moves
+    left = null_space(seen.of(kin.shapes), rcond=SINGLE)  # (freedom, direction) that no shape moves
     z = (seen.y @ left)[np.isfinite(seen.y).all(1)]
     if not z.size:
         return 0.0, 0.0

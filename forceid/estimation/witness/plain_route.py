@@ -21,6 +21,7 @@ from forceid.motion.plain_cut import shows_motion, spectrum_of
 from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
 from forceid.principal import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
+from forceid.rounding import SOLVED
 
 LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
 
@@ -81,7 +82,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
     if not whole.all():
         rigid = rigid_fits(x, X)[0]
     bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
-    summed = inertia.weight.sum() > 0 and mass.sum() > (1 - 1e-9) * inertia.weight.sum()
+    summed = inertia.weight.sum() > 0 and mass.sum() > (1 - SOLVED) * inertia.weight.sum()
     force = None
     if summed:
         center = np.einsum("n,tna->ta", mass / mass.sum(), x)
@@ -223,7 +224,7 @@ def affine_shares(X: Array) -> Array | None:
     span = np.vstack([X.T, np.ones(len(X))])
     target = np.array([0.0, 0.0, 0.0, 1.0])
     shares = np.linalg.pinv(span) @ target
-    if not np.allclose(span @ shares, target, atol=1e-9):
+    if not np.allclose(span @ shares, target, atol=SOLVED):
         return None
     S = summation_operator(X)
     rigid = np.trace(np.linalg.pinv(S.T @ S)[:3, :3]) / 3
@@ -233,7 +234,7 @@ def affine_shares(X: Array) -> Array | None:
 def beside_affine(x: Array, X: Array) -> tuple[Array, float]:
     """What the affine fit of every frame leaves of the markers (time, 3 node), and the part that is free."""
     U, s, _ = np.linalg.svd(np.column_stack([np.ones(len(X)), X]), full_matrices=False)
-    U = U[:, s > 1e-9 * s[0]]
+    U = U[:, s > SOLVED * s[0]]
     left = x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)
     return left.reshape(len(x), -1), 1 - U.shape[1] / len(X)
 

@@ -15,6 +15,7 @@ from forceid.flight.instruments.protocol import BentMount, Instrument
 from forceid.motion.free_turn import apply
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
+from forceid.rounding import SOLVED
 
 
 def read(here: InBody, S: Array, r: Array, steady: Array) -> tuple[Array, Slopes]:
@@ -38,7 +39,7 @@ def start(rotation: Array, reading: Array, mounting: Array) -> Array:
     rows[..., :3] = np.einsum("sba,tcb->tsac", mounting, rotation)
     for s in range(count):
         rows[:, s, :, 3 + 3 * s : 6 + 3 * s] = np.eye(3)
-    return np.asarray(np.linalg.lstsq(rows[seen], reading[seen], rcond=1e-9)[0][:3])
+    return np.asarray(np.linalg.lstsq(rows[seen], reading[seen], rcond=SOLVED)[0][:3])
 
 
 MAGNETOMETER = Instrument(

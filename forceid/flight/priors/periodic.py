@@ -23,8 +23,8 @@ from scipy.special import ive
 
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
 from forceid.flight.priors.protocol import Tuned
-from forceid.flight.tuning import AT_LIMIT, ORDERS, tune_loads
-from forceid.kalman.building.lines import REACH, Line, winsorized
+from forceid.flight.tuning import AT_LIMIT, ORDERS, PROBE, tune_loads
+from forceid.kalman.building.lines import AT_ONCE, COHERENT, Line, winsorized
 from forceid.kalman.building.process import Process, matern, resonator, superpose
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
@@ -32,12 +32,7 @@ from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, PATIENCE
 
 MOST_HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen turning points a period
-PHASE_LENGTHS = 0.15, 5.0  # rad of the phase: from all of MOST_HARMONICS harmonics alike to none but the mean
-STD_SPAN = 7.0  # of a logarithm: how far the std may be from that of a Matern load on the same record
-LONGEST_COHERENCE = 100.0  # lengths of a record: a coherence beyond does not show
-SHARED = 4  # numbers of a prior that all axes share; the others are their stds
-TRIED, CLIMBED = 6, 2  # beats whose likelihood is looked at, and those from which a search goes on
-NUDGE = 0.01  # of a logarithm, over which the likelihood is differenced
+CLIMBED = 2  # beats from which a search goes on, of those whose likelihood is looked at
 
 
 @dataclass(frozen=True)
@@ -174,15 +169,15 @@ class BeatSearch:
         gained = (over - 1 - np.log(over)).sum(1)  # log-likelihood, by a harmonic of any size
         gained -= gained.mean()
         # from where a beat is told from slow loads, up to where a harmonic of it is seen
-        first = int(np.ceil(2 * REACH / (self.span * frequency[1])))
+        first = int(np.ceil(2 / (self.span * frequency[1])))
         combs = np.array(
             [gained[k : MOST_HARMONICS * k + 1 : k].sum() for k in range(first, len(gained) // 2)]
         )
         found: list[float] = []
-        while len(found) < TRIED and np.isfinite(combs).any():
+        while len(found) < AT_ONCE and np.isfinite(combs).any():
             best = float(frequency[first + int(combs.argmax())])
             found.append(best)
-            combs[np.abs(frequency[first : first + len(combs)] - best) * self.span <= REACH] = -np.inf
+            combs[np.abs(frequency[first : first + len(combs)] - best) * self.span <= 1] = -np.inf
         found += [share * f for share in (0.5, 2.0) for f in found[:1]]
         return [f for f in found if frequency[first] <= f <= 0.5 * self.fastest]
 
@@ -193,8 +188,8 @@ class BeatSearch:
     def likelihoods(self, points: Array, harmonics: int) -> Array:
         """Of priors (point,), by axis. A point: frequency, logarithms of decay, noise, length and stds."""
         count = len(points)
-        frequency, decay, level, length = (np.repeat(a, self.axes) for a in points[:, :SHARED].T)
-        std = np.exp(points[:, SHARED:]).ravel()
+        frequency, decay, level, length = (np.repeat(a, self.axes) for a in points[:, : -self.axes].T)
+        std = np.exp(points[:, -self.axes :]).ravel()
         load = process_of(std, frequency, np.exp(decay), np.exp(length), harmonics)
         axis, noise = np.tile(np.arange(self.axes), count), np.exp(level) * np.tile(self.start.noise, count)
         likelihood = self.engine.log_likelihood
@@ -204,24 +199,24 @@ class BeatSearch:
     def climbed(self, first: Array, noise_range: tuple[float, float]) -> tuple[float, Array]:
         """The likeliest point from a first one on, and how likely it is.
 
-        Axes share SHARED numbers and are apart in the others, all of which one difference moves.
+        Axes share all numbers but their stds, all of which one difference moves.
         """
-        unit, harmonics = np.ones(len(first)), self.harmonics(first[0])
-        unit[0] = 0.25 * REACH / self.span
-        probes = NUDGE * block_diag(np.eye(SHARED), np.ones(self.axes))
+        shared, unit, harmonics = len(first) - self.axes, np.ones(len(first)), self.harmonics(first[0])
+        unit[0] = 0.25 / self.span
+        probes = PROBE * block_diag(np.eye(shared), np.ones(self.axes))
 
         def fall(x: Array) -> tuple[float, Array]:
             value = self.likelihoods(np.concatenate([x[None], x + probes]) * unit, harmonics)
-            rise = (value[1:] - value[0]) / NUDGE
-            return -float(value[0].sum()), -np.concatenate([rise[:SHARED].sum(1), rise[SHARED]])
+            rise = (value[1:] - value[0]) / PROBE
+            return -float(value[0].sum()), -np.concatenate([rise[:shared].sum(1), rise[shared]])
 
         louder = np.log(noise_range) - np.log([self.start.noise.min(), self.start.noise.max()])
         bounds = [
-            first[0] + np.array([-1.0, 1.0]) * REACH / self.span,
-            (-np.log(LONGEST_COHERENCE * self.span), np.log(first[0])),
+            first[0] + np.array([-1.0, 1.0]) / self.span,
+            (np.log(COHERENT / self.span), np.log(first[0])),
             (min(louder[0], 0.0), max(louder[1], 0.0)),
-            np.log(PHASE_LENGTHS),
-            *(s + np.array([-STD_SPAN, STD_SPAN]) for s in np.log(self.start.kernel.std)),
+            (-np.log(harmonics), np.log(2 * np.pi)),  # of the phase: all harmonics alike, or next to none
+            *[(-np.inf, np.inf)] * self.axes,
         ]
         low, high = np.array(bounds).T / unit
         found = minimize(fall, first / unit, jac=True, method="L-BFGS-B", bounds=Bounds(low, high))
@@ -262,8 +257,8 @@ def tune_periodic(
     best, at = max(found, key=lambda one: one[0], default=(-np.inf, sizes))
     if not best > least:
         return start
-    decay, level, length = np.exp(at[1:SHARED]).tolist()
-    kernel = Periodic(np.exp(at[SHARED:]), float(at[0]), decay, length, search.harmonics(at[0]))
+    decay, level, length = np.exp(at[1 : -search.axes]).tolist()
+    kernel = Periodic(np.exp(at[-search.axes :]), float(at[0]), decay, length, search.harmonics(at[0]))
     noise = start.noise * level
     at_limit = noise_range[1] > noise_range[0] and np.mean(np.log(noise / noise_range[0]) < AT_LIMIT) > 0.5
     return Tuned(kernel, noise, bool(at_limit), best)

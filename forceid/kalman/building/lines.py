@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from forceid.kalman.building.process import Process, resonator
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.records import Array
+from forceid.rounding import ROUNDED
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
-REACH = 1.0  # cycles a record that a line may be off a harmonic, or off another line, and be the same
 AT_ONCE = 4  # lines that one look takes up, the tallest ones
 PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
 ROOM = 40_000_000  # numbers held at a time, 320 MB
@@ -70,12 +70,12 @@ class Candidate:
 
 
 def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
-    """Whether a line is among those taken, as far as a record of this length can tell.
+    """Whether a line is among those taken, as far as a record of this length can tell: to a cycle (Rayleigh).
 
     >>> near(10.0, [10.4], np.linspace(0.0, 2.0, 100)), near(10.0, [11.0], np.linspace(0.0, 2.0, 100))
     (True, False)
     """
-    return any(abs(frequency - f) * np.ptp(time) <= REACH for f in taken)
+    return any(abs(frequency - f) * np.ptp(time) <= 1 for f in taken)
 
 
 def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:
@@ -91,19 +91,19 @@ def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable
     power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
     stands = (power / np.maximum((v**2).sum(0), 1.0)).max(1)
     for f in taken:
-        stands[np.abs(frequency - f) * span <= REACH] = 0.0
-    stands[frequency * span < 2 * REACH] = 0.0  # so slow is any smooth load
+        stands[np.abs(frequency - f) * span <= 1] = 0.0
+    stands[frequency * span < 2] = 0.0  # so slow is any smooth load
     harmonics = [h for h in (spin, 2 * spin) if 0 < h < 0.5 / step]
     found: list[tuple[float, Candidate]] = []
     for h in harmonics:
-        near = np.abs(frequency - h) * span <= REACH
+        near = np.abs(frequency - h) * span <= 1
         if (best := stands[near].max(initial=0.0)) > PATIENCE:
             found.append((best, Candidate(h, named=True)))
         stands[near] = 0.0
     while stands.max(initial=0.0) > PATIENCE + np.log(2 * count):
         k = int(stands.argmax())
         found.append((stands[k], Candidate(float(frequency[k]), named=False)))
-        stands[np.abs(frequency - frequency[k]) * span <= 2 * REACH] = 0.0
+        stands[np.abs(frequency - frequency[k]) * span <= 2] = 0.0
     return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
 
 
@@ -172,7 +172,7 @@ def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> t
     n, pick = 2 * len(axes), np.array(axes)
     among = information[..., pick, :, :, :][..., pick, :].reshape(*information.shape[:-4], n, n)
     known, turn = np.linalg.eigh(among)
-    known = np.maximum(known, 1e-12 * known[..., -1:])
+    known = np.maximum(known, ROUNDED * known[..., -1:])
     some = known[..., -1] > 0
     known = np.where(some[..., None], known, 1.0)
     y = vector[..., pick, :].reshape(*vector.shape[:-2], n)
@@ -216,14 +216,14 @@ def find_line(
 
     def best_of(frequency: Array, decay: Array) -> tuple[float, float, Array, Array]:
         frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
-        possible = (frequency * span >= REACH) & (frequency < 0.5 * (len(time) - 1) / span)
+        possible = (frequency * span >= 1) & (frequency < 0.5 * (len(time) - 1) / span)
         frequency, decay = frequency[possible], decay[possible]
         parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
         gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
         f = int(gained.max(1).argmax())
         return float(frequency[f]), float(decay[f]), gained[f], std[f]
 
-    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE * REACH / span
+    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE / span
     at, decay, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
     if gained.max() > 0 and (at != center or decay * span > COHERENT):
         finer = np.append(at + off / PER_CYCLE, center)

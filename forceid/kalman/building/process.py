@@ -1,7 +1,7 @@
 """Priors of loads as linear stochastic differential equations, and their exact discretization.
 
 A load is the output of x' = A x + w. Parameters may be arrays (...): many loads at once. They may also be
-complex, theta + 1e-30j: the imaginary part of whatever follows is then 1e-30 times its derivative, exact to
+complex, theta + ih of tiny h: the imaginary part of whatever follows is then h times its derivative, exact to
 rounding, since no difference is taken (Squire and Trapp 1998). So nothing here takes a modulus or conjugate.
 """
 
@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.records import Array
-from forceid.rounding import COMPLEX_STEP
-
-TERMS = 24  # of the series of a step, in which the fastest rate turns by 1/8 at most
+from forceid.rounding import COMPLEX_STEP, ITERATIONS
 
 
 class Diffusion(Protocol):
@@ -179,10 +177,12 @@ def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h / 2**doublings)
     Ah, dF, dQ = A * h, np.eye(A.shape[-1]), Qc * h
     F, Q = dF, dQ
-    for k in range(1, TERMS):
+    for k in range(1, ITERATIONS):
         dF, half = dF @ Ah / k, Ah @ dQ / (k + 1)
         dQ = half + half.swapaxes(-1, -2)
-        F, Q = F + dF, Q + dQ
+        before, (F, Q) = (F, Q), (F + dF, Q + dQ)
+        if np.array_equal(before[0], F) and np.array_equal(before[1], Q):
+            break
     for k in range(int(doublings.max())):
         # a step that is done waits for longer ones: each squaring doubles its rounding
         more = doublings > k

@@ -26,7 +26,7 @@ from scipy.sparse.csgraph import connected_components
 from forceid.errors import ConfigError
 from forceid.kalman.building.process import Process, block_diagonal, values
 from forceid.records import Array, Flags
-from forceid.rounding import SOLVED
+from forceid.rounding import ROUNDED, SOLVED
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def modal(
     K: ArrayLike,
     C: ArrayLike | None = None,
     damping: ArrayLike = 0.0,
-    tolerance: float = 1e-12,
+    tolerance: float = ROUNDED,
 ) -> NormalModes:
     """Modes of M u'' + C u' + K u = f; each (dof, dof), symmetric, in kg, N s/m, N/m.
 
