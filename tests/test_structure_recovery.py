@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
 from forceid.estimation.body.deformation import smooth_deformation
+from forceid.estimation.body.deforming.modes import elastic_modes
 from forceid.estimation.body.kinematics import kinematics, shape_at
 from forceid.estimation.run import estimate_recording
 from forceid.kalman.engines import engine
-from forceid.motion.shapes.modes import elastic_modes
 from forceid.scenes.recipe import SceneRecipe, fly, measure
 
 FIVE = ("hub_1", "arm_a_1_lead", "arm_a_3_trail", "arm_b_1_trail", "arm_b_3_lead")

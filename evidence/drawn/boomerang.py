@@ -23,7 +23,7 @@ from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
-from forceid.motion.first_moment import angular_channel
+from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.report.plots.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
 
 SCENES = {15: "flexible_boomerang", 5: "flexible_boomerang_5_markers"}

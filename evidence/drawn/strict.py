@@ -27,7 +27,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman import engines
-from forceid.motion.pose import fit_pose
+from forceid.motion import fit_pose
 
 RATE, SECONDS, NOISE = 500.0, 0.6, 3e-4  # Hz, s, m
 STD_F, RATE_F = np.array([1.3, 2.3, 0.9]), 20.0  # N, 1/s

@@ -21,7 +21,7 @@ from forceid.config import load_settings
 from forceid.estimation import run
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import witness_of
-from forceid.motion.smoothing_spline import SmoothingSpline
+from forceid.motion import SmoothingSpline
 from forceid.records import Body, Motion, Recording
 
 

@@ -27,7 +27,7 @@ from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.motion.pose import fit_pose
+from forceid.motion import fit_pose
 
 STEP, NOISE = 1e-3, 3e-4  # s, m
 STD_F, RATE_F = 0.3, 20.0  # N, 1/s

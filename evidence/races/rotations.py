@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from evidence.races.paired import Goal, Limit, Race, Racer
-from forceid.motion.pose import fit_rotation
+from forceid.motion import fit_rotation
 
 CONDITION = 5e5
 FLAT, THIN = "error, flat set (rad)", "error, thin set (rad)"

@@ -30,8 +30,7 @@ from forceid.estimation.verdict.shape import judge_shape, judge_size
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
-from forceid.motion.free_turn import largest_turn
-from forceid.motion.pose import pose_rank
+from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording
 from forceid.rounding import SOLVED

@@ -13,6 +13,7 @@ from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.cleaning import prepared
+from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.thin_mass import with_known_moment
@@ -50,8 +51,7 @@ from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
-from forceid.motion.pose import fit_rotation
-from forceid.motion.shapes.modes import gauge_weight
+from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 from forceid.rounding import SOLVED

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from forceid.compiled import engine as compiled
-from forceid.motion.free_turn import rotation_vector_rate
-from forceid.motion.pose import exp, log
+from forceid.motion import exp, log, rotation_vector_rate
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 

@@ -24,8 +24,7 @@ from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
-from forceid.motion.free_turn import SHOWN_TURN, SUBSTEP
-from forceid.motion.pose import log
+from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 

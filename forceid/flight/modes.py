@@ -18,8 +18,7 @@ from scipy.linalg import block_diag
 from forceid.flight.vibration import STATES, ModeState, Vibration
 from forceid.kalman.building.process import discretize
 from forceid.kalman.model import StateSpace
-from forceid.motion.shapes.frames import Frames
-from forceid.motion.shapes.products import Products
+from forceid.motion import Frames, Products
 from forceid.records import Array
 
 

@@ -21,7 +21,7 @@ from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
-from forceid.motion.free_turn import apply
+from forceid.motion import apply
 from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
 from forceid.significance import THOUSANDTH

@@ -29,8 +29,7 @@ from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_path import classify_steps, loads_of, settled_in_batches, step_classes
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
-from forceid.motion.free_turn import apply, free_turn, momentum_between
-from forceid.motion.pose import exp
+from forceid.motion import apply, exp, free_turn, momentum_between
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 from forceid.rounding import ITERATIONS, SINGLE

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.compiled import engine as compiled
-from forceid.motion.noise_axes import through_fit
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import SINGLE
@@ -194,27 +193,18 @@ def pose_rank(S: Array) -> int:
     return int((s > SINGLE * s[0]).sum())
 
 
-def center_of_mass(position: Array, shape: Array, weight: Array, noise_var: float) -> tuple[Array, Array]:
-    """Mass center (time, 3) without a rotation fit, and its variance per axis (time,); NaN where unseen.
+def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
+    """Covariance (time, 6, 6), world axes, of poses under noise of markers with noise_cov (3, 3), world axes.
 
-    The mass-weighted mean where every node with weight is seen; else, for a rigid body, the combination
-    of markers whose affine span holds the mass center, the origin of `shape` (node, 3).
+    gain (6, channel): of the fit, body axes; rotation (time, 3, 3).
     """
-    seen = np.isfinite(position).all(2)
-    center, var = np.full((len(position), 3), np.nan), np.full(len(position), np.nan)
-    patterns, which = np.unique(seen, axis=0, return_inverse=True)
-    for i, pattern in enumerate(patterns):
-        at = which.ravel() == i
-        w = weight[pattern]
-        if not w.sum() > 0 or w.sum() < weight.sum() * (1 - 1e-9):
-            span = np.vstack([shape[pattern].T, np.ones(pattern.sum())])
-            w = np.linalg.pinv(span) @ np.array([0.0, 0.0, 0.0, 1.0])
-            if not np.allclose(span @ w, [0.0, 0.0, 0.0, 1.0], atol=1e-9):
-                continue
-        w = w / w.sum()
-        center[at] = np.einsum("n,tna->ta", w, position[at][:, pattern])
-        var[at] = noise_var * (w @ w)
-    return center, var
+    each = gain.reshape(6, -1, 3).swapaxes(0, 1)
+    seen = rotation.swapaxes(1, 2) @ noise_cov @ rotation
+    made = np.einsum("nia,njb->ijab", each, each)
+    body = np.einsum("ijab,tab->tij", made, seen)
+    turn = np.zeros((len(rotation), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation
+    return np.asarray(turn @ body @ turn.swapaxes(1, 2))
 
 
 def body_axes(position: Array, center: Array, R: Array) -> Array:

@@ -7,16 +7,16 @@ import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
+from forceid.estimation.instruments.mounting import mounted
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.flight.modes import FlyingModes
 from forceid.flight.vibration import Vibration
+from forceid.motion.frames import Frames
 from forceid.motion.pose import exp
-from forceid.motion.shapes.frames import Frames
-from forceid.motion.shapes.mounting import mounted
-from forceid.motion.shapes.products import inertia_products
+from forceid.motion.products import inertia_products
 
 MASS = np.array([0.05, 0.03, 0.04, 0.02])
 X = np.array([[0.2, 0.0, 0.02], [-0.1, 0.15, 0.0], [-0.1, -0.15, -0.02], [0.0, 0.0, 0.05]])

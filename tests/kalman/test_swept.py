@@ -3,7 +3,7 @@
 import numpy as np
 
 from forceid.flight.priors.body_fixed import swept
-from forceid.motion.free_turn import free_turn
+from forceid.motion.free_rotation import free_turn
 
 INERTIA = np.diag([1.0, 4.0, 5.0])
 SPIN = np.array([3.0, 2.0, 5.0])

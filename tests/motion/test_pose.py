@@ -4,9 +4,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.motion import pose as pose_module
 from forceid.motion.pose import exp, fit_pose, fit_rotation, log, pose_rank
-from forceid.motion.shapes.modes import split_rigid
 from forceid.principal.operator import summation_operator
 
 free = settings(deadline=None, derandomize=True, max_examples=60)

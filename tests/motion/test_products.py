@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from forceid.motion.shapes.products import fixed, inertia_products
+from forceid.estimation.body.deformation import fixed
+from forceid.motion.products import inertia_products
 
 RNG = np.random.default_rng(3)
 MASS = np.array([0.06, 0.02, 0.04, 0.01, 0.03])

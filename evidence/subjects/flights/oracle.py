@@ -10,14 +10,14 @@ import numpy as np
 
 from evidence.subjects.flights.bodies import PLACE, Flown
 from forceid.errors import ForceIdError
+from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.flight.channels import start_of
 from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
 from forceid.kalman.engines import engine
-from forceid.motion.first_moment import angular_channel
-from forceid.motion.pose import fit_pose
+from forceid.motion import fit_pose
 from forceid.records import Array, Flags
 from forceid.scenes.drawn_loads import LOAD_ORDER
 

@@ -21,7 +21,7 @@ from forceid.estimation.body.markers import marker_noise
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel, start_of
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.motion.window import ORDER as DIFFERENCES
+from forceid.motion import ORDER as DIFFERENCES
 from forceid.pseudorigid import polar
 from forceid.records import Array, Finding, Flags, Recording
 from forceid.rounding import SOLVED

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import seen_together
+from forceid.motion import seen_together
 from forceid.records import Array
 
 FLAT = 1e-4  # of the size of a marker set: thinner than that it is plane, or a line

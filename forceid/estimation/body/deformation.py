@@ -10,8 +10,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import STATES, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
-from forceid.motion.pose import exp
-from forceid.motion.shapes.products import Products, fixed, inertia_products
+from forceid.motion import Products, exp, inertia_products
 from forceid.records import Array
 
 
@@ -94,3 +93,10 @@ def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array
     """Inertia (time, 3, 3) and angular momentum of the deformation h (time, 3) about the mass center."""
     J, h = products_of(kin).of(amplitude, rate)
     return J, h if kin.spin is None else h + kin.spin.momentum
+
+
+def fixed(inertia: Array, modes: int) -> Products:
+    """Products of a body whose inertia (3, 3) is known as a whole: no amplitude changes it."""
+    J = np.zeros((modes + 1, modes + 1, 3, 3))
+    J[0, 0] = inertia
+    return Products(J, np.zeros((modes + 1, modes, 3)))

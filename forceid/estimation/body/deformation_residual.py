@@ -13,9 +13,8 @@ from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.recursions.passes import LOG_2PI
-from forceid.motion.pose import body_axes, fit_rotation
-from forceid.motion.window import ORDER as DIFFERENCES
-from forceid.motion.window import noise_variance
+from forceid.motion import ORDER as DIFFERENCES
+from forceid.motion import body_axes, fit_rotation, noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED

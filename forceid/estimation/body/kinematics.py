@@ -8,25 +8,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation_shapes import deformation_shapes
+from forceid.estimation.body.deforming.deformation_shapes import deformation_shapes
+from forceid.estimation.body.deforming.modes import fit_amplitudes
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
-from forceid.estimation.body.mass_center import affine_center, with_center
+from forceid.estimation.body.mass_center import affine_center, center_of_mass, with_center
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
-from forceid.motion.noise_axes import as_stated, floored, rms_noise, share, uneven
-from forceid.motion.pose import (
-    Pose,
-    center_of_mass,
-    fit_pose,
-    log,
-)
-from forceid.motion.shapes.frames import Frames, fit_frames
-from forceid.motion.shapes.modes import (
-    fit_amplitudes,
-)
-from forceid.motion.shapes.products import inertia_products
-from forceid.motion.window import noise_variance
+from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
+from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, Motion
 

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.estimation.body.deforming.modes import Modes
+from forceid.estimation.body.deforming.shapes import check_scale, modes_of, rank_of, spinning_shape
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
-from forceid.estimation.body.shapes import check_scale, modes_of, rank_of, spinning_shape
 from forceid.estimation.body.thin_mass import observed_rank, thinned
-from forceid.motion.noise_axes import floored, rms_noise
-from forceid.motion.pose import body_axes, fit_rotation
-from forceid.motion.shapes.modes import Modes
-from forceid.motion.window import noise_variance
+from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
+from forceid.motion import body_axes, fit_rotation, noise_variance
 from forceid.records import Array, Body, Flags, Motion
 
 ROUNDOFF = float(np.finfo(np.float32).eps)  # of the size of the motion: noise below this is not believed

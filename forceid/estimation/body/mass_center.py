@@ -11,9 +11,8 @@ import numpy as np
 
 from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.body.inertia import Inertia, inertia_of
-from forceid.motion.bridging import bridged
-from forceid.motion.pose import Pose
-from forceid.motion.shapes.frames import Frames
+from forceid.estimation.body.tracks.bridging import bridged
+from forceid.motion import Frames, Pose
 from forceid.records import Array, Body, Flags, Motion
 
 
@@ -101,3 +100,26 @@ def apart(cov: Array, mean: MassCenter, share: Array) -> Array:
     found[:, :3, :3] = mean.var[:, None, None] * share
     found[:, :3, 3:] = found[:, 3:, :3] = 0.0
     return found
+
+
+def center_of_mass(position: Array, shape: Array, weight: Array, noise_var: float) -> tuple[Array, Array]:
+    """Mass center (time, 3) without a rotation fit, and its variance per axis (time,); NaN where unseen.
+
+    The mass-weighted mean where every node with weight is seen; else, for a rigid body, the combination
+    of markers whose affine span holds the mass center, the origin of `shape` (node, 3).
+    """
+    seen = np.isfinite(position).all(2)
+    center, var = np.full((len(position), 3), np.nan), np.full(len(position), np.nan)
+    patterns, which = np.unique(seen, axis=0, return_inverse=True)
+    for i, pattern in enumerate(patterns):
+        at = which.ravel() == i
+        w = weight[pattern]
+        if not w.sum() > 0 or w.sum() < weight.sum() * (1 - 1e-9):
+            span = np.vstack([shape[pattern].T, np.ones(pattern.sum())])
+            w = np.linalg.pinv(span) @ np.array([0.0, 0.0, 0.0, 1.0])
+            if not np.allclose(span @ w, [0.0, 0.0, 0.0, 1.0], atol=1e-9):
+                continue
+        w = w / w.sum()
+        center[at] = np.einsum("n,tna->ta", w, position[at][:, pattern])
+        var[at] = noise_var * (w @ w)
+    return center, var

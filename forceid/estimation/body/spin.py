@@ -14,9 +14,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.body.inertia import Inertia
 from forceid.flight.smoother import FlightState
-from forceid.motion.derivative import derivatives
-from forceid.motion.pose import Pose, exp
-from forceid.motion.window import Window, choose_window, windows
+from forceid.motion import Pose, Window, choose_window, derivatives, exp, windows
 from forceid.principal import axial, cross_matrix
 from forceid.records import Array, Flags
 

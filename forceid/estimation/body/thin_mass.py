@@ -17,9 +17,9 @@ import numpy as np
 
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.body.spin import Spin, spin_about, spun
+from forceid.estimation.body.tracks.line_motion import directions, without_spin
 from forceid.flight.smoother import FlightState
-from forceid.motion.line_motion import directions, without_spin
-from forceid.motion.pose import Pose, body_axes
+from forceid.motion import Pose, body_axes
 from forceid.records import Array, Flags
 from forceid.rounding import ROUNDED, SINGLE
 from forceid.significance import SIGMAS

@@ -15,7 +15,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight, Reference
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.smoother import FlightState, first_reference
-from forceid.motion.free_turn import free_turn
+from forceid.motion import free_turn
 from forceid.records import Array, Indices
 
 # rad that a body turns in a step: a load that turns with it adds to the spin as a sine does, of which a

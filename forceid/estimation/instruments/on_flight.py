@@ -17,6 +17,7 @@ from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.markers import ROUNDOFF
 from forceid.estimation.instruments.clock_offset import align_clocks
+from forceid.estimation.instruments.mounting import mounted
 from forceid.estimation.loads.fused_tuning import tune_together
 from forceid.estimation.loads.initial_guess import rough_priors
 from forceid.estimation.verdict.catalogue import note
@@ -29,11 +30,8 @@ from forceid.flight.model import COARSE, Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.motion.free_turn import largest_turn
-from forceid.motion.pose import exp
-from forceid.motion.shapes.mounting import mounted
-from forceid.motion.window import ORDER as DIFFERENCES
-from forceid.motion.window import noise_variance
+from forceid.motion import ORDER as DIFFERENCES
+from forceid.motion import exp, largest_turn, noise_variance
 from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import SIGMAS, TENTH
 

@@ -11,7 +11,7 @@ import numpy as np
 from forceid.config import JointSetting, PartSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import inertia_of
-from forceid.motion.pose import pose_rank
+from forceid.motion import pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Indices, Motion, Recording
 from forceid.rounding import SOLVED

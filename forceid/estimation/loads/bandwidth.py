@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.flight.channels import lags, second_difference
-from forceid.motion.first_moment import angular_channel
 from forceid.records import Array
 
 RESOLVED = 0.1  # of a load: error at which it counts as followed

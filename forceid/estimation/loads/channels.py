@@ -7,6 +7,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, products_of
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.model import Flight
 from forceid.flight.modes import FlyingModes
@@ -15,7 +16,6 @@ from forceid.flight.priors.table import PRIORS
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
-from forceid.motion.first_moment import angular_channel
 from forceid.records import Array
 
 

@@ -13,7 +13,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import steps_of
 from forceid.flight.tuning import MIDDLE
-from forceid.motion.free_turn import apply
+from forceid.motion import apply
 from forceid.records import Array
 
 RATE = 20.0  # 1/s: where the search for the rate begins

@@ -12,7 +12,9 @@ import numpy as np
 
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.tracks.noise_axes import noisy
 from forceid.estimation.loads.channels import flight_of, tune_channel
+from forceid.estimation.loads.plain_cut import plain_cuts, spectrum_of
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, lag_one_correlation
 from forceid.estimation.verdict.sensitivity import Unit
@@ -22,8 +24,6 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.tuning.slow_noise import slow_noise_cov
-from forceid.motion.noise_axes import noisy
-from forceid.motion.plain_cut import plain_cuts, spectrum_of
 from forceid.records import Array, Finding
 from forceid.significance import PATIENCE
 

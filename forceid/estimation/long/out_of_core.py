@@ -33,7 +33,7 @@ from forceid.files.stored.blocks import Positions, is_large, opened
 from forceid.files.stored.hdf5 import read_checked
 from forceid.files.stored.heap import GIGABYTE, fingerprint
 from forceid.flight.channels import FLIGHT_SAMPLES
-from forceid.motion.window import noise_variance
+from forceid.motion import noise_variance
 from forceid.records import SENSED, Array, Estimate, Finding, Recording
 
 REDUCED = "first moments of"  # in the history of a recording that was reduced here

@@ -7,16 +7,22 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.loads.angular_channel import AngularChannel, angular_channel
 from forceid.estimation.loads.noise import slow_and_small
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
-from forceid.motion.derivative import Derivatives, derivatives
-from forceid.motion.first_moment import AngularChannel, angular_channel
-from forceid.motion.pose import fit_rotation
-from forceid.motion.window import Window, WindowChoice, choose_window, windows
+from forceid.motion import (
+    Derivatives,
+    Window,
+    WindowChoice,
+    choose_window,
+    derivatives,
+    fit_rotation,
+    windows,
+)
 from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 from forceid.rounding import SOLVED

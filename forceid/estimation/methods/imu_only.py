@@ -36,7 +36,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight
 from forceid.flight.smoother import SETTLED, FlightState
 from forceid.kalman.engines import Engine
-from forceid.motion.pose import Pose
+from forceid.motion import Pose
 from forceid.records import Array, Body, Finding, Motion
 from forceid.rounding import SOLVED
 from forceid.significance import TENTH

@@ -10,7 +10,7 @@ from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smoothed_once_more
 from forceid.kalman.engines import Engine
-from forceid.motion.pose import log
+from forceid.motion import log
 from forceid.records import Array
 from forceid.significance import TENTH
 

@@ -13,7 +13,7 @@ from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
-from forceid.motion.window import noise_growth
+from forceid.motion import noise_growth
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling

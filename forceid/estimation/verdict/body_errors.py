@@ -20,7 +20,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.leakage import gauge, marker_cov
 from forceid.flight.smoother import FlightState
-from forceid.motion.pose import pose_gain
+from forceid.motion import pose_gain
 from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
 from forceid.rounding import SOLVED

@@ -7,15 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.gaps import longest_run, lost_frames
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.instruments import INSTRUMENTS
-from forceid.motion.free_turn import largest_turn
-from forceid.motion.noise_axes import at_rest
-from forceid.motion.window import noise_growth
+from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size

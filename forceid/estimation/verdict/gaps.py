@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.instruments import INSTRUMENTS
-from forceid.motion.free_turn import WIDE_STEP
+from forceid.motion import WIDE_STEP
 from forceid.records import Array, Flags, Motion
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from forceid.estimation.body.deforming.modes import split_rigid, strain_shapes
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.motion.pose import pose_gain, pose_rank
-from forceid.motion.shapes.modes import split_rigid, strain_shapes
+from forceid.motion import pose_gain, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.rounding import ROUNDED, SINGLE, SOLVED

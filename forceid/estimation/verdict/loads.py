@@ -13,8 +13,7 @@ from forceid.estimation.verdict.leakage import marker_cov
 from forceid.estimation.verdict.sensitivity import follows
 from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.motion.free_turn import largest_turn
-from forceid.motion.pose import pose_gain
+from forceid.motion import largest_turn, pose_gain
 from forceid.principal import summation_operator, undetermined
 from forceid.records import Array, Finding, Loads
 from forceid.significance import DENIED

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.thin_mass import SLENDER, thinned
+from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
-from forceid.motion.first_moment import angular_channel
-from forceid.motion.plain_cut import shows_motion, spectrum_of
-from forceid.motion.pose import body_axes, fit_rotation, pose_rank, seen_together
+from forceid.motion import body_axes, fit_rotation, pose_rank, seen_together
 from forceid.principal import cross, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 from forceid.rounding import SOLVED

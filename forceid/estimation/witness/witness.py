@@ -14,11 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import fdtri
 
-from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import FEW
-from forceid.estimation.witness.plain_route import PlainChannel, plain_route
-from forceid.flight.smoother import FlightState
-from forceid.motion.plain_cut import (
+from forceid.estimation.loads.plain_cut import (
     STRETCH,
     Cut,
     MotionSpectrum,
@@ -27,7 +23,11 @@ from forceid.motion.plain_cut import (
     spectrum_of,
     tapered,
 )
-from forceid.motion.smoothing_spline import SmoothingSpline
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import FEW
+from forceid.estimation.witness.plain_route import PlainChannel, plain_route
+from forceid.flight.smoother import FlightState
+from forceid.motion import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
 from forceid.significance import DENIED
 

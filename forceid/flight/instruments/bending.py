@@ -14,7 +14,7 @@ from forceid.flight.instruments.protocol import BentMount
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.modes import FlyingModes
 from forceid.flight.vibration import STATES, ModeState
-from forceid.motion.pose import exp
+from forceid.motion import exp
 from forceid.records import Array
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.flight.instruments.moved import InBody, Slopes
 from forceid.flight.instruments.protocol import BentMount, Instrument
-from forceid.motion.free_turn import apply
+from forceid.motion import apply
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.motion.free_turn import apply
-from forceid.motion.pose import exp
+from forceid.motion import apply, exp
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
 

@@ -11,8 +11,7 @@ import numpy as np
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
-from forceid.motion.free_turn import SHOWN_TURN
-from forceid.motion.pose import exp, log
+from forceid.motion import SHOWN_TURN, exp, log
 from forceid.records import Array
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
-from forceid.motion.pose import log
 from forceid.pseudorigid.factors.decomposition import bipolar, bipolar_rates
 from forceid.pseudorigid.factors.matching import SIGNED, multiplied_up, nearest_rotation, nearest_signed
 from forceid.pseudorigid.validation import real_values
@@ -168,7 +168,8 @@ def turn_of_bases(L: Array, R: Array) -> Array:
     of_L = L[..., :-1, :, :].swapaxes(-1, -2) @ L[..., 1:, :, :]
     of_R = R[..., 1:, :, :] @ R[..., :-1, :, :].swapaxes(-1, -2)
     shape = of_L.shape[:-1]
-    turn[..., 1:, :] = 0.5 * (log(of_R.reshape(-1, 3, 3)) - log(of_L.reshape(-1, 3, 3))).reshape(shape)
+    by_R, by_L = (Rotation.from_matrix(a.reshape(-1, 3, 3)).as_rotvec() for a in (of_R, of_L))
+    turn[..., 1:, :] = 0.5 * (by_R - by_L).reshape(shape)
     return turn
 
 

@@ -8,8 +8,7 @@ from forceid.config import load_settings
 from forceid.estimation.body.deformation_residual import noise_beyond
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
-from forceid.motion.noise_axes import through_fit
-from forceid.motion.pose import fit_pose, log
+from forceid.motion.pose import fit_pose, log, through_fit
 from forceid.records import Body, Motion, Recording
 
 MASS, GRAVITY = 2.0, np.array([0.0, -9.81, 0.0])

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import eigh
 
 from forceid.config import load_settings
+from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict import sensitivity as sn
@@ -25,7 +26,6 @@ from forceid.estimation.verdict.body_errors import (
 )
 from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
-from forceid.motion.shapes.modes import split_rigid
 from forceid.records import Motion, Recording
 from forceid.scenes.flights import flexible_boomerang as scene
 from forceid.scenes.springs import spring_stiffness

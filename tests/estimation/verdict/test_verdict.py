@@ -33,7 +33,7 @@ from forceid.estimation.verdict.innovations import (
 from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
 from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
-from forceid.motion.free_turn import largest_turn
+from forceid.motion.free_rotation import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.records import Finding
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.noise_axes import through_fit
-from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain
+from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain, through_fit
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import SOLVED

@@ -7,9 +7,8 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError
-from forceid.motion.pose import exp
-from forceid.motion.shapes.mode_selection import observable_modes, observed_shapes
-from forceid.motion.shapes.modes import (
+from forceid.estimation.body.deforming.mode_selection import observable_modes, observed_shapes
+from forceid.estimation.body.deforming.modes import (
     GAUGES,
     deflected_shape,
     elastic_modes,
@@ -21,6 +20,7 @@ from forceid.motion.shapes.modes import (
     split_rigid,
     strain_shapes,
 )
+from forceid.motion.pose import exp
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from forceid.motion.spikes import spikes
+from forceid.estimation.body.tracks.spikes import spikes
 
 NOISE = 3e-4
 

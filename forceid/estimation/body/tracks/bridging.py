@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import fit_rotation
+from forceid.motion import fit_rotation
 from forceid.records import Array, Flags, Indices
 
 TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.errors import ConfigError
-from forceid.motion.pose import body_axes, fit_rotation, frames_seen_alike, log
-from forceid.motion.shapes.mode_selection import log_evidence, observed_shapes
+from forceid.estimation.body.deforming.mode_selection import log_evidence, observed_shapes
+from forceid.motion import body_axes, fit_rotation, frames_seen_alike, log
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from forceid.motion.pose import seen_together
+from forceid.motion import seen_together
 from forceid.principal import cross_matrix
 from forceid.records import Array, Flags
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.estimation.body.inertia import Inertia
-from forceid.motion.pose import (
-    pose_rank,
-)
-from forceid.motion.shapes.modes import (
+from forceid.estimation.body.deforming.modes import (
     Modes,
     deflected_shape,
     elastic_modes,
     given_modes,
     mean_shape,
 )
+from forceid.estimation.body.inertia import Inertia
+from forceid.motion import pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.significance import WILD

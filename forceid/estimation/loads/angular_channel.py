@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.free_turn import momentum_between
+from forceid.motion import momentum_between
 from forceid.records import Array
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from forceid.motion.plain_cut import plain_cuts, spectrum_of
+from forceid.estimation.loads.plain_cut import plain_cuts, spectrum_of
 from forceid.motion.smoothing_spline import SmoothingSpline
 from forceid.scenes.drawn_loads import draw_matern
 

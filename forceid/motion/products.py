@@ -60,10 +60,3 @@ def inertia_products(mass: Array, shape: Array, shapes: Array) -> Products:
     J = np.einsum("kai,lbi->klab", S, weighed(S))
     h = np.einsum("kai,li->kla", S, weighed(every[1:]))
     return Products(0.5 * (J + J.swapaxes(0, 1)), h)
-
-
-def fixed(inertia: Array, modes: int) -> Products:
-    """Products of a body whose inertia (3, 3) is known as a whole: no amplitude changes it."""
-    J = np.zeros((modes + 1, modes + 1, 3, 3))
-    J[0, 0] = inertia
-    return Products(J, np.zeros((modes + 1, modes, 3)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.motion.bridging import bridged
+from forceid.estimation.body.tracks.bridging import bridged
 
 SIGMA = 1e-3
 

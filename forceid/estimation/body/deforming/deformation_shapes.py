@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from forceid.estimation.body.deforming.mode_selection import log_evidence, observable_modes, observed_shapes
+from forceid.estimation.body.deforming.modes import (
+    fit_amplitudes,
+    principal_deformations,
+    split_rigid,
+    strain_shapes,
+)
+from forceid.estimation.body.deforming.shapes import rank_of
 from forceid.estimation.body.markers import MarkerSet
-from forceid.estimation.body.shapes import rank_of
-from forceid.motion.shapes.mode_selection import log_evidence, observable_modes, observed_shapes
-from forceid.motion.shapes.modes import fit_amplitudes, principal_deformations, split_rigid, strain_shapes
 from forceid.principal import summation_operator
 from forceid.records import Array
 from forceid.rounding import SINGLE

@@ -66,17 +66,3 @@ def uneven(root: Array) -> Array | None:
     """What the covariance (3, 3) of a noise has beyond its mean variance on every axis; None for nothing."""
     more = (share(root) - np.eye(3)) * rms_noise(root) ** 2
     return more if np.abs(more).max() > SOLVED * rms_noise(root) ** 2 else None
-
-
-def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
-    """Covariance (time, 6, 6), world axes, of poses under noise of markers with noise_cov (3, 3), world axes.
-
-    gain (6, channel): of the fit, body axes; rotation (time, 3, 3).
-    """
-    each = gain.reshape(6, -1, 3).swapaxes(0, 1)
-    seen = rotation.swapaxes(1, 2) @ noise_cov @ rotation
-    made = np.einsum("nia,njb->ijab", each, each)
-    body = np.einsum("ijab,tab->tij", made, seen)
-    turn = np.zeros((len(rotation), 6, 6))
-    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation
-    return np.asarray(turn @ body @ turn.swapaxes(1, 2))

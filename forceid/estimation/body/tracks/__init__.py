@@ -1,0 +1,1 @@
+"""Tracks of markers: how loud and how even their noise is, what spoils them, what gaps are bridged by."""
