@@ -20,11 +20,10 @@ from evidence.subjects.affine import movers as affine_movers
 from evidence.subjects.affine import problem as affine_problem
 from evidence.subjects.affine import trial as affine_trial
 from evidence.subjects.flights import bodies as flown_bodies
-from evidence.subjects.flights import oracle, trial
+from evidence.subjects.flights import drawn_loads, oracle, trial
 from evidence.subjects.flights.failures import record
 from evidence.subjects.parts import bodies as parted_bodies
 from evidence.subjects.parts import trial as partition_trial
-from forceid.scenes import drawn_loads
 
 Pair = tuple[float, float]
 UNKNOWN = (float("nan"), float("nan"))

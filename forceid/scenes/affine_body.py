@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.records import Array, Body
-from forceid.scenes.drawn_loads import draw_periodic
+from forceid.scenes.drawn_loads import draw_periodic, waves
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, solve_ode
 
 AFFINE_TOLERANCE = 1e-12
@@ -51,7 +51,7 @@ class AffineThrow:
     def loads(self, time: Array) -> tuple[Array, Array]:
         """Applied force f (time, 3) N and N (time, 3, 3) N m, rows in world, columns in reference axes."""
         std = [self.force] * 3 + [self.first_moment] * 9
-        drawn = draw_periodic(std, 2 * np.pi * self.frequency, np.random.default_rng(self.seed)).at(time)
+        drawn = waves(time, *draw_periodic(std, 2 * np.pi * self.frequency, np.random.default_rng(self.seed)))
         return drawn[:, :3], drawn[:, 3:].reshape(-1, 3, 3)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from forceid.scenes.drawn_loads import PERIOD, draw_matern, draw_periodic, spectrum
+from evidence.subjects.flights.drawn_loads import draw_matern
+from forceid.scenes.drawn_loads import PERIOD, draw_periodic, spectrum, waves
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -16,21 +17,16 @@ def test_the_spectrum_holds_unit_variance_and_falls_with_twice_its_order(order):
 
 def test_periodic_loads_are_independent_of_the_stated_size_each():
     time = np.arange(0.0, PERIOD, PERIOD / 64)
-    found = np.array([draw_periodic([2.0, 0.3], 12.0, np.random.default_rng(k)).at(time) for k in range(60)])
+    found = np.array(
+        [waves(time, *draw_periodic([2.0, 0.3], 12.0, np.random.default_rng(k))) for k in range(60)]
+    )
     np.testing.assert_allclose(found.std((0, 1)), [2.0, 0.3], rtol=0.05)
     assert abs(np.corrcoef(found.reshape(-1, 2).T)[0, 1]) < 0.1
 
 
-@pytest.mark.parametrize(
-    "load",
-    [
-        draw_periodic([2.0, 0.3], 12.0, np.random.default_rng(0)),
-        draw_matern(2.0, 12.0, 2.0, np.random.default_rng(0)),
-        draw_matern(2.0, 12.0, 200.0, np.random.default_rng(0)),
-    ],
-    ids=["periodic", "waves", "curve"],
-)
-def test_impulse_and_its_integral_are_those_of_the_load(load):
+@pytest.mark.parametrize("span", [2.0, 200.0], ids=["waves", "curve"])
+def test_impulse_and_its_integral_are_those_of_the_load(span):
+    load = draw_matern(2.0, 12.0, span, np.random.default_rng(0))
     step = 1e-4
     time = step * np.arange(4001)
     for value, rate in ((load.impulse, load.at), (load.second, load.impulse)):

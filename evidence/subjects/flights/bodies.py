@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.drawn_loads import Drawn, draw_matern
 from forceid.records import Array, Body
-from forceid.scenes.drawn_loads import Drawn, draw_matern
 from forceid.scenes.mechanics import inertia_tensor, solve_ode
 
 X = np.array(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from evidence.subjects.flights.bodies import PLACE, Flown
+from evidence.subjects.flights.drawn_loads import LOAD_ORDER
 from forceid.errors import ForceIdError
 from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.flight.channels import start_of
@@ -19,7 +20,6 @@ from forceid.flight.smoother import smooth_flight
 from forceid.kalman.engines import engine
 from forceid.motion import fit_pose
 from forceid.records import Array, Flags
-from forceid.scenes.drawn_loads import LOAD_ORDER
 
 LEAST = 1e-6  # of a load's size, along a direction that it does not have
 

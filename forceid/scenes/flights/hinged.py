@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.drawn_loads import draw_periodic
+from forceid.scenes.drawn_loads import draw_periodic, waves
 from forceid.scenes.jointed_blocks import Chain, ChainState, cross_matrices, solve_joints
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, solve_ode
 
@@ -94,7 +94,7 @@ def drawn(parameters: Parameters) -> Callable[[float], tuple[Array, Array]]:
     loads = draw_periodic(std, rate, np.random.default_rng(p.drawn_seed))
 
     def split(t: float) -> tuple[Array, Array]:
-        now = loads.at(np.array([t]))[0]
+        now = waves(np.array([t]), *loads)[0]
         return now[:3], now[3:]
 
     return split

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evidence.subjects.flights.drawn_loads import Drawn
 from forceid.estimation.affine.powers import Axes, powers, richest
 from forceid.estimation.affine.priors import least_error, likeliest
 from forceid.estimation.affine.resonances import find_resonances
@@ -22,7 +23,8 @@ def seen(second=0.0, seed=0):
 
 
 def drawn(seed):
-    return draw_periodic(np.ones(AXES), RATE, np.random.default_rng(seed)).second(TIME)
+    drawn = draw_periodic(np.ones(AXES), RATE, np.random.default_rng(seed))
+    return Drawn(*drawn, np.zeros(AXES)).second(TIME)
 
 
 def ringing(w, size):

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from evidence.subjects.flights.drawn_loads import draw_matern
 from forceid.estimation.loads.plain_cut import plain_cuts, spectrum_of
 from forceid.motion.smoothing_spline import SmoothingSpline
-from forceid.scenes.drawn_loads import draw_matern
 
 
 def drawn(seed):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.drawn_loads import draw_matern
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
@@ -22,7 +23,6 @@ from forceid.estimation.witness.witness import (
 )
 from forceid.files.result import read_result, write_result
 from forceid.records import Body
-from forceid.scenes.drawn_loads import draw_matern
 
 
 def pushed(seed, frames=200, rate=100.0):

@@ -6,11 +6,11 @@ import pytest
 from evidence.stress.failure_table import FAILURES
 from evidence.stress.subjects import FLIGHTS, subject_of
 from evidence.subjects.flights.bodies import MASS, PLACE, Setup, fly, mass_gauge_shapes
+from evidence.subjects.flights.drawn_loads import draw_matern
 from evidence.subjects.flights.failures.body import rigid_looking_shape
 from evidence.subjects.flights.failures.sensing import frames_lost
 from evidence.subjects.flights.oracle import bound
 from forceid.files.validate import check_recording
-from forceid.scenes.drawn_loads import draw_matern
 
 FINE = 1 / 4000  # s
 
