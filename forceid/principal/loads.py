@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError, EstimationError
 from forceid.principal.operator import axis_count, cross_matrix, sum_nodal
-from forceid.principal.symmetric import pseudo_inverse
 from forceid.principal.wrench import transport
 from forceid.records import Array, Loads
 
@@ -167,3 +166,23 @@ def _row_space(V: Array, tolerance: float) -> tuple[Array, Array]:
         rows = np.linalg.solve(rows[:, lead], rows)
         rows[np.abs(rows) < 1e-12] = 0.0
     return rows.reshape(-1, count), basis[:, ~always]
+
+
+def eigen(A: Array) -> tuple[Array, Array]:
+    """Ascending eigenvalues (..., n) and orthonormal eigenvectors (..., n, n); NaN where A has a NaN."""
+    known = np.asarray(np.isfinite(A).all(axis=(-2, -1), keepdims=True))
+    value, vector = np.linalg.eigh(np.where(known, A, 0.0))
+    return np.where(known[..., 0], value, np.nan), np.where(known, vector, np.nan)
+
+
+def pseudo_inverse(A: Array, floor: float = 0.0) -> Array:
+    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, count as zero.
+
+    >>> pseudo_inverse(np.diag([2.0, 0.0]))
+    array([[0.5, 0. ],
+           [0. , 0. ]])
+    """
+    value, vector = eigen(A)
+    kept = value > np.maximum(1e-12 * value[..., -1:], floor)
+    inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)
+    return np.asarray((vector * inverse[..., None, :]) @ vector.mT)

@@ -10,9 +10,13 @@ from forceid import __version__
 from forceid.records import Array, Estimate, Witness
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, plain, plus_minus, typeset, wrench_numbers
-from forceid.report.plots.figures import draw_loads, draw_motion, draw_wrench
-from forceid.report.plots.first_moment_figure import draw_first_moments
-from forceid.report.plots.hidden_figure import draw_hidden_load
+from forceid.report.plots.figures import (
+    draw_first_moments,
+    draw_hidden_load,
+    draw_loads,
+    draw_motion,
+    draw_wrench,
+)
 from forceid.report.plots.path import draw_path
 from forceid.report.plots.picture import Picture, pictured
 from forceid.report.template import render

@@ -9,9 +9,9 @@ import numpy as np
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.gaps import longest_run, lost_frames
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
+from forceid.estimation.verdict.tracks import longest_run, lost_frames
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.motion import largest_turn, noise_growth

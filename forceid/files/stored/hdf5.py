@@ -18,9 +18,8 @@ from forceid.errors import DataError
 from forceid.files.parse import READ, Stored, parse_recording, text
 from forceid.files.schema import BODY, MATERIAL, MOTION, TRUTH, Group, motion_groups
 from forceid.files.stored.atomic import atomic
-from forceid.files.stored.attributes import attributes, judge_attribute
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
-from forceid.files.stored.object_header import check_texts
+from forceid.files.stored.object_header import attributes, check_texts, judge_attribute
 from forceid.records import Recording
 
 _COMPRESSION_LIMIT = 2000  # deflate reaches 1032

@@ -1,19 +1,24 @@
-"""Texts of attributes, looked at where they are stored: HDF5 makes room for one before it looks for it.
+"""Attributes, judged by their declaration and by what is stored, then read; texts where they are stored.
 
-An attribute is a message in the header of its object: name, type, shape, then the values; of a text of any
-length these are references, length, address and index. Source: HDF5 File Format Specification, IV.A.1, Data
-Object Header Prefix, IV.A.2.m, Attribute Message, IV.A.2.q, Object Header Continuation Message.
+HDF5 makes room for a text before it looks for it. An attribute is a message in the header of its object:
+name, type, shape, then the values; of a text of any length these are references, length, address and index.
+Source: HDF5 File Format Specification, IV.A.1, Data Object Header Prefix, IV.A.2.m, Attribute Message,
+IV.A.2.q, Object Header Continuation Message.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 import h5py
 
+from forceid.errors import DataError
+from forceid.files.parse import text
 from forceid.files.stored.heap import check_references
 
 _ATTRIBUTE, _CONTINUED = 0x0C, 0x10  # types of messages
@@ -21,6 +26,8 @@ _OF_ANY_LENGTH = 9  # class of a type
 _SHARED = 0x02  # a message, or a type, that is kept elsewhere
 _PARTS, _ROOM = 256, 1 << 20  # blocks of a header that are looked at, and bytes of each
 _REFERENCE = 16
+_NAMES = 1000  # attributes that are looked at
+_LARGEST, _TEXTS = 1 << 20, 100  # bytes of an attribute, and texts in one
 
 
 def check_texts(item: Any, where: str) -> None:
@@ -83,3 +90,24 @@ def attribute_references(attribute: bytes) -> bytes:
         return b""
     stored = attribute[at + kind + shape :]
     return stored[: len(stored) // _REFERENCE * _REFERENCE]
+
+
+def attributes(item: Any, where: str) -> dict[str, Any]:
+    """The attributes of a group, judged by their declaration before they are read."""
+    check_texts(item, where)
+    names = list(islice(item.attrs, _NAMES))
+    for name in names:
+        judge_attribute(item, name, where)
+    return {text(name): item.attrs[name] for name in names}
+
+
+def judge_attribute(item: Any, name: Any, where: str) -> None:
+    """DataError: an attribute that is more than a few numbers or texts."""
+    declared = h5py.h5a.open(item.id, name if isinstance(name, bytes) else name.encode("utf-8"))
+    count, each = math.prod(declared.shape), declared.get_type().get_size()
+    objects = declared.dtype.kind == "O"
+    if count * each > _LARGEST or (
+        objects and (count > _TEXTS or not h5py.check_string_dtype(declared.dtype))
+    ):
+        what = f"holds {count} values of {declared.dtype}, expected a number or a text"
+        raise DataError(what, f"{where}@{text(name)}", "keep large data in a variable")

@@ -1,4 +1,4 @@
-"""The figures over time: wrench, mean motion, deformation, loads."""
+"""The figures over time: wrench, mean motion, deformation, loads, first moments; and what may hide."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from forceid.records import Array, Estimate, Loads
+from forceid.records import Array, Estimate, HiddenLoad, Loads
 from forceid.report.numbers import mean, truth_at
 from forceid.report.plots.bands import draw_estimate, explain
 from forceid.report.plots.style import (
     AXES,
     AXIS_COLOR,
     CYCLE,
+    GRAY,
     PURPLE,
     STYLE,
     draw_columns,
     draw_line,
     label,
     panels,
+    say,
 )
 
 
@@ -135,3 +137,47 @@ def moment_point(estimate: Estimate) -> str:
     'the mass center'
     """
     return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
+
+
+@rc_context(STYLE)
+def draw_first_moments(
+    estimate: Estimate, moments: Array, cov: Array, truth: Mapping[str, Array] | None = None
+) -> Figure:
+    """First moments (time, 3, 3) with two-sigma bands from cov (time, 9, 9); a row: of a force, a column: of
+    its arm.
+    """
+    figure, axes = panels(3, 3, (10.0, 6.4), sharex=True)
+    std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2)).reshape(moments.shape)
+    true = truth_at(estimate, truth or {}, "first_moment")
+    for i, force in enumerate(AXES):
+        for j, arm in enumerate(AXES):
+            ax = axes[i, j]
+            title = f"Arm along {arm}, world axes" if i == 0 else ""
+            label(ax, title, f"$N_{{{force}{arm}}}$ (N m)", "time (s)" if i == 2 else "")
+            draw_estimate(ax, estimate.time, moments[:, i, j], 2 * std[:, i, j], true[:, i, j])
+    explain(figure, "two sigma", bool(np.isfinite(true).any()))
+    return figure
+
+
+@rc_context(STYLE)
+def draw_hidden_load(hidden: HiddenLoad) -> Figure:
+    """Amplitude over frequency of a load that half of all records would not show; the band is shaded."""
+    figure, axes = panels(1, 2, (10.0, 3.2))
+    for first, (ax, name, unit) in enumerate(zip(axes[0], ("Force", "Moment"), ("N", "N m"), strict=True)):
+        label(ax, f"{name} that may hide", f"amplitude ({unit})", "frequency (Hz)")
+        own = slice(3 * first, 3 * first + 3)
+        amplitude, band = hidden.amplitude[:, own], hidden.band[own]
+        if not np.isfinite(amplitude).any():
+            say(ax, "not identifiable")
+            continue
+        for values, (axis, color) in zip(amplitude.T, AXIS_COLOR.items(), strict=True):
+            ax.plot(hidden.frequency, values, color=color, label=axis)
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_xlim(hidden.frequency[0], hidden.frequency[-1])
+        for edge, color in zip(band, AXIS_COLOR.values(), strict=True):
+            if edge > 0:
+                ax.axvspan(hidden.frequency[0], edge, color=GRAY, alpha=0.12, lw=0)
+                ax.axvline(edge, color=color, lw=0.9, ls=":")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, handlelength=1.0, borderaxespad=0)
+    return figure

@@ -7,8 +7,7 @@ from pydantic import Field
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.harmonic import Frequencies, harmonic_flight
-from forceid.scenes.mechanics import KnownFlight
+from forceid.scenes.mechanics import Frequencies, KnownFlight, harmonic_flight
 
 
 class Parameters(Section):

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Section, Vector
 from forceid.records import Array, Body
-from forceid.scenes.harmonic import Frequencies, harmonic_flight
-from forceid.scenes.mechanics import KnownFlight, inertia_tensor
+from forceid.scenes.mechanics import Frequencies, KnownFlight, harmonic_flight, inertia_tensor
 from forceid.scenes.rigid import rigid_positions
 
 

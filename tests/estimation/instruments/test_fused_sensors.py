@@ -18,7 +18,7 @@ from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge_recording
-from forceid.estimation.verdict.gaps import lost_frames
+from forceid.estimation.verdict.tracks import lost_frames
 from forceid.files.validate import check_recording
 from forceid.flight.smoother import smooth_flight
 from forceid.scenes.recipe import SceneRecipe, simulate
