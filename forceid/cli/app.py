@@ -20,6 +20,7 @@ MODULES = {
     "import": "import_",
     "inspect": "inspect",
     "estimate": "estimate",
+    "identify": "identify",
     "batch": "batch",
     "report": "report",
     "settings": "settings",

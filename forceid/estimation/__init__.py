@@ -14,6 +14,7 @@ _HOMES = {
     "estimate_source": "forceid.estimation.long.out_of_core",
     "read_recording": "forceid.estimation.long.out_of_core",
     "inspect_recording": "forceid.estimation.inspection",
+    "identify_recording": "forceid.estimation.identify",
     "Progress": "forceid.estimation.long.windows",
     "unwatched": "forceid.estimation.long.windows",
     "listed": "forceid.estimation.joints.null_space",
@@ -23,6 +24,7 @@ _HOMES = {
 __all__ = [*_HOMES]
 
 if TYPE_CHECKING:
+    from forceid.estimation.identify import identify_recording as identify_recording
     from forceid.estimation.inspection import inspect_recording as inspect_recording
     from forceid.estimation.joints.null_space import listed as listed
     from forceid.estimation.joints.null_space import trading_joints as trading_joints

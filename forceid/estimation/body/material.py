@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,7 +88,8 @@ def solid_of(body: Body) -> Solid | None:
     if body.material is None:
         return None
     where, stated = "/body/material", dict[str, Any](body.material)
-    law, energies = law_of(stated.pop("name", None), where)
+    law, energies = LAWS[law_name(stated, where)]
+    del stated["name"]
     several = ("alpha", "beta", "gamma", "delta") if law is Ogden else ()
     for name, value in stated.items():
         numbers = value if name in several and isinstance(value, tuple | list) else [value]
@@ -116,11 +118,11 @@ def solid_of(body: Body) -> Solid | None:
         raise DataError(f"is out of range: {e.where} {e.what}", where, e.next_step) from e
 
 
-def law_of(name: Any, where: str) -> tuple[Any, str]:
-    """The law of that name and its energies."""
-    if name is None:
+def law_name(material: Mapping[str, Any], where: str = "/body/material") -> str:
+    """The name of the law of a material, as the table has it."""
+    if (name := material.get("name")) is None:
         raise DataError("has no name", where, f"name one of {', '.join(LAWS)}")
-    plain = {key.replace("_", ""): law for key, law in LAWS.items()}
+    plain = {key.replace("_", ""): key for key in LAWS}
     if (found := plain.get(re.sub("[^a-z]", "", str(name).lower()))) is None:
         near = difflib.get_close_matches(str(name).lower(), LAWS, n=1, cutoff=0.0)[0]
         what = f"is {name!r}, expected one of {', '.join(LAWS)}"

@@ -615,6 +615,61 @@ AFFINE = (
     ),
 )
 
+IDENTIFIED = (
+    Entry(
+        "no-free-flight", "refused",
+        "no free flight of an elastic body goes through the motion: nothing is told of its material; give a "
+        "record in which it is let go deformed, and nothing but weight acts",
+        "The constants of a material show in how the body swings by itself. No such motion was found.",
+        "Let the body go deformed, and record some periods of its slowest mode.",
+    ),
+    Entry(
+        "flight-misfit", "degraded",
+        "the likeliest free flight leaves {misfit:.3g} times the variance of the noise, by chance up to "
+        "{limit:.3g}: something else acts, or the material has another law; intervals are widened, and may "
+        "be too narrow still",
+        "The motion is not that of this material under its weight alone, within the noise of the markers. "
+        "Beyond four times the variance the constants are refused.",
+        "Look for loads, supports and air; name another law under [material]; look at /body/position.",
+    ),
+    Entry(
+        "flight-noise-stated", "degraded",
+        "frames hold too few markers to tell the noise: {noise_mm:.2g} mm is taken as stated, or by rough "
+        "differences, and the intervals with it; mark five points or more",
+        "Four markers follow any affine map exactly. The noise, and whether the motion fits, is not checked.",
+        "Mark five points or more, or state noise_std and trust it.",
+    ),
+    Entry(
+        "center-pushed", "degraded",
+        "the mass center leaves a free fall by {misfit:.3g} times the variance of the noise: a force acts, "
+        "and first moments may act with it",
+        "A body in free flight falls as a point does. This one is pushed; constants hold if only at its "
+        "mass center.",
+        "Look for air, strings and supports, and at gravity, masses and /body/position.",
+    ),
+    Entry(
+        "constants-open", "refused",
+        "the motion does not tell the material: lam is {lam:.3g} +- {lam_half:.2g} J, mu is {mu:.3g} +- "
+        "{mu_half:.2g} J (95 %); let the body go further deformed, or record it longer",
+        "The intervals of the shear or of the bulk modulus reach zero: the body hardly deforms.",
+        "Let it go further deformed, or record it longer.",
+    ),
+    Entry(
+        "constants-wide", "degraded",
+        "the material is told roughly: lam is {lam:.3g} +- {lam_half:.2g} J, mu is {mu:.3g} +- {mu_half:.2g} "
+        "J (95 %); let the body go further deformed, or record it longer",
+        "An interval is wider than a tenth of the shear modulus. It is honest all the same.",
+        "Let it go further deformed, or record it longer.",
+    ),
+    Entry(
+        "law-open", "degraded",
+        "the motion does not tell {law} from {rival}, log-likelihood {gain:.2g}, and their constants are "
+        "{apart:.2g} J apart; name the law under [material]",
+        "Two laws explain the motion about as well, with different constants.",
+        "Name the law under [material] or in /body/material.",
+    ),
+)
+
 JOINTS = (
     Entry(
         "whole-body-fails", "refused",
@@ -680,6 +735,7 @@ GROUPS = {
     "Loads": LOADS,
     "Sensors": SENSORS,
     "Affine bodies and large files": AFFINE,
+    "Materials from free flights": IDENTIFIED,
     "Bodies in parts": JOINTS,
 }
 CATALOGUE = {entry.code: entry for group in GROUPS.values() for entry in group}

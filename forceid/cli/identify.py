@@ -1,0 +1,59 @@
+"""forceid identify: the material of a body from one free flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from forceid.cli.estimate import Config, Json, naming
+from forceid.cli.output import to_json, verdict_of, wrap
+
+
+def run(
+    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
+    config: Config = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="OUT.toml", help="Settings with [material] as it was found."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Identify the material of the body in FILE from its free flight, with 95 % intervals.
+
+    The body deforms affinely under nothing but its weight. Both constants of Lame of a St. Venant-Kirchhoff
+    or a neo-Hookean law, whichever is likelier or [material] in CONFIG names, and Kelvin-Voigt damping. Exit
+    code 1 when nothing can be told; then nothing is written.
+
+    Example: forceid identify flight.h5 -o material.toml
+    """
+    from forceid.config import load_settings
+    from forceid.estimation import identify_recording, read_recording
+    from forceid.files.stored.atomic import atomic
+
+    settings = load_settings(config)
+    with naming(file):
+        found = identify_recording(read_recording(file, settings)[0], settings)
+    record: dict[str, Any] = {"file": str(file), **verdict_of(found.verdict), **found.as_dict()}
+    refused = found.verdict.level == "refused"
+    if output is not None and not refused:
+        import tomli_w
+
+        with atomic(output) as partial:
+            partial.write_text(tomli_w.dumps({"material": record["material"]}), encoding="utf-8")
+    print(to_json(record) if json else summary(record))
+    if refused:
+        raise typer.Exit(1)
+
+
+def summary(record: dict[str, Any]) -> str:
+    """The same for people: the verdict first, then a line for every constant."""
+    lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {text}") for text in record["reasons"])]
+    lines.append(
+        f"law      {record['law']}, misfit {record['misfit']:.3g}, noise {record['noise_std']:.2g} m"
+    )
+    for name, one in record["constants"].items():
+        ends = f"95 %: {one['low']:.6g} to {one['high']:.6g}"
+        lines.append(f"{name:8} {one['value']:.6g} +- {one['std']:.2g} {one['unit']}, {ends}")
+    return "\n".join(lines)
