@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -236,6 +236,15 @@ class Verdict:
     def codes(self) -> tuple[str, ...]:
         """The codes of the findings, in the order of the reasons."""
         return tuple(finding.code for finding in self.findings)
+
+    @property
+    def coded(self) -> dict[str, list[Any]]:
+        """The findings as lists of plain values in one order, by the names of result files."""
+        return {
+            "reason_codes": list(self.codes),
+            "reason_levels": [finding.level for finding in self.findings],
+            "reason_values": [dict(finding.values) for finding in self.findings],
+        }
 
 
 @dataclass(frozen=True)

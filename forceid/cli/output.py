@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate, HiddenLoad, Interface, Verdict, Witness
+    from forceid.records import Array, Estimate, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
 
@@ -44,6 +44,7 @@ def describe(
     """What --json says of an estimate: files, verdict, how it was made, and the numbers (SI, per axis)."""
     from forceid.report import wrench_numbers
 
+    h = estimate.hidden
     return {
         "file": str(source),
         "output": str(output),
@@ -62,7 +63,11 @@ def describe(
         "input_sha256": estimate.input_sha256,
         "forceid_version": __version__,
         **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
-        **({} if estimate.hidden is None else hidden_of(estimate.hidden)),
+        **(
+            {}
+            if (h := estimate.hidden) is None
+            else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}
+        ),
         **witness_record(estimate.witness),
         **wrench_numbers(estimate, truth).as_dict(),
     }
@@ -70,13 +75,7 @@ def describe(
 
 def verdict_of(verdict: Verdict) -> dict[str, Any]:
     """A verdict, and what it rests on: sentences, codes, levels and the values in them, in one order."""
-    return {
-        "verdict": verdict.level,
-        "reasons": list(verdict.reasons),
-        "reason_codes": list(verdict.codes),
-        "reason_levels": [finding.level for finding in verdict.findings],
-        "reason_values": [dict(finding.values) for finding in verdict.findings],
-    }
+    return {"verdict": verdict.level, "reasons": list(verdict.reasons), **verdict.coded}
 
 
 def witness_record(witness: Witness | None) -> dict[str, Any]:
@@ -101,11 +100,6 @@ def witness_line(record: Mapping[str, Any]) -> str:
             most = int(np.nanargmax(off / limit))
             texts.append(f"{load} {off[most]:.2g} (by chance {limit[most]:.2g})")
     return f"witness  joint errors from the plain route: {', '.join(texts)}" if texts else ""
-
-
-def hidden_of(hidden: HiddenLoad) -> dict[str, Any]:
-    """What an estimate leaves out, by the names of the result file."""
-    return {"band": hidden.band, "frequency": hidden.frequency, "hidden_load": hidden.amplitude}
 
 
 def band_line(band: Array) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
-from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.instruments.imu_prospects import sensed_bandwidths
 from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.joints.prospects import JointProspects
@@ -32,7 +32,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
-from forceid.records import Body, Finding, Motion, Recording
+from forceid.records import Body, Finding, Motion, Recording, Verdict
 from forceid.rounding import SOLVED
 
 UNITS = {"orientation": "rad"} | {one.name: one.unit for one in INSTRUMENTS}
@@ -105,9 +105,10 @@ class Inspection:
 
     def as_dict(self) -> dict[str, Any]:
         """The same for machines: plain numbers and lists."""
-        found = asdict(self) | worded(self.findings)
-        if self.linkage is not None:
-            found["linkage"] |= worded(self.linkage.findings)
+        found = asdict(self) | {"warnings": list(self.warnings)} | Verdict(findings=self.findings).coded
+        if (linkage := self.linkage) is not None:
+            found["linkage"] |= {"warnings": list(linkage.warnings)}
+            found["linkage"] |= Verdict(findings=linkage.findings).coded
             del found["linkage"]["findings"]
         del found["findings"]
         if self.leakage is not None:
@@ -116,16 +117,6 @@ class Inspection:
             } | {"worst": self.leakage.numbers()}
         found["sensitivity"] = {} if self.sensitivity is None else self.sensitivity.numbers()
         return found
-
-
-def worded(findings: tuple[Finding, ...]) -> dict[str, list[Any]]:
-    """Findings as lists of plain values: sentences, codes, levels and what they hold, in one order."""
-    return {
-        "warnings": [finding.text for finding in findings],
-        "reason_codes": [finding.code for finding in findings],
-        "reason_levels": [finding.level for finding in findings],
-        "reason_values": [dict(finding.values) for finding in findings],
-    }
 
 
 def leaking(found: Leakage | None) -> list[str]:
@@ -177,26 +168,34 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     findings = judge_recording(kin, motion)
     leaks = leakage(body, kin)
     findings += [*judge_size(kin), *judge_leakage(leaks), *judge_shape(kin, motion, body)]
-    step = np.diff(motion.time)
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
     force = np.isfinite(kin.pose.center).any() and not refusing(findings)
     reach = bandwidths(kin, motion.gravity, bool(force))
     rank = pose_rank(summation_operator(kin.shape[kin.seen])) if kin.seen.any() else 6 * kin.attitude
     return Inspection(
-        title=recording.title, frames=len(motion.time), duration_s=float(np.ptp(motion.time)),
-        rate_hz=float(1 / np.median(step)), regular=bool(np.ptp(step) < 1e-3 * np.median(step)),
-        nodes=len(body.node), seen_nodes=int(kin.seen.sum()),
-        missing_percent=float(100 * np.isnan(x).mean()), mass_kg=kin.inertia.mass,
-        gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise, noise_stated=kin.stated, rank=int(rank),
+        **contents(recording, kin), seen_nodes=int(kin.seen.sum()),
+        missing_percent=float(100 * np.isnan(x).mean()), rank=int(rank),
         turn_deg_per_frame=float(np.degrees(largest_turn(kin.time, kin.pose.rotation))),
         shapes=len(kin.shapes),
         force=bool(force), moment=kin.attitude or kin.inertia.point,
         force_bandwidth_hz=reach[0], moment_bandwidth_hz=reach[1],
-        has_truth="force" in recording.truth, leakage=leaks,
+        leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
         findings=tuple(findings),
     )  # fmt: skip
+
+
+def contents(recording: Recording, kin: Kinematics) -> dict[str, Any]:
+    """What an inspection says of any recording: clock, nodes, mass, gravity, noise, truth."""
+    time, step = recording.motion.time, np.diff(recording.motion.time)
+    return {
+        "title": recording.title, "frames": len(time), "duration_s": float(np.ptp(time)),
+        "rate_hz": float(1 / np.median(step)), "regular": bool(np.ptp(step) < 1e-3 * np.median(step)),
+        "nodes": len(recording.body.node), "mass_kg": kin.inertia.mass,
+        "gravity": tuple(recording.motion.gravity.tolist()), "noise_std": kin.noise,
+        "noise_stated": kin.stated, "has_truth": "force" in recording.truth,
+    }  # fmt: skip
 
 
 def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
@@ -212,14 +211,10 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
     rate, step = gyro_rate(motion.time, flight.sensors), np.diff(motion.time)
     turn = 0.0 if rate is None else float(np.linalg.norm(rate, axis=1).max() * np.median(step))
     return Inspection(
-        title=recording.title, frames=len(motion.time), duration_s=float(np.ptp(motion.time)),
-        rate_hz=float(1 / np.median(step)), regular=bool(np.ptp(step) < 1e-3 * np.median(step)),
-        nodes=len(body.node), seen_nodes=0, missing_percent=missing,
-        mass_kg=kin.inertia.mass, gravity=tuple(motion.gravity.tolist()), noise_std=kin.noise,
-        noise_stated=kin.stated, rank=0, turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force,
-        moment=moment, force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
-        has_truth="force" in recording.truth, leakage=None, sensitivity=None, linkage=None,
-        findings=tuple(findings),
+        **contents(recording, kin), seen_nodes=0, missing_percent=missing, rank=0,
+        turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force, moment=moment,
+        force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
+        leakage=None, sensitivity=None, linkage=None, findings=tuple(findings),
     )  # fmt: skip
 
 

@@ -110,11 +110,6 @@ def load_over_step(F: Array, step: Array, axes: Array) -> tuple[Array, Array]:
     return axes @ (6 * Y / s**2 - 2 * H / s), axes @ (6 * H / s**2 - 12 * Y / s**3)
 
 
-def loads_of(classes: StepClasses, x: Array, first: int = 0) -> list[Array]:
-    """Momentum, force, angular momentum, moment and its rate (time, 3), from `first` on, of states x."""
-    return [x @ columns for columns in classes.loads[first:]]
-
-
 def pushed_by(classes: StepClasses, x: Array) -> list[Array]:
     """The moment and its rate (time, 3) over the step that each sample begins; no step begins at the last."""
     which = np.append(classes.which, 0)

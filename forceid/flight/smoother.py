@@ -26,7 +26,7 @@ from forceid.flight.model import (
     unsettled,
 )
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.rigid_path import classify_steps, loads_of, settled_in_batches, step_classes
+from forceid.flight.rigid_path import classify_steps, settled_in_batches, step_classes
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.motion import apply, exp, free_turn, momentum_between
@@ -124,7 +124,7 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
         return None
     path, R, chain = found
     x, rot = path.x, turned(path.x[:, classes.theta : classes.theta + 3], R)
-    P, F, H, T, _ = loads_of(classes, x)
+    P, F, H, T = (x @ columns for columns in classes.loads[:4])
     body = apply(rot.swapaxes(1, 2), H) - flight.h
     omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
     reference = Reference(R, chain, moment)
@@ -213,8 +213,9 @@ def led(
         modes = x[:, n + m :][:, : flight.modes.path.shape[1]]
         before = flight.modes.path if reference.modes is None else reference.modes
         modes = before + share * (modes - before)
-    R = turned(theta, reference.rotation)
-    return Reference(R, rotation_into_reference(chain), moment, pushed, steady, modes)
+    R = turned(theta, reference.rotation)  # takes the rotation error of the chain
+    chain = np.concatenate([np.zeros_like(chain[:, :3]), chain[:, 3:]], 1)
+    return Reference(R, chain, moment, pushed, steady, modes)
 
 
 def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, first: int) -> Array:
@@ -338,8 +339,3 @@ def steps_of(flight: Flight, H: Array) -> Array:
     """
     still = np.zeros_like(H)
     return turn_along(trajectory_of(flight, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]
-
-
-def rotation_into_reference(chain: Array) -> Array:
-    """The chain with its rotation error taken into the reference."""
-    return np.concatenate([np.zeros_like(chain[:, :3]), chain[:, 3:]], 1)

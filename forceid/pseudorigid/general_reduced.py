@@ -19,9 +19,7 @@ from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
-    flat,
     integrate_form,
-    split_state,
 )
 from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.pseudorigid.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
@@ -145,13 +143,8 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     # what nothing turns: no axial momentum, and none that the second moment would raise
     still = not (start.left.any() or start.right.any() or (E_R - np.diag(E_R.diagonal())).any())
     ends = chart_ends(start.a, (still, still, still), GENERAL_SIMULATE, float(time[0]), A)
-    shapes = [part.shape for part in start]
-
-    def rates(y: Array) -> Array:
-        return flat(general_rates(GeneralState(*split_state(y, shapes)), E, material))
-
-    a, p, left, right, q_L, q_R = split_state(
-        integrate_form(rates, flat(start), time, ends, GENERAL_SIMULATE), shapes
+    a, p, left, right, q_L, q_R = integrate_form(
+        lambda s: general_rates(s, E, material), start, time, ends, GENERAL_SIMULATE
     )
     L, R_T = rotation(q_L), rotation(q_R)
     P = momentum_matrix(a, p, left, right)

@@ -19,9 +19,7 @@ from forceid.pseudorigid.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
-    flat,
     integrate_form,
-    split_state,
 )
 from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
@@ -110,18 +108,13 @@ def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, tim
     start = left_state(F0, dF0, E)
     turned = rotation(start.q) @ material.gradient(start.U)
     check_symmetry(material.gradient(F0), turned, "keeps its energy under rotations of space", LEFT_SIMULATE)
-    shapes = [part.shape for part in start]
-
-    def rates(y: Array) -> Array:
-        return flat(left_rates(LeftState(*split_state(y, shapes)), E, material))
-
-    def volume(y: Array) -> float:
-        return float(np.linalg.det(split_state(y, shapes)[1]))
-
-    ends = [(volume, "J falls to 0: F has no polar rotation beyond")]
-    q, U, m, p_U = LeftState(
-        *split_state(integrate_form(rates, flat(start), time, ends, LEFT_SIMULATE), shapes)
-    )
+    ends = [
+        (
+            lambda y: float(np.linalg.det(y[4:13].reshape(3, 3))),
+            "J falls to 0: F has no polar rotation beyond",
+        )
+    ]
+    q, U, m, p_U = integrate_form(lambda s: left_rates(s, E, material), start, time, ends, LEFT_SIMULATE)
     L, (omega, dU) = rotation(q), left_velocity(U, m, p_U, E)
     return LeftMotion(time, L @ U, L @ (hat(omega) @ U + dU), L, U, m, p_U)
 

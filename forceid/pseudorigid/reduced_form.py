@@ -6,6 +6,7 @@ Source: pseudo-rigid bodies, section 5.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -16,21 +17,31 @@ from forceid.pseudorigid.validation import deformation, instants, matrix
 from forceid.records import Array
 
 REDUCED_RTOL, REDUCED_ATOL = 3e-14, 1e-15  # DOP853: the tightest that its estimate tells from rounding
+State = TypeVar("State", bound=NamedTuple)  # arrays
 SYMMETRY = 1e-10  # of the force: what tells a material that lacks a symmetry from rounding
 
 
 def integrate_form(
-    rates: Callable[[Array], Array],
-    start: Array,
+    rates: Callable[[State], State],
+    start: State,
     time: Array,
     ends: Sequence[tuple[Callable[[Array], float], str]],
     where: str,
-) -> Array:
-    """States (time, size) of y' = rates(y) from start (size,); EstimationError where one of `ends` is 0.
+) -> State:
+    """States, each part (time, ...), of y' = rates(y); EstimationError where one of `ends` is 0.
 
-    ends: functions of the state, positive inside the chart, each with the reason to stop. The error names
-    the time.
+    ends: functions of a state in a row (size,), positive inside the chart, each with the reason to stop. The
+    error names the time.
     """
+    shapes = [np.shape(part) for part in start]
+    edges = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+
+    def row(state: State) -> Array:
+        return np.concatenate([part.ravel() for part in state])
+
+    def state(y: Array) -> State:
+        parts = np.split(y, edges, axis=-1)
+        return start._make(a.reshape(*y.shape[:-1], *n) for a, n in zip(parts, shapes, strict=True))
 
     def event(inside: Callable[[Array], float]) -> Callable[[float, Array], float]:
         def value(_: float, y: Array) -> float:
@@ -40,9 +51,9 @@ def integrate_form(
         return value
 
     run = solve_ivp(
-        lambda _, y: rates(y),
+        lambda _, y: row(rates(state(y))),
         (time[0], time[-1]),
-        start,
+        row(start),
         "DOP853",
         time,
         events=[event(inside) for inside, _ in ends],
@@ -50,7 +61,7 @@ def integrate_form(
         atol=REDUCED_ATOL,
     )
     if run.status == 0:
-        return np.asarray(run.y.T)
+        return state(run.y.T)
     hit = [
         (float(times[0]), why)
         for times, (_, why) in zip(run.t_events or [], ends, strict=False)
@@ -89,17 +100,3 @@ def check_symmetry(force: Array, expected: Array, claim: str, where: str) -> Non
             where,
             "integrate F itself: Body.simulate",
         )
-
-
-def flat(state: Sequence[Array]) -> Array:
-    """The parts of one state in a row (size,)."""
-    return np.concatenate([part.ravel() for part in state])
-
-
-def split_state(y: Array, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Parts of a state (..., size), each (..., *shape): the inverse of `flat`."""
-    sizes = np.cumsum([int(np.prod(shape)) for shape in shapes])
-    return [
-        part.reshape(*y.shape[:-1], *shape)
-        for part, shape in zip(np.split(y, sizes[:-1], axis=-1), shapes, strict=True)
-    ]

@@ -17,7 +17,7 @@ import numpy as np
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.factors.decomposition import bipolar
 from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
-from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, flat, integrate_form, split_state
+from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, integrate_form
 from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
@@ -140,13 +140,8 @@ def simulate(
     check_symmetry(material.gradient(F0), expected, "is isotropic", TWO_SIDED_SIMULATE)
     quiet = quiet_pairs(start.pi, start.kappa)
     ends = chart_ends(start.a, quiet, TWO_SIDED_SIMULATE, float(time[0]), frame[0].T @ dF0 @ frame[1].T)
-    shapes = [part.shape for part in start]
-
-    def rates(y: Array) -> Array:
-        return flat(two_sided_rates(TwoSidedState(*split_state(y, shapes)), mu, material, held))
-
-    a, da, pi, kappa, q_L, q_R = split_state(
-        integrate_form(rates, flat(start), time, ends, TWO_SIDED_SIMULATE), shapes
+    a, da, pi, kappa, q_L, q_R = integrate_form(
+        lambda y: two_sided_rates(y, mu, material, held), start, time, ends, TWO_SIDED_SIMULATE
     )
     L, R = rotation(q_L), np.swapaxes(rotation(q_R), -1, -2)
     s, d = rates_of_rotation(a, pi, kappa)

@@ -39,16 +39,12 @@ def widened_by_ringing(
             first = 0 if name == "force" else 3
             for axis, var in hidden_variance(flight, state, prior, first, line, engine).items():
                 cov[:, first + axis, first + axis] += var
-        shown = " and ".join(n for n, p in priors.items() if near(frequency, freq_of(p), flight.time))
+        held = {name: [line.frequency for line in prior.lines] for name, prior in priors.items()}
+        shown = " and ".join(name for name, lines in held.items() if near(frequency, lines, flight.time))
         before, after = (np.trace(np.nanmean(a, 0)[:3, :3]) for a in (state.wrench_cov, cov))
         if not rings and after > WORSE**2 * before:
             rings = (note("free-oscillation", frequency_hz=frequency, load=shown),)
     return replace(state, wrench_cov=cov), rings
-
-
-def freq_of(prior: LoadPrior) -> list[float]:
-    """Frequencies of the lines of a load, Hz."""
-    return [line.frequency for line in prior.lines]
 
 
 def hidden_variance(

@@ -9,11 +9,10 @@ would say nothing of the rest then. A smaller one is in the claim. Source: princ
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.loads.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
@@ -55,7 +54,7 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
     inner = slice(edge, len(state.wrench_cov) - edge)
     cov = np.nanmean(growth @ state.wrench_cov[inner] @ growth.T, axis=0)[3:, 3:]
     claimed = np.sqrt(np.einsum("ai,ab,bi->i", axes, cov, axes))
-    found = wheels(look, largest_wheel(state), TENTH * float(np.linalg.norm(claimed)))
+    found = wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
     total = 1 + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     within = [wheel for wheel in found if (wheel.off <= SIGMAS * claimed).all()]
@@ -77,11 +76,6 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
     return growth, (wheel,)
 
 
-def largest_wheel(state: FlightState) -> float:
-    """Size of the largest wheel, kg m2/s along an axis: its momentum is that of the body."""
-    return float(length(state.H) / np.sqrt(3))
-
-
 def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
     """Wheels of all sizes, uniform in the logarithm, from `most` down to where they make moments of `least`.
 
@@ -99,8 +93,3 @@ def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
         off = np.mean((made @ h) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
         found.append(Wheel(float(size), float(np.exp(min(gained, 500.0))) / count, np.sqrt(off), h))
     return found
-
-
-def with_momentum(deformation: Deformation, h: Array | None) -> Deformation:
-    """The same with a momentum of something that turns inside at a constant rate, body axes."""
-    return deformation if h is None else replace(deformation, h=deformation.h + h)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
@@ -88,11 +87,6 @@ def with_line(
 
         prior = with_another_line(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
     return prior
-
-
-def mass_hidden(kin: Kinematics) -> bool:
-    """Whether a deforming body carries mass where it carries no marker."""
-    return bool(len(kin.shapes) and kin.unfollowed.any())
 
 
 def with_another_line(prior: LoadPrior, line: Line) -> LoadPrior:

@@ -10,7 +10,7 @@ from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
-from forceid.estimation.loads.lines import Lines, mass_hidden, more_lines
+from forceid.estimation.loads.lines import Lines, more_lines
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.tracks import judge_wild
 from forceid.kalman.building.lines import AT_ONCE
@@ -60,7 +60,7 @@ def beside_more_lines(problem: Problem) -> Problem:
     if settings.lines == "none":
         return problem
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
-    searched = {"force": priors["force"]} if mass_hidden(kin) else priors
+    searched = {"force": priors["force"]} if len(kin.shapes) and kin.unfollowed.any() else priors
     asked = () if isinstance(settings.lines, str) else settings.lines
     more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked)
     if not len(problem.lines) < len(more) <= 6 * AT_ONCE:  # as many as one look may find of each component

@@ -13,7 +13,6 @@ from forceid.estimation.body.deformation import Deformation, undeformed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.loads.channels import force_channel, moment_channel
-from forceid.estimation.loads.inner_wheel import with_momentum
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, translation
@@ -99,7 +98,9 @@ class Problem:
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
         kin, deformation = undeformed(kin, self.engine, self.causal)
-        return replace(self, kin=kin, deformation=with_momentum(deformation, self.body.internal_momentum))
+        if (inside := self.body.internal_momentum) is not None:
+            deformation = replace(deformation, h=deformation.h + inside)
+        return replace(self, kin=kin, deformation=deformation)
 
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""

@@ -41,11 +41,6 @@ class Parameters(Section):
     spin: Vector = (1.5, 1.0, 9.0)
 
 
-def corner_positions(parameters: Parameters) -> Array:
-    """Corners (node, 3) m of the block free of stress."""
-    return np.asarray(CORNERS * np.array(parameters.size))
-
-
 def gradient(parameters: Parameters, F: Array) -> Array:
     """dW/dF (3, 3) J at F (3, 3)."""
     p = parameters
@@ -59,7 +54,7 @@ def throw(parameters: Parameters) -> AffineThrow:
     """The block as it is thrown, free of stress."""
     p, R = parameters, rotation_of(parameters.turn)
     return AffineThrow(
-        np.full(8, p.mass / 8), corner_positions(p), lambda F: gradient(p, F), np.array(p.gravity),
+        np.full(8, p.mass / 8), CORNERS * np.array(p.size), lambda F: gradient(p, F), np.array(p.gravity),
         np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin), np.zeros((3, 3)),
         p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
     )  # fmt: skip

@@ -17,7 +17,7 @@ from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
 from forceid.pseudorigid.material.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
-from forceid.scenes.flights.spinning_block import CORNERS, Parameters, corner_positions
+from forceid.scenes.flights.spinning_block import CORNERS, Parameters
 
 STORED = Path(__file__).parents[3] / "data/synthetic/spinning_block.h5"
 SIGMA, TIME = 3e-4, np.arange(300) / 500
@@ -118,7 +118,7 @@ def test_stress_of_the_material_changes_no_moment(loads):
 
 
 def test_smoothed_map_is_better_than_that_of_a_frame_and_its_stretch_is_the_bodys(stored, loads):
-    X = corner_positions(Parameters())
+    X = CORNERS * np.array(Parameters().size)
     raw = fit_affine(stored.motion.position, X, SIGMA**2)
     assert (
         np.trace(loads.F_cov, axis1=1, axis2=2).max()
