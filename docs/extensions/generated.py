@@ -172,7 +172,7 @@ def concepts(wanted: str) -> Iterator[tuple[ModuleType, list[str]]]:
         thing = getattr(package, name)
         if inspect.ismodule(thing):
             homes[thing.__name__] = [f"{thing.__name__}.{inner}" for inner in public(thing)]
-        else:
+        elif not isinstance(thing, int | float):  # limits are listed by `forceid settings --thresholds`
             home = getattr(thing, "__module__", None) or package.__name__
             home = home if home.startswith("forceid.") else package.__name__
             homes.setdefault(home, []).append(f"{package.__name__}.{name}")
