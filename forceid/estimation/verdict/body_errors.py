@@ -29,14 +29,6 @@ SYMMETRIC = [(k, k) for k in range(3)] + [*combinations(range(3), 2)][::-1]  # e
 
 
 @dataclass(frozen=True)
-class Bias:
-    """Estimate minus truth of force (time, 3) N and moment (time, 3) N m, world axes, to first order."""
-
-    force: Array
-    moment: Array
-
-
-@dataclass(frozen=True)
 class Turning:
     """What biases are computed from: omega and its rate (time, 3) in body axes, loads in world axes."""
 
@@ -70,14 +62,15 @@ def turning_of(
     return Turning(kin, R, omega, rate, state.force, state.moment, arm)
 
 
-def wrong_mass(motion: Turning, part: float) -> Bias:
-    """Bias of a mass that is claimed too large by a part of itself, its distribution being right.
+def wrong_mass(motion: Turning, part: float) -> tuple[Array, Array]:
+    """Force (time, 3) N and moment (time, 3) N m too large where the mass is claimed so by a part of itself.
 
-    Where nodes carry the mass the inertia goes with it; where the inertia is given by itself, it does not.
+    Its distribution is right: where nodes carry the mass the inertia goes with it; where the inertia is given
+    by itself, it does not.
     """
     force = part * motion.force
     moment = 0 * force if motion.kin.inertia.nodal is None else part * motion.moment
-    return Bias(force, moment if motion.arm is None else moment + np.cross(motion.arm, force))
+    return force, moment if motion.arm is None else moment + np.cross(motion.arm, force)
 
 
 def columns(motion: Turning) -> tuple[Array, Array]:

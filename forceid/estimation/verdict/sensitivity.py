@@ -138,7 +138,7 @@ def body_sensitivity(
         motion.moment[every], None if arm is None else arm[every],
     )  # fmt: skip
     force, moment = (gram(c) for c in columns(few))
-    mass = wrong_mass(few, Unit.PERCENT)
+    mass = Cost(*(length(v) for v in wrong_mass(few, Unit.PERCENT)))
 
     def cost(d: Array, dJ: Array) -> Cost:
         both = np.concatenate([d, dJ])
@@ -154,7 +154,7 @@ def body_sensitivity(
     }
     worst = max(by_marker, key=lambda k: relative(by_marker[k], motion), default=None)
     return Budget(
-        Cost(length(mass.force), length(mass.moment)),
+        mass,
         cost(Unit.MILLIMETER * np.eye(3), Unit.MILLIMETER * center_inertia(kin)),
         max(by_axis, key=lambda c: c.moment),
         Cost(np.nan, np.nan) if worst is None else by_marker[worst],
