@@ -10,7 +10,6 @@ from scipy.special import chdtri
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import marker_cov
-from forceid.estimation.verdict.sensitivity import follows
 from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.motion import largest_turn, pose_gain
@@ -30,7 +29,7 @@ def judge_overlap(
     amplitude (time, shape) m, smoothed; force_std (time, 3) N. What a shape moves the fitted center by, times
     the mass and the square of its frequency, is a force that does not act.
     """
-    band = follows(kin, priors, "force")
+    band = force_band(kin, priors["force"]) if "force" in priors else 0.0
     if not len(kin.shapes) or not kin.attitude or not band > 0:
         return []
     gain = pose_gain(summation_operator(kin.shape), kin.seen, marker_cov(kin))
@@ -49,6 +48,15 @@ def judge_overlap(
         for k in range(len(kin.shapes))
         if at[k] < 2 * np.pi * band and false[k] > claimed
     ]
+
+
+def force_band(kin: Kinematics, prior: LoadPrior) -> float:
+    """Frequency Hz up to which a smoother with its prior follows half of the force."""
+    step = float(np.median(np.diff(kin.time)))
+    noise = float(kin.inertia.mass**2 * np.nanmean(np.diagonal(kin.pose.cov, axis1=1, axis2=2)[:, :3]))
+    f = np.linspace(0.0, 0.5 / step, 4096)
+    w = 2 * np.pi * f
+    return float(f[prior.spectrum(w).mean(1) >= noise * step * w**4].max(initial=0.0))
 
 
 def judge_haste(kin: Kinematics, force: Array) -> list[Finding]:

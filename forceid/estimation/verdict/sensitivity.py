@@ -6,7 +6,6 @@ by the smoother in part only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -26,7 +25,6 @@ from forceid.estimation.verdict.body_errors import (
     wrong_mass,
 )
 from forceid.flight.channels import CHANNEL_SAMPLES
-from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.records import Array
 from forceid.rounding import ROUNDED
@@ -98,24 +96,6 @@ UNITS = {
     "clock": ("per_percent", "per percent of the clock"),
     "shape": ("per_5_percent", "per 5 % of the shapes of deformation, at most"),
 }
-
-
-def noise(kin: Kinematics, name: str) -> float:
-    """Variance of one sample of the channel that the load drives: m c, or the integral of H."""
-    var = np.diagonal(kin.pose.cov, axis1=1, axis2=2)
-    if name == "force":
-        return float(kin.inertia.mass**2 * np.nanmean(var[:, :3]))
-    return float((np.trace(kin.inertia.tensor) / 3) ** 2 * np.nanmean(var[:, 3:]))
-
-
-def follows(kin: Kinematics, priors: Mapping[str, LoadPrior], name: str) -> float:
-    """Frequency Hz up to which a smoother with its prior follows half of a load; zero without one."""
-    if name not in priors:
-        return 0.0
-    step = float(np.median(np.diff(kin.time)))
-    f = np.linspace(0.0, 0.5 / step, 4096)
-    w = 2 * np.pi * f
-    return float(f[priors[name].spectrum(w).mean(1) >= noise(kin, name) * step * w**4].max(initial=0.0))
 
 
 def body_sensitivity(

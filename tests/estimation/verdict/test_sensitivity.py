@@ -24,6 +24,7 @@ from forceid.estimation.verdict.body_errors import (
     turning_of,
     wrong_mass,
 )
+from forceid.estimation.verdict.loads import force_band
 from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
 from forceid.records import Motion, Recording
@@ -262,11 +263,11 @@ def test_clock_that_is_slow_costs_what_the_budget_says():
     assert cf.rms(np.linalg.norm(middle(off), axis=1)) == pytest.approx(found.force, rel=0.05)
 
 
-def test_load_is_followed_up_to_where_noise_is_as_strong_as_the_prior(rigid):
+def test_force_is_followed_up_to_where_noise_is_as_strong_as_the_prior(rigid):
     _, solution = rigid
     kin = solution.kinematics
-    hertz = sn.follows(kin, {"force": cf.load_prior(1, 0.05, 0.05)}, "force")
+    hertz = force_band(kin, cf.load_prior(1, 0.05, 0.05))
     w = 2 * np.pi * hertz
     density = 0.05**2 * 2 * 0.05 / (w**2 + 0.05**2)
-    assert density == pytest.approx(sn.noise(kin, "force") * w**4 / 200, rel=0.1)
-    assert sn.follows(kin, {}, "force") == 0.0
+    noise = kin.inertia.mass**2 * np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2).mean()
+    assert density == pytest.approx(noise * w**4 / 200, rel=0.1)
