@@ -33,7 +33,7 @@ _LAZY = {  # where each name lives; what needs scipy is loaded with the name
         "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
         "sensitivity", "superpose", "with_mean",
     ),
-    "building.sensors": ("biased", "colored", "state_space"),
+    "building.sensors": ("biased", "colored", "sensor_rows", "specific_force", "state_space"),
     "building.structure": ("Structure", "System", "discretize_input", "drive", "modal"),
     "inputs.unknown_input": ("InputFiltered", "input_filter"),
 }  # fmt: skip
@@ -62,6 +62,8 @@ if TYPE_CHECKING:
     from forceid.kalman.building.process import with_mean as with_mean
     from forceid.kalman.building.sensors import biased as biased
     from forceid.kalman.building.sensors import colored as colored
+    from forceid.kalman.building.sensors import sensor_rows as sensor_rows
+    from forceid.kalman.building.sensors import specific_force as specific_force
     from forceid.kalman.building.sensors import state_space as state_space
     from forceid.kalman.building.structure import Structure as Structure
     from forceid.kalman.building.structure import System as System

@@ -11,7 +11,7 @@ from forceid import kalman
 from forceid.errors import ConfigError
 from forceid.kalman import StateSpace
 from forceid.kalman.building.process import discretize, integrated_wiener, matern, random_walk, resonator
-from forceid.kalman.building.sensors import biased, colored, state_space
+from forceid.kalman.building.sensors import biased, colored, sensor_rows, specific_force, state_space
 from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 
 ELEMENT = 0.4  # m
@@ -34,14 +34,6 @@ def free_beam(elements=3, mass=0.8, stiffness=5.0):
         M[at, at] += m_e
         K[at, at] += k_e
     return M, K, 2e-3 * K
-
-
-def rows(system, shape, derivative):
-    """What sensors of shape (sensor, mode) read of displacements, velocities or accelerations."""
-    m = system.modes
-    if derivative == 2:
-        return np.asarray(shape) @ system.A[m : 2 * m]
-    return np.asarray(shape) @ np.eye(m, len(system.A), derivative * m)
 
 
 @pytest.fixture(scope="module")
@@ -95,18 +87,48 @@ def differences(u, order, h=1e-3):
 def test_rates_of_the_modes_are_those_of_the_beam(flight):
     shape, system, at = flight
     _, x = at(TIME)
-    np.testing.assert_allclose(x @ rows(system, shape, 0).T, at(TIME)[0], atol=1e-12)
+    np.testing.assert_allclose(x @ sensor_rows(system, shape, 0).T, at(TIME)[0], atol=1e-12)
     moved = differences(lambda t: at(t)[0], 1)
-    np.testing.assert_allclose(x @ rows(system, shape, 1).T, moved, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(x @ sensor_rows(system, shape, 1).T, moved, rtol=1e-6, atol=1e-8)
 
 
 def test_rows_of_acceleration_follow_the_trajectory_with_the_force_in_them(flight):
     shape, system, at = flight
     _, x = at(TIME)
     measured = differences(lambda t: at(t)[0], 2)[:, [2, 6]]
-    H = rows(system, shape[[2, 6]], 2)
+    H = sensor_rows(system, shape[[2, 6]], 2)
     np.testing.assert_allclose(x @ H.T, measured, rtol=1e-5, atol=1e-5)
     assert np.abs(x[:, 16:] @ H[:, 16:].T).max(0).min() > 1.0  # the force itself is no small part
+
+
+def test_an_accelerometer_reads_acceleration_less_gravity_in_its_own_axes(flight):
+    """The exact reading e(theta) . (a - g), with e turned by the slope, to second order in the motion."""
+    shape, system, at = flight
+    g = np.array([0.7, -0.4, -9.6])
+    w, slope = shape[4], shape[5]
+    axes = np.array([[1.0, 0, 0], [0, 0, 1.0], [0.6, 0, 0.8]])
+    tilt = np.stack([0 * slope, -slope, 0 * slope])  # rising along x turns about -y
+    H, offset = specific_force(system, axes[:, 2:] * w, axes, g, np.stack([tilt] * 3))
+    u, x = at(TIME)
+    small = 1e-4
+    a, theta = small * differences(lambda t: at(t)[0], 2)[:, 4], small * u[:, 5]
+    felt = np.stack([0 * a, 0 * a, a], -1) - g
+    c, s = np.cos(theta), np.sin(theta)
+    one, none = np.ones_like(c), np.zeros_like(c)
+    about = np.moveaxis(np.array([[c, none, -s], [none, one, none], [s, none, c]]), 2, 0)
+    turned = np.einsum("tij,sj->tsi", about, axes)
+    exact = np.einsum("tsi,ti->ts", turned, felt)
+    second_order = np.abs(theta).max() * (np.abs(theta).max() * 10 + np.abs(a).max())
+    error = np.abs(small * x @ H.T + offset - exact).max()
+    assert error < second_order + 1e-5 * small
+    assert error < 1e-3 * np.abs(9.6 * theta).max()  # of the effect of tilt alone
+
+
+def test_an_accelerometer_at_rest_reads_gravity_upwards():
+    particle = drive(Structure([0.0], [0.0], [[2.0]]), [random_walk(1.0, 1.0)], 1.0, 1.0)
+    H, offset = specific_force(particle, [[1.0]], [[0, 0, 1.0]], [0, 0, -9.81])
+    assert H.tolist() == [[0.0, 0.0, 2.0]]
+    assert offset.tolist() == [9.81]
 
 
 def test_loads_as_unknown_inputs_go_through_the_feedthrough_instead():
@@ -114,8 +136,8 @@ def test_loads_as_unknown_inputs_go_through_the_feedthrough_instead():
     alone = drive(Structure([3.0, 0.0], [0.02, 0.0], np.zeros((2, 0))), [], 1.0, 1.0)
     driven = drive(structure, [random_walk(1.0, 1.0)] * 2, 1.0, 1.0)
     sensor = np.array([[1.0, 0.4], [0.2, 0.7], [0.0, 1.0]])
-    H, J = rows(alone, sensor, 2), sensor @ structure.participation
-    np.testing.assert_allclose(rows(driven, sensor, 2), np.hstack([H, J]), rtol=1e-15)
+    H, J = sensor_rows(alone, sensor, 2), sensor @ structure.participation
+    np.testing.assert_allclose(sensor_rows(driven, sensor, 2), np.hstack([H, J]), rtol=1e-15)
     F, G = discretize_input(*state_matrices(structure), 0.01)
     np.testing.assert_allclose(discretize(driven, 0.01)[0][:4], np.hstack([F, G]), rtol=1e-12, atol=1e-15)
 
@@ -190,7 +212,7 @@ def test_noise_on_every_channel_alike_is_independent():
 def accelerometer():
     """A particle of 0.5 kg tracked and felt: position to 1 mm, acceleration to 0.05 m/s2, at 100 Hz."""
     particle = drive(Structure([0.0], [0.0], [[2.0]]), [matern(2, 1.0, 6.0)], var_q=1.0, var_rate=1.0)
-    H = np.vstack([rows(particle, [[1.0]], derivative) for derivative in (0, 2)])
+    H = np.vstack([sensor_rows(particle, [[1.0]], derivative) for derivative in (0, 2)])
     return state_space(particle, 0.01, H, np.diag([1e-3, 0.05]) ** 2)
 
 
@@ -265,7 +287,7 @@ def test_two_masses_as_modes_tell_their_force_as_well_as_printed(frequency, both
     P0[:4, :4] = np.kron(np.eye(2), to_modes @ to_modes.T)
     system = replace(system, P0=P0)
     for seen, printed in (([0, 1], both), ([0], first), ([1], second)):
-        model = state_space(system, 1e-3, rows(system, modes.shape[seen], 0), 1e-8 * np.eye(len(seen)))
+        model = state_space(system, 1e-3, sensor_rows(system, modes.shape[seen], 0), 1e-8 * np.eye(len(seen)))
         P = np.asarray(kalman.smooth(model, np.zeros((2500, len(seen)))).P)[1250]
         assert float(f"{np.sqrt(system.loads[0] @ P @ system.loads[0]):.4g}") == printed
 
@@ -295,6 +317,8 @@ def test_many_models_with_colored_noise_and_biases_are_each_by_itself():
 def test_what_is_wrong_with_sensors_noise_or_clock_is_said():
     particle = drive(Structure([0.0], [0.0], [[2.0]]), [random_walk(1.0, 1.0)], 1.0, 1.0)
     model = state_space(particle, 0.1, np.eye(2, 3), np.eye(2))
+    with pytest.raises(ConfigError, match=r"sensor shape has shape \(1, 2\), expected \(sensor, 1\)"):
+        sensor_rows(particle, [[1.0, 2.0]], 1)
     with pytest.raises(ConfigError, match="noise processes number 1, expected 2"):
         colored(model, [None], 0.1)
     with pytest.raises(ConfigError, match="wandering bias needs the time between samples"):

@@ -1,4 +1,4 @@
-"""Models of sampled measurements, and the noise and biases that sensors add to them.
+"""What sensors on a structure under loads read, as rows H on its state, and their noise and biases.
 
 Loads are states, so an accelerometer's feedthrough of force is part of its row: z = H x + offset + n.
 
@@ -7,7 +7,9 @@ Loads are states, so an accelerometer's feedthrough of force is part of its row:
 >>> from forceid.kalman.building.structure import Structure, drive
 >>> particle = Structure(frequency=[0.0], damping=[0.0], participation=[[1 / 0.5]])  # 0.5 kg
 >>> system = drive(particle, [matern(2, std=1.0, rate=30.0)], var_q=1.0, var_rate=1.0)
->>> H = np.array([[1.0, 0, 0, 0], [0, 0, 1 / 0.5, 0]])  # its position, and its acceleration
+>>> H = np.vstack([sensor_rows(system, [[1.0]], derivative) for derivative in (0, 2)])
+>>> H.tolist()
+[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]]
 >>> model = state_space(system, step=1e-3, H=H, R=np.diag([1e-4, 5e-2]) ** 2)
 >>> biased(model, channels=[1], var=0.1).H[1].tolist()
 [0.0, 0.0, 2.0, 0.0, 1.0]
@@ -29,9 +31,49 @@ from forceid.kalman.building.process import (
     random_walk,
     superpose,
 )
+from forceid.kalman.building.structure import System
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import SINGLE
+
+
+def sensor_rows(system: System, shape: ArrayLike, derivative: int = 0) -> Array:
+    """Rows (..., sensor, state) of what sensors read of the amplitudes q, or of a derivative of them in time.
+
+    shape (sensor, mode): what a unit of each mode shows, along the sensing axis. derivative 0: displacement,
+    or strain; 1: velocity, or angular rate; 2: acceleration, with the feedthrough of the loads in the state:
+    shape (-2 Z W q' - W^2 q + Phi^T B p). Raises ConfigError for another number of modes.
+    """
+    shape, m = np.asarray(shape, float), system.modes
+    if shape.ndim != 2 or shape.shape[1] != m:
+        what, step = f"has shape {shape.shape}, expected (sensor, {m})", "give one column for each mode"
+        raise ConfigError(what, "the sensor shape", step)
+    if derivative == 2:
+        return np.asarray(shape @ system.A[..., m : 2 * m, :])
+    return np.asarray(shape @ np.eye(m, system.A.shape[-1], derivative * m))
+
+
+def specific_force(
+    system: System, shape: ArrayLike, direction: ArrayLike, gravity: ArrayLike, tilt: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """Rows and offset (sensor,) of accelerometers, which read acceleration less gravity: +9.81 up at rest.
+
+    shape (sensor, mode) along the sensor's direction (sensor, 3), a unit vector; gravity (3,) m/s2, in the
+    same axes. tilt (sensor, 3, mode): small rotation of the sensor by each mode, where it turns enough to see
+    gravity from aside. Filter z - offset. Source: principal equations 4d, linear in q.
+
+    >>> from forceid.kalman.building.structure import Structure, drive
+    >>> particle = drive(Structure([0.0], [0.0], np.zeros((1, 0))), [], var_q=1.0, var_rate=1.0)
+    >>> H, offset = specific_force(particle, [[1.0]], direction=[[0, 0, 1]], gravity=[0, 0, -9.81])
+    >>> H.tolist(), offset.tolist()
+    ([[0.0, 0.0]], [9.81])
+    """
+    e, g = np.asarray(direction, float), np.asarray(gravity, float)
+    H = sensor_rows(system, shape, 2)
+    if tilt is not None:
+        # the sensor, turned by theta, reads e . (theta x g) = theta . (g x e) more
+        H = H + sensor_rows(system, np.einsum("sam,sa->sm", np.asarray(tilt, float), np.cross(g, e)))
+    return H, -(e @ g)
 
 
 def state_space(system: Diffusion, step: ArrayLike, H: ArrayLike, R: ArrayLike) -> StateSpace:
