@@ -40,6 +40,24 @@ class LoadSetting(Section):
     axes: Literal["body", "world"] = "body"
 
 
+class KnownLoadSetting(Section):
+    """One load that is known beforehand: constant, or the series of that name in /load_known of the file.
+
+    force (N) and moment (N m) about `point`, which is a node, several nodes that share the force evenly, the
+    mass center, or three coordinates in meters. `axes`: "world" keeps vectors and coordinates fixed in space,
+    "body" turns them with the mean rotation. force_std, moment_std: standard deviation of each component, of
+    an error that may last. A series has its own point and covariance where the file gives them.
+    """
+
+    name: str
+    force: Vector | None = None
+    moment: Vector | None = None
+    point: str | Vector | tuple[str, ...] = "mass_center"
+    axes: Literal["body", "world"] = "world"
+    force_std: float = Field(default=0.0, ge=0.0)
+    moment_std: float = Field(default=0.0, ge=0.0)
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -82,9 +100,10 @@ class Settings(Section):
     load_prior: how they vary in time there, one of the kernels in forceid/flight/priors.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
-    for at these frequencies only (Hz). part, joint: bodies that joints hold together, for the forces in
-    these. material: name and constants (J, or Pa with
-    `volume` m3) of a body that deforms affinely, in place of /body/material.
+    for at these frequencies only (Hz). known_load: loads that are known; the force and the moment estimated
+    are those of all others. part, joint: bodies that joints hold together, for the forces in these. material:
+    name and constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of
+    /body/material.
     """
 
     method: Method = "smoother"
@@ -100,6 +119,7 @@ class Settings(Section):
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()
+    known_load: tuple[KnownLoadSetting, ...] = ()
     part: tuple[PartSetting, ...] = ()
     joint: tuple[JointSetting, ...] = ()
     material: dict[str, str | float | tuple[float, ...]] | None = None

@@ -72,6 +72,32 @@ class Body:
 
 
 @dataclass(frozen=True)
+class KnownPart:
+    """What known loads do along a motion, world axes: force (time, 3) N and moment (time, 3) N m.
+
+    momentum (time, 3) kg m2/s: the integral of the moment from the first sample on; turned (time, 3) kg m2:
+    that of the momentum.
+    """
+
+    force: Array
+    moment: Array
+    momentum: Array
+    turned: Array
+
+    def part(self, s: slice) -> KnownPart:
+        """The same over some samples."""
+        return KnownPart(self.force[s], self.moment[s], self.momentum[s], self.turned[s])
+
+    def over_steps(self, step: Array) -> tuple[Array, Array]:
+        """A moment b + c s (sample, 3) each that brings as much over every step; none at the last sample."""
+        s = step[:, None]
+        H = np.diff(self.momentum, axis=0)
+        Y = np.diff(self.turned, axis=0) - s * self.momentum[:-1]
+        b, c = 6 * Y / s**2 - 2 * H / s, 6 * H / s**2 - 12 * Y / s**3
+        return np.concatenate([b, b[-1:]]), np.concatenate([c, c[-1:]])
+
+
+@dataclass(frozen=True)
 class Motion:
     """What was measured, NaN where it was not. World axes.
 
@@ -80,7 +106,8 @@ class Motion:
     (time, sensor, 3); strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
-    NaN where there is none; None for a motion as it was measured.
+    NaN where there is none; None for a motion as it was measured. known: what known loads do besides moving
+    the mass center, which was taken out of the positions; None for none.
     """
 
     time: Array
@@ -100,6 +127,7 @@ class Motion:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
+    known: KnownPart | None = None
 
     @property
     def measured(self) -> Array | None:
@@ -118,11 +146,31 @@ SENSED: dict[str, Variable] = {f.name: f.metadata["variable"] for f in fields(Mo
 
 
 @dataclass(frozen=True)
+class KnownLoads:
+    """Loads that were measured, as /load_known of a motion file holds them, on a clock of their own.
+
+    time (sample,) s; name (known_load,); force (sample, known_load, 3) N and moment (sample, known_load, 3)
+    N m about `point` (sample, known_load, 3) m, world axes, with wrench_cov (sample, known_load, 6, 6). No
+    force or no moment is zero; no point is left to the settings, the mass center where they name none.
+    nodal_force (sample, node, 3) N, world axes: on every node of the body.
+    """
+
+    time: Array
+    name: tuple[str, ...] = ()
+    force: Array | None = None
+    moment: Array | None = None
+    wrench_cov: Array | None = None
+    point: Array | None = None
+    nodal_force: Array | None = None
+
+
+@dataclass(frozen=True)
 class Recording:
     """One motion file: body, motion, what is known of the truth, and where it came from.
 
-    truth: variables named as in Estimate (force, moment, center, ...), possibly on their own `time`.
-    sha256: hash of the file's bytes, or of the arrays when there is no file.
+    known_loads: loads that were measured beside the motion. truth: variables named as in Estimate (force,
+    moment, center, ...), possibly on their own `time`. sha256: hash of the file's bytes, or of the arrays
+    when there is no file.
     """
 
     body: Body
@@ -132,6 +180,7 @@ class Recording:
     source: str = ""
     history: str = ""
     sha256: str = ""
+    known_loads: KnownLoads | None = None
 
 
 @dataclass(frozen=True)
@@ -292,9 +341,11 @@ class Estimate:
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
     time (time,) s; force (time, 3) N and moment (time, 3) N m, world axes, about `moment_about`;
-    wrench_cov (time, 6, 6); center (time, 3) m; velocity (time, 3) m/s; orientation (time, 4) [x y z w];
-    angular_velocity (time, 3) rad/s and angular_momentum (time, 3) kg m2/s, world axes;
-    deformation (time, node, 3) m, body axes, about mean_shape (node, 3) m; nis (time,) normalized
+    wrench_cov (time, 6, 6); known_force (time, 3) N and known_moment (time, 3) N m, about the mass center, of
+    the loads that were known beforehand, which act beside these, None without any; center (time, 3) m;
+    velocity (time, 3) m/s; orientation (time, 4) [x y z w]; angular_velocity (time, 3) rad/s and
+    angular_momentum (time, 3) kg m2/s, world axes; deformation (time, node, 3) m, body axes, about
+    mean_shape (node, 3) m; nis (time,) normalized
     innovation squared per degree of freedom, NaN where the method has no innovations; innovation
     (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
     that the force was computed with. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3)
@@ -331,6 +382,8 @@ class Estimate:
     stretch: Array | None = None
     first_moment: Array | None = None
     first_moment_cov: Array | None = None
+    known_force: Array | None = None
+    known_moment: Array | None = None
     loads: Loads | None = None
     interface: Interface | None = None
     witness: Witness | None = None

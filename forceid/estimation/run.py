@@ -19,6 +19,8 @@ from forceid.estimation.body.material import with_material
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import observed_first_moments
 from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.known.beside import Beside, beside_known
+from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
@@ -101,6 +103,13 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
+    return beside_known(recording, settings, estimate_beside)
+
+
+def estimate_beside(
+    recording: Recording, settings: Settings, beside: Beside | None
+) -> tuple[Estimate, Solution | None]:
+    """The estimate of what acts beside the loads known, and the solution behind it unless it is refused."""
     body, motion, kin = recording.body, recording.motion, None
     if is_unmarked(motion):
         findings = judge_unmarked(body, motion, settings)
@@ -111,10 +120,13 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     if refusing(findings):
         return refused_estimate(recording, settings, findings), None
     motion, mended = prepared(body, motion)
+    if beside is not None:
+        motion = beside.removed(motion)
     if kin is None:
         solution, choice = from_sensors(body, motion, settings)
     else:
         seen = kin if motion is recording.motion else kinematics(body, motion, settings)
+        kin = kin if beside is None else seen
         try:
             solution, choice = at_its_level(seen, body, motion, settings)
         except EstimationError as e:
@@ -127,7 +139,11 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     witness = witness_of(body, motion, solution.state)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
-    result = assemble(recording, settings, solution, findings, choice.left, differs)
+    known = None
+    if beside is not None:
+        state, known = beside.restored(solution.state, body, motion.time)
+        solution = replace(solution, state=state)
+    result = assemble(recording, settings, solution, findings, choice.left, differs, known)
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 
@@ -201,11 +217,12 @@ def assemble(
     findings: list[Finding],
     left: float | None,
     further: list[Finding],
+    known: KnownWrench | None = None,
 ) -> Estimate:
     """The estimate that a solved flight amounts to.
 
     left: chi-square that the rigid level leaves over that of the best, None where levels were not compared;
-    further: what is to say beside, after all else.
+    further: what is to say beside, after all else; known: the loads that it is beside.
     """
     kin, state = solution.kinematics, solution.state
     motion = recording.motion
@@ -216,8 +233,11 @@ def assemble(
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
-    affine, unobserved = observed_first_moments(recording, settings, solution)
-    costs = body_sensitivity(kin, solution.deformation, state, recording.body.node, motion.gravity, arm)
+    of_all = solution if known is None else replace(solution, state=known.added(state))
+    affine, unobserved = observed_first_moments(recording, settings, of_all)
+    costs = body_sensitivity(
+        kin, solution.deformation, of_all.state, recording.body.node, motion.gravity, arm
+    )
     force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     findings = [
@@ -250,6 +270,8 @@ def assemble(
         stretch=affine.stretch if affine else stretch_to(kin.shape, shape) if kin.model == "affine" else None,
         first_moment=affine.first_moment if affine else None,
         first_moment_cov=affine.first_moment_cov if affine else None,
+        known_force=known.part.force if known else None,
+        known_moment=known.part.moment if known else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden,
     )  # fmt: skip

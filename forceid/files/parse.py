@@ -5,16 +5,16 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.schema import BODY, MATERIAL, MOTION, SCHEMA, TRUTH
+from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
-from forceid.records import Array, Body, Motion, Recording, Variable
+from forceid.records import Array, Body, KnownLoads, Motion, Recording, Variable
 
 _SHOWN = 12  # names in a line
 READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")  # of a variable
@@ -87,9 +87,30 @@ def parse_recording(
         source=text(attrs.get("source", "")),
         history=text(attrs.get("history", "")),
         sha256=sha256,
+        known_loads=read_known_loads(groups, sizes, where),
     )
     check_recording(recording, where)
     return recording
+
+
+def read_known_loads(groups: Mapping[str, Stored], sizes: dict[str, int], where: str) -> KnownLoads | None:
+    """The loads that /load_known holds, on the clock of the motion where it has none of its own."""
+    if "load_known" not in groups:
+        return None
+    group, own = groups["load_known"], {d: sizes[d] for d in ("axis", "node") if d in sizes} | {"wrench": 6}
+    if "time" not in group.variables:
+        group = replace(group, variables={**group.variables, "time": groups["motion"].variables["time"]})
+    found, _ = read_variables(group, KNOWN_LOADS, own, f"{where}:/load_known")
+    if not {"force", "moment", "nodal_force"} & set(found):
+        what = "holds no load, expected force, moment or nodal_force"
+        raise DataError(what, f"{where}:/load_known", likeliest_name("force", group.found))
+    count = own.get("known_load", 0)
+    names = [text(n) for n in np.asarray(group.variables.get("known_load", ())).ravel()]
+    names = names or [f"load_{k}" for k in range(count)]
+    if len(set(names)) != len(names) or len(names) != count:
+        what = f"names {', '.join(names)}, expected a name of its own for each of {count} loads"
+        raise DataError(what, f"{where}:/load_known/known_load", "name every load once")
+    return KnownLoads(name=tuple(names), **found)
 
 
 def read_variables(

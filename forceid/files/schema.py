@@ -71,6 +71,18 @@ MOTION = {
     "center": Variable(("time", "axis"), "m", "measured mass center, world axes"),
     "orientation": Variable(("time", "quaternion"), "1", "measured orientation, body to world"),
 } | SENSED
+KNOWN_LOADS = {
+    "time": Variable(("time",), "s", "time"),
+    "force": Variable(("time", "known_load", "axis"), "N", "known force, world axes"),
+    "moment": Variable(("time", "known_load", "axis"), "N m", "known moment about the point, world axes"),
+    "wrench_cov": Variable(
+        ("time", "known_load", "wrench", "wrench_2"),
+        "N2",
+        "covariance of force and moment: blocks in N2, N2 m and N2 m2",
+    ),
+    "point": Variable(("time", "known_load", "axis"), "m", "where a known load acts, world axes"),
+    "nodal_force": Variable(("time", "node", "axis"), "N", "known forces on the nodes, world axes"),
+}
 ESTIMATE = {
     "time": Variable(("time",), "s", "time"),
     "force": Variable(("time", "axis"), "N", "applied force, weight excluded, world axes"),
@@ -82,6 +94,8 @@ ESTIMATE = {
         "N2",
         "covariance of the wrench, force then moment: blocks in N2, N2 m and N2 m2",
     ),
+    "known_force": Variable(("time", "axis"), "N", "force of the loads known beforehand, world axes"),
+    "known_moment": Variable(("time", "axis"), "N m", "their moment about the mass center, world axes"),
     "center": Variable(("time", "axis"), "m", "mass center, world axes"),
     "velocity": Variable(("time", "axis"), "m s-1", "velocity of the mass center, world axes"),
     "orientation": Variable(("time", "quaternion"), "1", "mean orientation, body to world"),
@@ -222,6 +236,9 @@ def motion_groups(recording: Recording) -> dict[str, Group]:
     }
     if body.material is not None:
         groups[MATERIAL] = Group({}, dict(body.material))
+    if (known := recording.known_loads) is not None:
+        values = {name: getattr(known, name) for name in KNOWN_LOADS}
+        groups["load_known"] = Group(fields(KNOWN_LOADS, values, node | {"known_load": known.name}))
     return groups | truth_group(recording)
 
 

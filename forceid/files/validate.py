@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.records import SENSED, Array, Body, Motion, Recording
+from forceid.records import SENSED, Array, Body, KnownLoads, Motion, Recording
 
 _SYMMETRY = 1e-6  # of the largest entry: float32 matrices pass
 
@@ -22,6 +22,8 @@ def check_recording(recording: Recording, where: str = "") -> None:
     check_clock(motion.time, f"{where}:/motion/time")
     check_body(body, f"{where}:/body")
     check_motion(motion, body, f"{where}:/motion")
+    if recording.known_loads is not None:
+        check_known_loads(recording.known_loads, motion.time, f"{where}:/load_known")
     for name, values in recording.truth.items():
         if name == "time":
             check_clock(values, f"{where}:/truth/time")
@@ -169,6 +171,31 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
     if motion.orientation is not None:
         check_quaternions(motion.orientation, f"{where}/orientation")
     check_sensors(motion, body, where)
+
+
+def check_known_loads(known: KnownLoads, time: Array, where: str) -> None:
+    """Known loads have no gaps, covariances that are some, and a clock that covers that of the motion."""
+    check_clock(known.time, f"{where}/time")
+    first, last = known.time[0], known.time[-1]
+    if first > time[0] or last < time[-1]:
+        raise DataError(
+            f"runs from {first:.6g} to {last:.6g} s, expected to cover the motion, {time[0]:.6g} to "
+            f"{time[-1]:.6g} s",
+            f"{where}/time",
+            "cut the motion to where the loads are known: what is not known of a load is not zero",
+        )
+    for name, value in vars(known).items():
+        if name != "name" and value is not None and not np.isfinite(value).all():
+            raise DataError(
+                f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none",
+                f"{where}/{name}",
+                "fill the gaps, or leave that load out and let it be found",
+            )
+    if (cov := known.wrench_cov) is not None:
+        low, size = np.linalg.eigvalsh(0.5 * (cov + cov.mT))[..., 0], np.abs(cov).max((-1, -2))
+        if (low < -_SYMMETRY * size).any() or (np.abs(cov - cov.mT).max((-1, -2)) > _SYMMETRY * size).any():
+            what = "is no covariance, expected symmetric matrices without a negative variance"
+            raise DataError(what, f"{where}/wrench_cov", "give E[e e^T] of force, then moment")
 
 
 def check_sensors(motion: Motion, body: Body, where: str) -> None:

@@ -26,7 +26,7 @@ from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
-from forceid.records import Array
+from forceid.records import Array, KnownPart
 
 COARSE = 0.5  # rad from frame to frame, beyond which differences of frames show no rates
 
@@ -40,7 +40,8 @@ class Flight:
     kg m2 of the current shape and h (time, 3) kg m2/s, angular momentum of the deformation, both in
     body axes and about the mass center; gravity (3,) m/s2; sensors: those on the body;
     modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
-    with the deformation taken out, inertia and h those along the path of the modes.
+    with the deformation taken out, inertia and h those along the path of the modes. known: what known loads
+    bring beside those that are states; their path is no part of the center.
     """
 
     time: Array
@@ -53,6 +54,11 @@ class Flight:
     gravity: Array
     sensors: Sensors | None = None
     modes: FlyingModes | None = None
+    known: KnownPart | None = None
+
+    def whole(self, H: Array) -> Array:
+        """Angular momentum (time, 3), world axes, of all loads, from that of the unknown ones."""
+        return H if self.known is None else H + self.known.momentum
 
 
 def unsettled(flight: Flight) -> tuple[str, str]:
@@ -101,8 +107,14 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
 
 
 def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> ReferenceTrajectory:
-    """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn."""
+    """The flight about a rotation, momentum, moment and its rate, in substeps for its fastest turn.
+
+    Those of the unknown loads, which known ones add to.
+    """
     step = np.diff(flight.time)
+    if flight.known is not None:
+        b, c = flight.known.over_steps(step)
+        H, T, dT = flight.whole(H), T + b, dT + c
     inertia, h = cubics(flight.time, flight.inertia), cubics(flight.time, flight.h)
     body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
     omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
@@ -196,7 +208,7 @@ def linear_flight(
     n, N = len(free.x0), len(model.x0)
     if flight.modes is not None:
         frames, whole = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
-        H, _, _ = reference.moment.read(reference.chain)
+        H = flight.whole(reference.moment.read(reference.chain)[0])
         model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
         z = np.where(whole, np.concatenate([frames.center, theta, frames.observed], 1), np.nan)
@@ -236,7 +248,7 @@ def flexed(flight: Flight, reference: Reference) -> Flight:
     if flight.modes is None or reference.modes is None:
         return flight
     modes = replace(flight.modes, path=reference.modes)
-    inertia, h = modes.products.of(modes.amplitude, modes.rate)
+    inertia, h = modes.inertia()
     return replace(flight, modes=modes, inertia=inertia, h=h)
 
 
@@ -250,6 +262,10 @@ def moved_along(flight: Flight, force: LoadPrior, reference: Reference) -> Moved
     assert reference.force is not None
     H, T, dT = reference.moment.read(reference.chain)
     _, F, dF = force.read(reference.force)
+    if (known := flight.known) is not None:
+        H, T, F = flight.whole(H), T + known.moment, F + known.force
+        dT = dT + np.gradient(known.moment, flight.time, axis=0)
+        dF = dF + np.gradient(known.force, flight.time, axis=0)
     J, h = CubicSpline(flight.time, flight.inertia), CubicSpline(flight.time, flight.h)
     return Moved(
         reference.rotation, H, T, F, flight.mass,

@@ -10,7 +10,7 @@ Source: principal equations 4d, 4f.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -42,7 +42,7 @@ class FlyingModes:
 
     path (time, state): chains (q, q', f) of all modes, about which a flight is linearized first; gauges: that
     read their strain; mounting: displacement and tilt (sensor, mode, 3) of gyros and accelerometers, each for
-    a unit of amplitude.
+    a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns inside the body.
     """
 
     frames: Frames
@@ -51,6 +51,7 @@ class FlyingModes:
     path: Array
     gauges: StrainGauges | None = None
     mounting: tuple[Array, Array] | None = None
+    inside: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def amplitude(self) -> Array:
@@ -69,6 +70,11 @@ class FlyingModes:
         if gauges is not None:
             gauges = replace(gauges, reading=gauges.reading[s])
         return replace(self, frames=frames, path=self.path[s], gauges=gauges)
+
+    def inertia(self) -> tuple[Array, Array]:
+        """Inertia (time, 3, 3) and h (time, 3) about the mass center, body axes, along the path."""
+        J, h = self.products.of(self.amplitude, self.rate)
+        return J, h + self.inside
 
 
 def chains(modes: FlyingModes, step: Array) -> tuple[Array, Array, Array]:
@@ -118,7 +124,7 @@ def mode_impulses(
     Both (time - 1, 3, state): the integral of a cubic through amplitudes and rates at both ends. d_theta
     (time - 1, 3, 3): of theta over a step by itself.
     """
-    J, h = modes.products.of(modes.amplitude, modes.rate)
+    J, h = modes.inertia()
     J_inv = np.linalg.inv(J)
     omega = np.einsum("tij,tj->ti", J_inv, np.einsum("tji,tj->ti", rotation, H) - h)
     dJ, by_q, by_rate = modes.products.slopes(modes.amplitude, modes.rate)

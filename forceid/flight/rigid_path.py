@@ -155,7 +155,7 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
     omega = turns / np.diff(flight.time)[:, None]
     omega = np.concatenate([omega[:1], 0.5 * (omega[1:] + omega[:-1]), omega[-1:]])
     body = apply(flight.inertia, apply(R.swapaxes(1, 2), omega)) + flight.h
-    return R, apply(R, body) @ moment.axes
+    return R, (apply(R, body) - flight.whole(np.zeros_like(body))) @ moment.axes
 
 
 def settled_in_batches(

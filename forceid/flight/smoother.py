@@ -125,6 +125,7 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
     path, R, chain = found
     x, rot = path.x, turned(path.x[:, classes.theta : classes.theta + 3], R)
     P, F, H, T = (x @ columns for columns in classes.loads[:4])
+    H = flight.whole(H)
     body = apply(rot.swapaxes(1, 2), H) - flight.h
     omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
     reference = Reference(R, chain, moment)
@@ -281,6 +282,7 @@ def read_state(
     P, F, _ = force.read(x[:, :n])
     end = n + reference.chain.shape[1]
     H, T, _ = reference.moment.read(x[:, n:end])
+    H = flight.whole(H)
     read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
     read_wrench[:, :3, :n], read_wrench[:, 3:, n:end] = force.rows, reference.moment.rows
     for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
@@ -312,7 +314,7 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     Where gyros read, H is theirs, and the bridges are laid by dead reckoning: any number of turns between two
     frames. Other sensors that count the turns give bridges that turn about one axis each.
     """
-    time = flight.time
+    time, brought = flight.time, flight.whole(np.zeros((len(flight.time), 3)))
     chain = np.zeros((len(time), moment.states))
     rate, path = gyro_rate(time, flight.sensors), None
     if rate is None and (path := path_read(time, flight.rotation, flight.sensors)) is not None:
@@ -320,7 +322,7 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     if rate is not None:
         H_body = np.einsum("tij,tj->ti", flight.inertia, rate) + flight.h
         rot = reckoned(time, steps_of(flight, H_body), flight.rotation) if path is None else path[0]
-        chain[:, MOMENTUM] = np.einsum("tij,tj->ti", rot, H_body) @ moment.axes
+        chain[:, MOMENTUM] = (np.einsum("tij,tj->ti", rot, H_body) - brought) @ moment.axes
         return Reference(rot, chain, moment)
     seen = np.isfinite(flight.rotation).all((1, 2))
     t, R, J, h = (a[seen] for a in (time, flight.rotation, flight.inertia, flight.h))
@@ -328,7 +330,7 @@ def first_reference(flight: Flight, moment: LoadPrior) -> Reference:
     last = np.clip(np.searchsorted(t, time, "right") - 1, 0, len(H) - 1)
     rot = free_turn(time - t[last], R[last], H[last], J[last], h[last])[0]
     H = np.stack([np.interp(time, 0.5 * (t[1:] + t[:-1]), axis) for axis in H.T], 1)
-    chain[:, MOMENTUM] = H @ moment.axes
+    chain[:, MOMENTUM] = (H - brought) @ moment.axes
     return Reference(rot, chain, moment)
 
 
@@ -337,5 +339,5 @@ def steps_of(flight: Flight, H: Array) -> Array:
 
     Without a moment over the step, by the equations of the top: exact for a free one, however far it turns.
     """
-    still = np.zeros_like(H)
-    return turn_along(trajectory_of(flight, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]
+    still, free = np.zeros_like(H), replace(flight, known=None)
+    return turn_along(trajectory_of(free, np.tile(np.eye(3), (len(H), 1, 1)), H, still, still))[0]

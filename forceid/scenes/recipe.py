@@ -145,7 +145,7 @@ def measure(flight: KnownFlight, recipe: SceneRecipe, time: Array, rng: np.rando
     stated = {name: value for name, value in std.items() if recipe.stated_noise and value > 0.0}
     return Recording(
         body=flight.body,
-        motion=Motion(time, gravity=flight.gravity, noise_std=stated, **seen),
+        motion=Motion(time, gravity=flight.gravity, noise_std=stated, **seen),  # type: ignore[arg-type]
         truth={"time": time, **flight.truth},
         title=recipe.title or recipe.scene.replace("_", " "),
         source=f"forceid scene {recipe.scene}",

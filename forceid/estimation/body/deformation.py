@@ -90,8 +90,9 @@ def products_of(kin: Kinematics) -> Products:
 
 
 def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array, Array]:
-    """Inertia (time, 3, 3) and angular momentum of the deformation h (time, 3) about the mass center."""
+    """Inertia (time, 3, 3) and h (time, 3), momentum of the deformation and of what turns inside."""
     J, h = products_of(kin).of(amplitude, rate)
+    h = h + kin.inside
     return J, h if kin.spin is None else h + kin.spin.momentum
 
 

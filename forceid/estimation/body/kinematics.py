@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings
 from forceid.estimation.body.deforming.deformation_shapes import deformation_shapes
 from forceid.estimation.body.deforming.modes import fit_amplitudes
-from forceid.estimation.body.inertia import Inertia, inertia_of
+from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
 from forceid.estimation.body.mass_center import affine_center, center_of_mass, with_center
 from forceid.estimation.body.spin import Spin
@@ -18,7 +18,7 @@ from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Flags, KnownPart, Motion
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class Kinematics:
     counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
     body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
     mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
-    rotation touches the force; markers: what this goes on from, None for a mean motion.
+    rotation touches the force; markers: what this goes on from, None for a mean motion; inside (3,)
+    kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion.
     """
 
     time: Array
@@ -53,6 +54,8 @@ class Kinematics:
     spin: Spin | None = None
     apart: bool = False
     markers: MarkerSet | None = None
+    inside: Array = field(default_factory=lambda: np.zeros(3))
+    known: KnownPart | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -127,7 +130,7 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     return Kinematics(
         time, inertia, shape, markers.seen, pose, shapes, q, q_var, model, {"position": markers.root},
         {"position": markers.stated}, not inertia.point, frames, beside, spin, known_center is not None,
-        markers,
+        markers, momentum_inside(markers.body), markers.known,
     )  # fmt: skip
 
 
@@ -147,6 +150,7 @@ def without_rotation(markers: MarkerSet) -> Kinematics:
         time, inertia, X, markers.seen, pose, np.zeros((0, *X.shape)), empty, empty, "rigid",
         {"position": markers.root}, {"position": markers.stated}, bool(observed), spin=spin,
         apart=mean is not None, markers=markers,
+        inside=momentum_inside(markers.body), known=markers.known,
     )  # fmt: skip
 
 
@@ -185,7 +189,7 @@ def from_mean_motion(
     known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
     return Kinematics(
         time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude,
-        spin=spin,
+        spin=spin, inside=momentum_inside(body), known=motion.known,
     )  # fmt: skip
 
 

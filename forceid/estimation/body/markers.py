@@ -16,7 +16,7 @@ from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
 from forceid.motion import body_axes, fit_rotation, noise_variance
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Flags, KnownPart, Motion
 
 ROUNDOFF = float(np.finfo(np.float32).eps)  # of the size of the motion: noise below this is not believed
 
@@ -32,6 +32,7 @@ class MarkerSet:
     mean: the mass center where it is a mean of markers; oriented: whether they fix a rotation. Where they do:
     weight (node,): of the rotation fit, whose gauge is that of the residuals; modes: that the body brings;
     shape (node, 3) m: the mean shape; residual (time, node, 3) m, body axes, of the frames that show best.
+    known: what known loads do along the motion.
     """
 
     body: Body
@@ -51,6 +52,7 @@ class MarkerSet:
     modes: Modes | None
     shape: Array
     residual: Array
+    known: KnownPart | None
 
     @property
     def noise_std(self) -> float:
@@ -98,7 +100,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
         residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
     return MarkerSet(
         body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
-        modes, shape, residual,
+        modes, shape, residual, motion.known,
     )  # fmt: skip
 
 

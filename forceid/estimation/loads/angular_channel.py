@@ -24,10 +24,13 @@ class AngularChannel:
     drift: Array
 
 
-def angular_channel(time: Array, rotation: Array, cov: Array, inertia: Array, h: Array) -> AngularChannel:
+def angular_channel(
+    time: Array, rotation: Array, cov: Array, inertia: Array, h: Array, known: Array | None = None
+) -> AngularChannel:
     """Integrated angular momentum of measured rotations (time, 3, 3), with cov (time, 3, 3) of left errors.
 
-    inertia (time, 3, 3) and h (time, 3) of the deforming body, body axes. H is the one that takes a free body
+    inertia (time, 3, 3) and h (time, 3) of the deforming body, body axes; known (time, 3): the part of Y
+    that known moments make, which is left out. H is the one that takes a free body
     from frame to frame. An error theta of the rotation makes H wrong by J theta' - H x theta, so Y by J theta
     plus the integral of (-J' - [H]x) theta; across a step of some size, by what that step makes of theta.
     Good for tuning a prior; the flight smoother makes no use of it. Source: principal equations 2.4, 4f.
@@ -37,6 +40,7 @@ def angular_channel(time: Array, rotation: Array, cov: Array, inertia: Array, h:
     step = np.diff(t)[:, None, None]
     H, by_R, by_H = momentum_between(t, R, J_body, h[seen])
     Y = np.concatenate([np.zeros((1, 3)), np.cumsum(H * step[..., 0], axis=0)])
+    Y -= 0.0 if known is None else known[seen]
     # theta_2 = by_R theta_1 + by_H dH: a frame moves Y by the step that ends in it, against the one it begins
     ends = step * np.linalg.inv(by_H)
     adds_up = ends[:-1] - ends[1:] @ by_R[1:]

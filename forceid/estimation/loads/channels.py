@@ -37,7 +37,8 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
 def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
     """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
     pose = kin.pose
-    ch = angular_channel(kin.time, pose.rotation, pose.cov[:, 3:, 3:], deformation.inertia, deformation.h)
+    known, cov = None if kin.known is None else kin.known.turned, pose.cov[:, 3:, 3:]
+    ch = angular_channel(kin.time, pose.rotation, cov, deformation.inertia, deformation.h, known)
     return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, ch.drift)
 
 
@@ -76,7 +77,17 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
     inertia, h, modes = deformation.inertia, deformation.h, None
     joint = measured or not kin.apart
     if joint and kin.frames is not None and deformation.prior is not None and deformation.path is not None:
-        modes = FlyingModes(kin.frames, deformation.prior, products_of(kin), deformation.path)
+        products, path = products_of(kin), deformation.path
+        modes = FlyingModes(kin.frames, deformation.prior, products, path, inside=kin.inside)
     return Flight(
-        kin.time, kin.pose.center, kin.pose.rotation, cov, kin.inertia.mass, inertia, h, gravity, modes=modes
+        kin.time,
+        kin.pose.center,
+        kin.pose.rotation,
+        cov,
+        kin.inertia.mass,
+        inertia,
+        h,
+        gravity,
+        modes=modes,
+        known=kin.known,
     )

@@ -205,6 +205,8 @@ def flight_segment(flight: Flight, s: slice) -> Flight:
     }  # fmt: skip
     if flight.modes is not None:
         flight = replace(flight, modes=flight.modes.part(s))
+    if flight.known is not None:
+        flight = replace(flight, known=flight.known.part(s))
     if flight.sensors is None:
         return replace(flight, **parts)
     # a kind that does not read in the stretch reads nothing there, and its bias has no state

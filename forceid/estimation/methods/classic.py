@@ -90,7 +90,8 @@ def measured_angular_channel(kin: Kinematics) -> AngularChannel:
     """Integrated angular momentum of the body with the deformation as it was measured."""
     amplitude = np.nan_to_num(kin.amplitude)
     inertia, h = inertia_along(kin, amplitude, np.gradient(amplitude, kin.time, axis=0))
-    return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h)
+    known = None if kin.known is None else kin.known.turned
+    return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h, known)
 
 
 def choose_moment(channel: AngularChannel, candidates: list[Window]) -> WindowChoice:

@@ -98,8 +98,6 @@ class Problem:
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
         kin, deformation = undeformed(kin, self.engine, self.causal)
-        if (inside := self.body.internal_momentum) is not None:
-            deformation = replace(deformation, h=deformation.h + inside)
         return replace(self, kin=kin, deformation=deformation)
 
     def noting(self, *findings: Finding) -> Problem:

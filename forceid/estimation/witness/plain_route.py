@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.body.inertia import Inertia, inertia_of
+from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.thin_mass import SLENDER, thinned
 from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
@@ -60,7 +60,7 @@ def plain_route(body: Body, motion: Motion) -> PlainRoute:
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
     if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
-    inside = np.zeros(3) if body.internal_momentum is None else body.internal_momentum
+    inside = momentum_inside(body)
     if motion.position is not None and body.position is not None:
         return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
     if motion.center is not None:
@@ -148,7 +148,8 @@ def plain_moment_channel(
         return None
     rotation = np.where(seen[:, None, None], rotation, np.nan)
     alike = np.broadcast_to(np.eye(3), rotation.shape)  # errors of the turn about all axes
-    turned = angular_channel(motion.time, rotation, alike, inertia, h)
+    known = None if motion.known is None else motion.known.turned
+    turned = angular_channel(motion.time, rotation, alike, inertia, h, known)
     z = np.full((len(rotation), 3), np.nan)
     z[seen] = turned.Y
     found = seen_of(motion.time, z, whole)

@@ -139,7 +139,8 @@ def assemble_recording(
     if "orientation" in values:
         check_quaternions(values["orientation"], f"{where}:/motion/orientation")
         values = values | {"orientation": canonical(values["orientation"])}
-    motion = Motion(**values, gravity=np.array(settings.gravity), noise_std=dict(settings.noise_std))
+    gravity, noise_std = np.array(settings.gravity), dict(settings.noise_std)
+    motion = Motion(**values, gravity=gravity, noise_std=noise_std)  # type: ignore[arg-type]
     keep = window(motion.time, settings.start, settings.stop)
     if settings.until is not None:
         keep &= np.arange(len(keep)) < first_contact(motion, body, settings.until)

@@ -14,8 +14,8 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.parse import NC_FILL, READ, Stored, parse_recording, read_real, real_attr, text, unpack
-from forceid.files.schema import BODY, MOTION, TRUTH
-from forceid.files.stored.hdf5 import guarded, open_hdf5, source_group
+from forceid.files.schema import MOTION
+from forceid.files.stored.hdf5 import TABLES, guarded, open_hdf5, source_group
 from forceid.files.units import si_factor
 from forceid.records import Array, Recording
 
@@ -90,9 +90,7 @@ def opened(path: str | Path, gravity: Sequence[float] | None = None) -> Iterator
     """
     with open_hdf5(path, checked=True) as f:
         found = {
-            name: source_group(f, name, table, f"{path}:")
-            for name, table in (("body", BODY), ("motion", MOTION), ("truth", TRUTH))
-            if name in f
+            name: source_group(f, name, table, f"{path}:") for name, table in TABLES.items() if name in f
         }
         motion = found["motion"]
         positions = positions_of(motion.variables["position"], found, f"{path}:/motion/position")

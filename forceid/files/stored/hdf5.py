@@ -16,7 +16,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.parse import READ, Stored, parse_recording, text
-from forceid.files.schema import BODY, MATERIAL, MOTION, TRUTH, Group, motion_groups
+from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, TRUTH, Group, motion_groups
 from forceid.files.stored.atomic import atomic
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
 from forceid.files.stored.object_header import attributes, check_texts, judge_attribute
@@ -26,7 +26,9 @@ _COMPRESSION_LIMIT = 2000  # deflate reaches 1032
 _CHUNK = 1 << 30  # bytes that reading a single value may unpack
 _NAMES = 1000  # members of a group that are looked at
 DAMAGE = OSError, RuntimeError, KeyError, ValueError  # what h5py raises on damaged metadata
-_TABLES = {"body": BODY, MATERIAL: {}, "motion": MOTION, "truth": TRUTH, "estimate": {}}
+TABLES = {
+    "body": BODY, MATERIAL: {}, "motion": MOTION, "load_known": KNOWN_LOADS, "truth": TRUTH, "estimate": {},
+}  # fmt: skip
 
 
 def read_motion(path: str | Path, gravity: Sequence[float] | None = None) -> Recording:
@@ -44,7 +46,7 @@ def read_checked(
     """The recording in a motion file of that fingerprint. DataError also if its stamp is not `before`."""
     with open_hdf5(path, checked=True) as f:
         groups = {
-            name: source_group(f, name, tables, f"{path}:") for name, tables in _TABLES.items() if name in f
+            name: source_group(f, name, tables, f"{path}:") for name, tables in TABLES.items() if name in f
         }
         recording = parse_recording(groups, f.attrs, str(path), sha256, gravity)
     if stamp(path) != before:
@@ -147,7 +149,7 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stor
         raise DataError(
             "is a variable, expected a group", f"{where}/{name}", "see the contract of motion files"
         )
-    wanted = [n for n in (*table, "node", "load_name") if n in group]
+    wanted = [n for n in (*table, "node", "load_name", "known_load") if n in group]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
     return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 
