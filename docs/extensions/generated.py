@@ -77,14 +77,16 @@ def schema() -> str:
     from forceid.files import schema
 
     page = []
-    for group in ("BODY", "MOTION", "ESTIMATE", "LOAD", "INTERFACE"):
+    groups = {"BODY": "body", "MOTION": "motion", "KNOWN_LOADS": "load_known"}
+    groups |= {name: name.lower() for name in ("ESTIMATE", "LOAD", "INTERFACE")}
+    for group, where in groups.items():
         table: Mapping[str, Any] = getattr(schema, group)
         rows = [
             f"| `{name}` | {', '.join(v.dims) or 'one number'} | {v.units} | {cell(v.long_name)} |"
             for name, v in table.items()
         ]
         head = ["| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
-        page.append("\n".join([f"## `/{group.lower()}`", "", *head, *rows]))
+        page.append("\n".join([f"## `/{where}`", "", *head, *rows]))
     return "\n\n".join(page)
 
 

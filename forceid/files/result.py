@@ -38,7 +38,8 @@ from forceid.records import (
 
 _DERIVED = ("force_std", "moment_std")
 _AFFINE = ("stretch", "first_moment", "first_moment_cov")
-_OPTIONAL = (*_DERIVED, *_AFFINE, "mode_amplitude", "deformation", "mean_shape", "innovation")
+_KNOWN = ("known_force", "known_moment")
+_OPTIONAL = (*_DERIVED, *_AFFINE, *_KNOWN, "mode_amplitude", "deformation", "mean_shape", "innovation")
 _NUMBERS = ("log_likelihood", "mass", "runtime_s")
 _SIZES = {"axis": 3, "quaternion": 4, "wrench": 6, "entry": 9}
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation import Deformation, inertia_along
-from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.known.loads import KnownLoad, known_loads
 from forceid.estimation.known.removal import KnownWrench, Path, along
-from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
 from forceid.estimation.methods.solution import Solution
-from forceid.estimation.methods.tuning import range_of
 from forceid.flight.smoother import FlightState
-from forceid.kalman.engines import Engine, engine
 from forceid.records import Array, Body, Estimate, Motion, Recording
 from forceid.significance import TENTH
 
@@ -26,10 +22,16 @@ LOOKS = 4  # at where loads act, at most: each leaves what a pose is off, times 
 
 @dataclass(frozen=True)
 class Beside:
-    """Known loads, and the part of them that is taken out of the motion beforehand."""
+    """Known loads, what they do along a path, and the shares of force and moment taken out beforehand."""
 
     loads: tuple[KnownLoad, ...]
-    taken: KnownWrench
+    known: KnownWrench
+    shares: tuple[float, float]
+
+    @property
+    def taken(self) -> KnownWrench:
+        """What is taken out of the motion beforehand."""
+        return self.known.times(*self.shares)
 
     def removed(self, motion: Motion) -> Motion:
         """The motion without that part."""
@@ -39,7 +41,7 @@ class Beside:
         """The state beside all known loads, of the motion as it was, and these along its path."""
         state = self.taken.with_path(state)
         # a low-passed rotation lags in a fast turn, as a measured one does not
-        known = self.taken if state.reference is None else self.along(state, body, time)
+        known = self.known if state.reference is None else self.along(state, body, time)
         state = known.added(self.taken.added(state), -1.0)
         return known.with_errors(state), known
 
@@ -56,47 +58,53 @@ def beside_known(
 ) -> Found:
     """The estimate of what acts beside the loads that are known; of all that acts where none are.
 
-    estimate: of a recording under settings, beside known loads. It runs again where a load depends on the
-    path, until the path that it finds moves no load by a tenth of a claim.
+    estimate: of a recording under settings, beside known loads. Force and moment are those of the way that
+    claims less: with the known part taken out beforehand, or taken off in the end.
     """
     loads = known_loads(recording, settings)
     if not loads:
         return estimate(recording, settings, None)
-    body, motion = recording.body, recording.motion
-    kin = kinematics(body, motion, settings)
-    known = along(loads, path_through(kin.time, kin.pose.center, kin.pose.rotation), body)
-    shares = 1.0, 1.0
-    if settings.method in ("smoother", "filter"):
-        shares = taken_beforehand(kin, known, body, motion, settings)
+    kin = kinematics(recording.body, recording.motion, settings)
+    path = path_through(kin.time, kin.pose.center, kin.pose.rotation)
+    first = along(loads, path, recording.body)
+
+    def found(force: float, moment: float) -> Found:
+        return settled_beside(recording, settings, Beside(loads, first, (force, moment)), estimate)
+
+    before = found(1.0, 1.0)
+    if settings.method not in ("smoother", "filter"):  # a window answers to the smoothness of what is found
+        return before
+    after = found(0.0, 0.0)
+    if before[1] is None or after[1] is None:
+        return after if before[1] is None else before
+    less = claimed(before[0]) <= claimed(after[0])  # false where either is not known
+    if less.all() or not less.any():
+        return before if less.all() else after
+    return found(float(less[0]), float(less[1]))
+
+
+def settled_beside(
+    recording: Recording,
+    settings: Settings,
+    beside: Beside,
+    estimate: Callable[[Recording, Settings, Beside | None], Found],
+) -> Found:
+    """An estimate beside known loads, again until the path that it finds moves none by a tenth of a claim."""
+    follows = any(beside.shares) and any(load.follows for load in beside.loads)
     for _ in range(LOOKS):
-        result, solution = estimate(recording, settings, Beside(loads, known.times(*shares)))
-        if solution is None or solution.state.reference is None or not any(load.follows for load in loads):
+        result, solution = estimate(recording, settings, beside)
+        if solution is None or solution.state.reference is None or not follows:
             break
-        before, known = known, Beside(loads, known).along(solution.state, body, motion.time)
-        if settled(before, known, solution.state):
+        known = beside.along(solution.state, recording.body, recording.motion.time)
+        if settled(beside.known, known, solution.state):
             break
+        beside = replace(beside, known=known)
     return result, solution
 
 
-def taken_beforehand(
-    kin: Kinematics, known: KnownWrench, body: Body, motion: Motion, settings: Settings
-) -> tuple[float, float]:
-    """Shares, 1 or 0, of the known force and moment that leave the likelier motion when they are taken out."""
-    without = known.removed(motion)
-    moved = kinematics(body, without, settings)
-    chosen = engine(settings.engine)
-    force = [log_likelihood(k, g, chosen) for k, g in ((kin, motion.gravity), (moved, without.gravity))]
-    moment = [log_likelihood(k, None, chosen) for k in (kin, moved)] if kin.attitude else [0.0, 0.0]
-    return float(force[1] >= force[0]), float(moment[1] >= moment[0])
-
-
-def log_likelihood(kin: Kinematics, gravity: Array | None, chosen: Engine) -> float:
-    """That of the channel of the force under gravity, or of the moment where none is given, tuned."""
-    still = np.zeros_like(kin.amplitude)
-    deformation = Deformation(still, still, *inertia_along(kin, still, still))
-    channel = moment_channel(kin, deformation) if gravity is None else force_channel(kin, gravity)
-    limits = range_of(kin, next(iter(kin.noise)))
-    return tune_channel(channel, limits, (), engine=chosen).tuned.log_likelihood
+def claimed(estimate: Estimate) -> Array:
+    """Rms claim (2,) of force, N, and moment, N m."""
+    return np.array([np.sqrt(np.nanmean(a**2)) for a in (estimate.force_std, estimate.moment_std)])
 
 
 def path_through(time: Array, center: Array, rotation: Array) -> Path:

@@ -4,9 +4,8 @@ With p' = F + F_known + m g and H' = T + T_known, what known loads bring is know
 force makes, s'' = F_known / m, and the momentum L' = T_known. Markers moved back by s move as if the other
 forces acted alone, and H - L is what the other moments make; every method then finds those. What of s is a
 free fall goes to the gravity: the rest stays small, however long the record. Loads that answer each other, as
-two feet that share a weight, are another case: their sum is smoother than either. So what is taken out
-beforehand, force and moment apart, is what leaves the likelier motion; the rest is taken off what was found.
-Source: principal equations 2.4, 4a.
+two feet that share a weight, are another case: their sum may be smoother than either. Then the known part is
+taken off what was found. Source: principal equations 2.4, 4a.
 """
 
 from __future__ import annotations

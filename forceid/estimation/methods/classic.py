@@ -60,6 +60,7 @@ def estimate_classic(
         turn = derivatives(channel.time, channel.Y, chosen.window)
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
+        H += 0.0 if kin.known is None else kin.known.momentum
         cov[at, 3:, 3:] = moment_cov(channel, turn) * (1 + chosen.bias_ratio)
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
