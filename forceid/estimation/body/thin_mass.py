@@ -28,7 +28,6 @@ from forceid.significance import SIGMAS
 # makes along it is that of a spin near half as fast as the turn itself: such a state does not settle
 SLENDER = 0.05
 NARROW = 0.01  # width over length at which the momentum of a spin is 1e-4 of that of a turn as fast
-NOMINAL = 0.1  # m: radius of gyration of a point where its turn is reckoned; no moment is read from it
 
 
 def thinned(inertia: Inertia, X: Array) -> Inertia:
@@ -56,9 +55,12 @@ def thinned(inertia: Inertia, X: Array) -> Inertia:
 
 
 def as_sphere(inertia: Inertia, X: Array) -> Inertia:
-    """The same for sensors alone, which need a tensor to turn any body: of a point as well."""
+    """The same for sensors alone, which need a tensor to turn any body: of a point as well.
+
+    Any does for that: it cancels in the turn, and no moment is read from it.
+    """
     inertia = thinned(inertia, X)
-    return replace(inertia, tensor=inertia.mass * NOMINAL**2 * np.eye(3)) if inertia.point else inertia
+    return replace(inertia, tensor=inertia.mass * np.eye(3)) if inertia.point else inertia
 
 
 def principal_second_moments(tensor: Array) -> tuple[Array, Array]:

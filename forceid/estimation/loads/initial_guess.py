@@ -19,10 +19,10 @@ from forceid.records import Array
 RATE = 20.0  # 1/s: where the search for the rate begins
 
 
-def rough_priors(flight: Flight, rate: float | None = None) -> tuple[LoadPrior, LoadPrior]:
+def rough_priors(flight: Flight, slow: bool = False) -> tuple[LoadPrior, LoadPrior]:
     """Priors of force and moment of about the size that the sensors show, for a search to begin with.
 
-    rate: 1/s, where the search for it begins; by default of loads as fast as hands and gusts make them.
+    slow: loads that change once over the record; by default as fast as hands and gusts make them.
     """
     sensors, time = flight.sensors, flight.time
     omega = rate_read(time, flight.rotation, sensors)
@@ -39,7 +39,8 @@ def rough_priors(flight: Flight, rate: float | None = None) -> tuple[LoadPrior, 
         swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
         f = pulled - swept
         F = flight.mass * f[np.isfinite(f).all(2)]
-    rate = max(RATE, 3 / span) if rate is None else rate
+    once = np.pi / span
+    rate = once if slow else max(RATE, once)
     return prior(F, 0.0, span, rate), prior(T, float(np.abs(H).max()), span, rate)
 
 

@@ -25,6 +25,7 @@ from forceid.estimation.long.windows import Progress, estimate_windows, unwatche
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.files import stamp
 from forceid.files.schema import TRUTH
@@ -41,7 +42,6 @@ SUMS = "sums.npz"
 LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
-BESIDE = 1.5  # times the noise, above which a body is said to deform
 
 
 def estimate_source(
@@ -194,7 +194,7 @@ def compared(positions: Positions, time: Array, maps: Array, Z: Array) -> tuple[
 
 def judge_beside(noise: float, beside: float) -> tuple[Finding, ...]:
     """Nodes that do more than an affine body and noise."""
-    if not beside > BESIDE * noise:
+    if not beside**2 > NIS_BAND[1] * noise**2:
         return ()
     return (note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise),)
 

@@ -41,7 +41,6 @@ from forceid.records import Array, Body, Finding, Motion
 from forceid.rounding import SOLVED
 from forceid.significance import TENTH
 
-SLOW = 3.0  # over the length of a record: rate of a load that changes once in it
 BIAS_PASSES = 0.5  # claimed error of the force over its size from which a bias passes for force
 
 
@@ -79,7 +78,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)
     fine, at = refined(flight)
-    rough = rough_priors(flight, SLOW / np.ptp(motion.time))
+    rough = rough_priors(flight, slow=True)
     first = refined_reference(flight, fine, at, *rough)
     every = alternatives(first, Search(fine, rough, settings, engine, frozenset(stated)))
     share = np.array([alternative.state.log_likelihood for alternative in every])

@@ -14,10 +14,10 @@ from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.motion import noise_growth
+from forceid.rounding import SINGLE
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
-SAME_NOISE = 1.02  # a noise factor this near to one changes nothing
 
 
 def see_motion(problem: Problem) -> Problem:
@@ -51,7 +51,7 @@ def tune_force(problem: Problem) -> Problem:
 def settle_noise(problem: Problem) -> Problem:
     """Poses and deformation under the noise that the force has left."""
     force = problem.priors["force"]
-    if np.abs(np.log(force.tuned.noise)).max() <= np.log(SAME_NOISE):
+    if np.abs(np.log(force.tuned.noise)).max() <= SINGLE:
         return problem
     return problem.seeing(problem.look(scaled_noise(problem.kin, {problem.source: force.noise})))
 

@@ -22,6 +22,7 @@ from forceid.estimation.loads.fused_tuning import (
     tune_together,
 )
 from forceid.estimation.methods.left_over import with_left_over
+from forceid.flight.channels import middle
 from forceid.flight.instruments.protocol import Instrument
 from forceid.flight.model import Flight, Reference
 from forceid.flight.priors.protocol import LoadPrior
@@ -172,8 +173,7 @@ def begun(
     A fast load explains a record without any noise, and one that does not fit leaves it all to noise: a
     search stays where it begins. So it begins slow, and with several noises where none is stated.
     """
-    middle = max((len(flight.time) - LONGEST) // 2, 0)
-    part = slice(middle, middle + LONGEST)
+    part = middle(len(flight.time), LONGEST)
     path, kinds = reference_segment(about, part), observing_instruments(search.flight, LOADS[i])
     free = [kind for kind in kinds if kind in search.loud]
     rough = turning_as((pair[0].body_axes is not None, pair[1].body_axes is not None), *search.rough)[i]

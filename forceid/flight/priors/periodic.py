@@ -32,7 +32,6 @@ from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, PATIENCE
 
 MOST_HARMONICS = 8  # harmonics, two states an axis each: a course of two dozen turning points a period
-CLIMBED = 2  # beats from which a search goes on, of those whose likelihood is looked at
 
 
 @dataclass(frozen=True)
@@ -252,9 +251,10 @@ def tune_periodic(
         sizes = np.array([0.0, *np.log(known.std)])
         first = [np.array([f, np.log(np.pi / search.span), 0.0, *sizes]) for f in search.beats()]
         least = start.log_likelihood + PATIENCE
-    first = sorted(first, key=lambda p: -float(search.likelihoods(p[None], search.harmonics(p[0])).sum()))
-    found = [search.climbed(point, noise_range) for point in first[:CLIMBED]]
-    best, at = max(found, key=lambda one: one[0], default=(-np.inf, sizes))
+    if not first:
+        return start
+    likeliest = max(first, key=lambda p: float(search.likelihoods(p[None], search.harmonics(p[0])).sum()))
+    best, at = search.climbed(likeliest, noise_range)
     if not best > least:
         return start
     decay, level, length = np.exp(at[1 : -search.axes]).tolist()

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from forceid.kalman.building.process import Process, resonator
 from forceid.kalman.model import Filtered, StateSpace
 from forceid.records import Array
-from forceid.rounding import ROUNDED
+from forceid.rounding import ITERATIONS, ROUNDED
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
@@ -27,7 +27,6 @@ DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that ring
 AT_ONCE = 4  # lines that one look takes up, the tallest ones
 PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
 ROOM = 40_000_000  # numbers held at a time, 320 MB
-SETTLE = 30  # rounds of expectation and maximization for the size of a line
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> t
     y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
     var = (y2 / known**2).mean(-1, keepdims=True)
     some &= var[..., 0] > 0
-    for _ in range(SETTLE):
+    for _ in range(ITERATIONS):
         post = var / (1 + var * known)
         var = (post**2 * y2 + post).mean(-1, keepdims=True)
     post = var / (1 + var * known)

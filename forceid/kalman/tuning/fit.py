@@ -16,9 +16,7 @@ from forceid.kalman.model import StateSpace, as_channels
 from forceid.kalman.tuning.gradient import NAMES, score_of
 from forceid.records import Array, Flags
 from forceid.rounding import CENTRAL_STEP, COMPLEX_STEP
-from forceid.significance import PATIENCE, SIGMAS
-
-SCORE_STEP = 1e-3  # of a parameter's size: step at which the score is differenced for the information
+from forceid.significance import PATIENCE, SIGMAS, THOUSANDTH
 
 Build = Callable[[Array], StateSpace]
 
@@ -155,7 +153,7 @@ def observed_covariance(
     zero. No information: a standard deviation as large as the range, or a curvature of the wrong sign.
     """
     free = np.flatnonzero(~fixed)
-    size = SCORE_STEP * np.maximum(1.0, np.abs(theta))
+    size = CENTRAL_STEP * np.maximum(1.0, np.abs(theta))
     information = np.zeros((len(free), len(free)))
     for row, i in enumerate(free):
         h = np.zeros(len(theta))
@@ -180,5 +178,5 @@ def maxima_differ(difference: Array, covariance: Array) -> bool:
     var = np.diag(covariance)
     known = np.isfinite(var) & (var > 0)
     if not known.any():
-        return bool(np.abs(difference).max() > SCORE_STEP)
+        return bool(np.abs(difference).max() > THOUSANDTH)
     return bool((np.abs(difference[known]) > SIGMAS * np.sqrt(var[known])).any())
