@@ -77,7 +77,8 @@ class PartSetting(Section):
 class JointSetting(Section):
     """What holds two parts together at one point, a node or a place (m) in the reference shape.
 
-    kind: what it passes: a "weld" force and moment, a "ball" force, a "hinge" force and the moment across its
+    One of them may be "ground", which stands still: its place and axes are where the motion shows them. kind:
+    what it passes: a "weld" force and moment, a "ball" force, a "hinge" force and the moment across its axis,
     `axis` (reference shape). driven: a spring, damper or motor in it passes moments about its free axes too.
     """
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.joints.constraints import Constraints, kept
+from forceid.estimation.joints.constraints import Constraints, kept, turns_of
 from forceid.estimation.joints.parts import Joint, Part
+from forceid.partition.coupling.resultants import GROUND
 from forceid.records import Array
 from forceid.rounding import CENTRAL_STEP
 
@@ -70,14 +71,18 @@ def accelerated(
 
     slack (time, 2): variances of the accelerations of the place, and of the angles.
     """
-    ends = joint.before, joint.behind
-    a, b = ends
-    arms = joint.at - parts[a].center, joint.at - parts[b].center
-    zero = np.zeros(motions[a].H.shape)
+    ends = joint.moving
+    arm_a, arm_b = (
+        joint.at - parts[k].center if k in ends else np.zeros(3) for k in (joint.before, joint.behind)
+    )
+    zero = np.zeros(motions[ends[0]].H.shape)
     base: dict[int, tuple[Array, ...]] = {k: (zero, motions[k].H, zero, motions[k].T) for k in ends}
+    turns = turns_of(joint, [motion.rotation for motion in motions])
+    still = turns[GROUND], zero, zero, zero
 
     def value(changed: dict[int, tuple[Array, ...]]) -> Array:
-        return parting(joint, arms, moving(motions[a], *changed[a]), moving(motions[b], *changed[b]))
+        a, b = (moving(motions[k], *changed[k]) if k in ends else still for k in (joint.before, joint.behind))
+        return parting(joint, (arm_a, arm_b), a, b)
 
     gap = -value(base)
     time, n = gap.shape

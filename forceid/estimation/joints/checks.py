@@ -60,7 +60,7 @@ def refused_interface(
     none = np.full((T, n, 3), np.nan)
     return Interface(
         name=tuple(j.name for j in joints),
-        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        parts=tuple(j.names(parts) for j in joints),
         force=none, moment=none, wrench_cov=np.full((T, n, 6, 6), np.nan), point=none,
         determined=np.zeros(n, bool), null_space=np.zeros((n, 6, 0)), gap=none,
         chi_square=np.full(T, np.nan), dof=0, verdict=judge(findings),

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.joints.parts import Joint, Part
+from forceid.partition.coupling.resultants import GROUND
 from forceid.principal import cross_matrix
 from forceid.records import Array
 
@@ -62,32 +63,47 @@ def balanced(rows: Array, slack: Array) -> Constraints:
 
 
 def held_poses(
-    joint: Joint, parts: Sequence[Part], rotation: Sequence[Array], pose_cov: Sequence[Array]
+    joint: Joint,
+    parts: Sequence[Part],
+    rotation: Sequence[Array],
+    pose_cov: Sequence[Array],
+    place: Array,
 ) -> Constraints:
     """What a joint keeps of the poses: three rows for its place, one for each pair of directions.
 
-    rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each.
+    rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each; place (time,
+    3) m: where the joint is, for the ground.
     """
-    a, b = joint.before, joint.behind
-    R_a, R_b = rotation[a], rotation[b]
+    turns = turns_of(joint, rotation)
     pairs = kept(joint)
-    time, n = len(R_a), 3 + len(pairs)
-    arm_a, arm_b = (rotation[k] @ (joint.at - parts[k].center) for k in (a, b))
+    time, n = len(place), 3 + len(pairs)
+    still = np.broadcast_to(np.nanmean(place, axis=0), place.shape)
+    arms = {k: turns[k] @ (joint.at - parts[k].center) for k in joint.moving}
+    arm_a, arm_b = (arms.get(k, still) for k in (joint.before, joint.behind))
+    R_a, R_b = turns[joint.before], turns[joint.behind]
     u, e = (np.einsum("tab,kb->tka", R, pairs[:, i]) for R, i in ((R_a, 0), (R_b, 1)))
     normal = np.cross(u, e)
     rows = np.zeros((time, n, len(parts), 9))
-    rows[:, :3, a, :3], rows[:, :3, b, :3] = -np.eye(3), np.eye(3)
-    rows[:, :3, a, 3:6], rows[:, :3, b, 3:6] = cross_matrix(arm_a), -cross_matrix(arm_b)
-    rows[:, 3:, a, 3:6], rows[:, 3:, b, 3:6] = normal, -normal
+    for k in joint.moving:
+        sign = 1 if k == joint.behind else -1
+        rows[:, :3, k, :3], rows[:, :3, k, 3:6] = sign * np.eye(3), -sign * cross_matrix(arms[k])
+        rows[:, 3:, k, 3:6] = -sign * normal
     gap = np.concatenate([arm_a - arm_b, -(u * e).sum(2)], 1)
     offset = np.zeros((time, n, 6 + len(pairs)))
     offset[:, :3, :3], offset[:, :3, 3:6] = R_a, -R_b
     offset[:, 3:, 6:] = np.eye(len(pairs))
-    noise = sum(np.diagonal(pose_cov[k], axis1=1, axis2=2).reshape(time, 2, 3).mean(2) for k in (a, b))
+    noise = sum(np.diagonal(pose_cov[k], axis1=1, axis2=2).reshape(time, 2, 3).mean(2) for k in joint.moving)
     slack = PLAY**2 * np.repeat(np.asarray(noise), [3, len(pairs)], axis=1)
     spread = np.repeat([PLACED, ALIGNED], [6, len(pairs)])
     on_wrench = np.zeros((time, n, 6 * len(parts)))
     return Constraints(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread)
+
+
+def turns_of(joint: Joint, rotation: Sequence[Array]) -> dict[int, Array]:
+    """Rotations (time, 3, 3) of what a joint holds; the ground stands as the other part does halfway."""
+    turns = {k: rotation[k] for k in joint.moving}
+    (R, *_) = turns.values()
+    return {GROUND: np.broadcast_to(R[len(R) // 2], R.shape)} | turns
 
 
 def kept(joint: Joint) -> Array:

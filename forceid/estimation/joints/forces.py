@@ -74,7 +74,7 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     force[lost], moment[lost] = np.nan, np.nan  # no number without what it is worth
     result = Interface(
         name=tuple(j.name for j in joints),
-        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        parts=tuple(j.names(parts) for j in joints),
         force=force, moment=moment, wrench_cov=covs, point=linkage.point, determined=determined,
         null_space=null[:count], gap=linkage.gap, chi_square=found.chi_square, dof=found.dof,
         verdict=judge([]),

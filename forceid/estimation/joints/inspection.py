@@ -13,7 +13,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.joints.checks import judge_joints, of_part
-from forceid.estimation.joints.linkage import passed
+from forceid.estimation.joints.linkage import joint_ends, passed
 from forceid.estimation.joints.null_space import column_space, trading_joints, undetermined_components
 from forceid.estimation.joints.parts import Joint, Part, parts_of
 from forceid.estimation.joints.prospects import JointProspect, JointProspects, PartProspect
@@ -23,7 +23,7 @@ from forceid.estimation.verdict.finding import judge_recording, refusing
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.partition import link_resultants
 from forceid.partition.coupling.resultants import GROUND, incidence, loop_count, transmitted
-from forceid.principal import cross_matrix, transport_matrix
+from forceid.principal import transport_matrix
 from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
@@ -135,18 +135,9 @@ def poses_of(parts: tuple[Part, ...], kins: list[Kinematics]) -> Poses:
 
 def joint_points(joints: tuple[Joint, ...], parts: tuple[Part, ...], poses: Poses) -> tuple[Array, ...]:
     """Place (time, joint, 3) m of every joint, its gap, and the covariance of that (time, joint, 3, 3) m2."""
-    point, gap, spread = [], [], []
-    for joint in joints:
-        ends, cov = [], 0.0
-        for k in (joint.before, joint.behind):
-            arm = poses.rotation[:, k] @ (joint.at - parts[k].center)
-            moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
-            ends.append(poses.center[:, k] + arm)
-            cov = cov + moved @ poses.cov[:, k] @ moved.swapaxes(1, 2)
-        point.append(0.5 * (ends[0] + ends[1]))
-        gap.append(ends[1] - ends[0])
-        spread.append(cov)
-    return tuple(np.stack(a, 1) for a in (point, gap, spread))
+    each = [joint_ends(joint, parts, poses.center, poses.rotation, poses.cov) for joint in joints]
+    ends, cov = (np.stack(a, 1) for a in zip(*each, strict=True))
+    return ends.mean(2), ends[:, :, 1] - ends[:, :, 0], cov.sum(2)
 
 
 def passes_of(
@@ -158,7 +149,7 @@ def passes_of(
     outside = [k for k, part in enumerate(parts) if part.external]
     every = np.broadcast_to(np.eye(6), (len(point), 6, 6))
     passes = [
-        transport_matrix(arm[:, k]) @ passed(j, poses.rotation[:, j.before]) for k, j in enumerate(joints)
+        transport_matrix(arm[:, k]) @ passed(j, poses.rotation[:, j.moving[0]]) for k, j in enumerate(joints)
     ]
     links = [(j.before, j.behind) for j in joints] + [(GROUND, k) for k in outside]
     return links, passes + [every for _ in outside]
@@ -199,7 +190,7 @@ def in_part_axes(
     found = []
     for k, joint in enumerate(joints):
         about = transport_matrix(frame.whole[0] - point[0, k]) @ null_space[k]
-        R = frame.rotation[0, joint.before].T
+        R = frame.rotation[0, joint.moving[0]].T
         found.append(column_space(np.concatenate([R @ about[:3], R @ about[3:]])))
     return found
 
@@ -217,7 +208,7 @@ def as_interface(
     n, none = len(joints), np.full(point.shape, np.nan)
     return Interface(
         name=tuple(j.name for j in joints),
-        parts=tuple((parts[j.before].name, parts[j.behind].name) for j in joints),
+        parts=tuple(j.names(parts) for j in joints),
         force=none, moment=none, wrench_cov=np.full((*none.shape[:2], 6, 6), np.nan), point=point,
         determined=determined, null_space=np.zeros((n, 6, 0)), gap=gap,
         chi_square=np.full(len(point), np.nan), dof=0, verdict=Verdict(),

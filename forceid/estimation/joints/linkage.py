@@ -5,6 +5,7 @@ Source: principal equations 2.8, 4h.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ class Linkage:
     """Parts and joints as they move: world point and gap (time, joint, 3) m, point_cov (time, joint, 3, 3) m2
     and gap_cov alike; center of all parts (time, 3) m and arms (time, part, 3) m from there to their own;
     links (first, second) with passes (time, 6, k) about that center; loads from outside, of the ground, last.
+    tilt (time, joint, 3, 3) rad2: covariance of how the free axis of a hinge stands, zero for other joints.
     """
 
     point: Array
@@ -33,6 +35,7 @@ class Linkage:
     arms: Array
     links: tuple[tuple[int, int], ...]
     passes: tuple[Array, ...]
+    tilt: Array
 
 
 def linkage_of(
@@ -45,36 +48,52 @@ def linkage_of(
     mass = np.array([part.mass for part in parts])
     centers = np.stack([e.center for e in estimates], 1)
     center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
-    R = [rotations(e.orientation) for e in estimates]
+    R = np.stack([rotations(e.orientation) for e in estimates], 1)
+    covs = np.stack([pose_cov(solution, len(center)) for solution in solutions], 1)
     at, spread, links, passes = [], [], [], []
     for joint in joints:
-        ends = []
-        for k in (joint.before, joint.behind):
-            arm = np.einsum("tab,b->ta", R[k], joint.at - parts[k].center)
-            moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
-            ends.append(
-                (centers[:, k] + arm, moved @ pose_cov(solutions[k], len(arm)) @ moved.swapaxes(1, 2))
-            )
-        at.append([x for x, _ in ends])
-        spread.append([cov for _, cov in ends])
+        ends, off = joint_ends(joint, parts, centers, R, covs)
+        at.append(ends)
+        spread.append(off)
         links.append((joint.before, joint.behind))
         # the point, halfway between what the two parts say of it
-        about = 0.5 * (ends[0][0] + ends[1][0])
-        passes.append(transport_matrix(about - center) @ passed(joint, R[joint.before]))
+        passes.append(transport_matrix(ends.mean(1) - center) @ passed(joint, R[:, joint.moving[0]]))
     for k, part in enumerate(parts):
         if part.external:
             links.append((GROUND, k))
             passes.append(np.broadcast_to(np.eye(6), (len(center), 6, 6)))
-    ends_at, covs = np.array(at).transpose(2, 0, 1, 3), np.array(spread).transpose(2, 0, 1, 3, 4)
+    ends, off = np.stack(at, 1), np.stack(spread, 1)
     return Linkage(
-        point=ends_at.mean(2), point_cov=covs.sum(2) / 4, gap=ends_at[:, :, 1] - ends_at[:, :, 0],
-        gap_cov=covs.sum(2), center=center, arms=centers - center[:, None],
+        point=ends.mean(2), point_cov=off.sum(2) / 4, gap=ends[:, :, 1] - ends[:, :, 0],
+        gap_cov=off.sum(2), center=center, arms=centers - center[:, None],
         links=tuple(links), passes=tuple(passes),
+        tilt=np.stack([covs[:, j.moving[0], 3:, 3:] * (j.free == "one") for j in joints], 1),
     )  # fmt: skip
 
 
+def joint_ends(
+    joint: Joint, parts: Sequence[Part], center: Array, rotation: Array, cov: Array
+) -> tuple[Array, Array]:
+    """Where both parts of a joint have it (time, 2, 3) m, and the covariances (time, 2, 3, 3) of that.
+
+    center (time, part, 3), rotation (time, part, 3, 3) and cov (time, part, 6, 6) of the poses. The ground
+    has it where the other part has it in the mean, as well as known.
+    """
+    ends, off = {}, {}
+    for k in joint.moving:
+        arm = np.einsum("tab,b->ta", rotation[:, k], joint.at - parts[k].center)
+        moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
+        ends[k], off[k] = center[:, k] + arm, moved @ cov[:, k] @ moved.swapaxes(1, 2)
+    if GROUND in (joint.before, joint.behind):
+        (place,) = ends.values()
+        ends[GROUND] = np.broadcast_to(np.nanmean(place, axis=0), place.shape)
+        off[GROUND] = np.zeros((len(place), 3, 3))
+    both = joint.before, joint.behind
+    return np.stack([ends[k] for k in both], 1), np.stack([off[k] for k in both], 1)
+
+
 def passed(joint: Joint, R: Array) -> Array:
-    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with the part before it."""
+    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with a part that it holds."""
     force = np.broadcast_to(np.eye(6, 3), (len(R), 6, 3))
     if joint.free == "all":
         return force
@@ -114,14 +133,14 @@ def split(linkage: Linkage) -> Array:
 
 def at_joints(linkage: Linkage, g: Array, C: Array) -> tuple[Array, Array, Array]:
     """Force, moment (time, joint, 3) about the joints, and covariance (time, joint, 6, 6), with that of where
-    the joints are.
+    the joints are and how their axes stand.
     """
     count = g.shape[1]
     each = np.stack([C[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(count)], 1)
     arm = linkage.center[:, None] - linkage.point
     w, cov = transport(g, arm), transport_cov(each, arm)
-    X = cross_matrix(w[..., :3])
-    cov[..., 3:, 3:] += X @ linkage.point_cov @ X.swapaxes(-1, -2)
+    X, turned = cross_matrix(w[..., :3]), cross_matrix(w[..., 3:])
+    cov[..., 3:, 3:] += X @ linkage.point_cov @ X.mT + turned @ linkage.tilt @ turned.mT
     return w[..., :3].copy(), w[..., 3:].copy(), cov
 
 

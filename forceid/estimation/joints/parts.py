@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from forceid.config import JointSetting, PartSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.motion import pose_rank
+from forceid.partition.coupling.resultants import GROUND
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Indices, Motion, Recording
 from forceid.rounding import SOLVED
@@ -32,7 +33,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Joint:
-    """A link from one part to another (by number) at a place (3,) m of the reference shape; axis (3,).
+    """A link from one part to another (by number, GROUND for the ground) at a place (3,) m of the reference
+    shape; axis (3,).
 
     kind: weld, hinge or ball; free: axes about which it passes no moment, "none", "one" (that axis) or "all".
     """
@@ -45,6 +47,16 @@ class Joint:
     kind: str
     free: str
 
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """The parts that it holds, without the ground."""
+        return tuple(k for k in (self.before, self.behind) if k != GROUND)
+
+    def names(self, parts: Sequence[Part]) -> tuple[str, str]:
+        """What it holds together, by name."""
+        before, behind = ("ground" if k == GROUND else parts[k].name for k in (self.before, self.behind))
+        return before, behind
+
 
 def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...], tuple[Joint, ...]]:
     """Parts and joints of the settings on this recording; ConfigError for what does not fit it."""
@@ -55,7 +67,7 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
         raise ConfigError("is given without parts", "joint", "add [[part]] for what it holds together")
     if not settings.joint:
         raise ConfigError("stands without a joint", "part", "add [[joint]] for what holds them together")
-    check_names("part", [p.name for p in settings.part])
+    check_names("part", ["ground", *(p.name for p in settings.part)])
     check_names("joint", [j.name for j in settings.joint])
     chosen = [nodes_of(part, body) for part in settings.part]
     check_shared(settings, chosen, body)
@@ -124,9 +136,11 @@ def with_mass(own: Body, setting: PartSetting, nodes: Indices, body: Body, where
 def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
     """The joint between numbered parts."""
     where = f"joint {setting.name}"
-    before, behind = (index_of(name, names, where, "part") for name in setting.parts)
+    before, behind = (
+        GROUND if name == "ground" else index_of(name, names, where, "part") for name in setting.parts
+    )
     if before == behind:
-        raise ConfigError(f"holds part '{names[before]}' to itself", where, "name two parts")
+        raise ConfigError(f"holds '{setting.parts[0]}' to itself", where, "name two parts")
     assert body.position is not None
     if isinstance(setting.at, str):
         at = body.position[index_of(setting.at, body.node, where, "node")]

@@ -61,7 +61,7 @@ def smooth_linked_parts(
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
-        constraints, findings = constraints_of(joints, parts, linked, estimates, solutions)
+        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions)
         tied = stacked_constraints([balance[0], *constraints])
         priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
         found.append((likely, linked, priors, tied, findings))
@@ -104,6 +104,7 @@ def orders_of(solutions: list[Solution | None]) -> list[int]:
 
 
 def constraints_of(
+    linkage: Linkage,
     joints: tuple[Joint, ...],
     parts: tuple[Part, ...],
     linked: list[LinkedPart],
@@ -116,10 +117,10 @@ def constraints_of(
     spread = [pose_cov(solution, len(centers)) for solution in solutions]
     motions = [motion_of(part) for part in linked]
     constraints, findings = [], []
-    for joint in joints:
-        if not all(rigid(linked[k]) for k in (joint.before, joint.behind)):
+    for index, joint in enumerate(joints):
+        if not all(rigid(linked[k]) for k in joint.moving):
             continue
-        kept = held_poses(joint, parts, rotation, frame)
+        kept = held_poses(joint, parts, rotation, frame, linkage.point[:, index])
         if (off := changed(kept, centers, spread)) > SIGMAS:
             findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
@@ -146,12 +147,14 @@ def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, i
         carry[:, own, own] = transport_matrix(linkage.arms[:, k])
     null = U[:, :, rank:].swapaxes(1, 2) * np.tile(np.repeat([1.0, 1 / length], 3), count)
     rows = np.where(known[:, None, None], null @ carry, np.nan)
-    # how far off a balance may be: a little of what is claimed, and what arms known this well make of it
+    # how far off a balance may be: a little of what is claimed, and what arms and axes known this well make
+    tilt = np.einsum("tjaa->tj", linkage.tilt).max(1)
     slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
     for k, e in enumerate(estimates):
         on = rows[:, :, 6 * k : 6 * k + 6]
         slack += HELD**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
-        slack += (on[:, :, 3:] ** 2).sum(2) * ((e.force**2).sum(1) * reach)[:, None]
+        off = (e.force**2).sum(1) * reach + (e.moment**2).sum(1) * tilt
+        slack += (on[:, :, 3:] ** 2).sum(2) * off[:, None]
     return balanced(rows, slack), rank
 
 
@@ -196,7 +199,7 @@ def motion_of(part: LinkedPart) -> PartMotion:
 def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> Array:
     """Variances (time, 2) of accelerations, of place and angle, to which a joint keeps its parts."""
     found = []
-    for k in (joint.before, joint.behind):
+    for k in joint.moving:
         cov = np.diagonal(estimates[k].wrench_cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(2)
         flight = linked[k].smoothing.flight
         light = np.linalg.eigvalsh(flight.inertia)[:, 0]

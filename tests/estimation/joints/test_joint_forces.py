@@ -309,7 +309,7 @@ A, B, J = part("a"), part("b"), joint()
         ([A, A], [J], "part a is named twice"),
         ([A, B], [], "stands without a joint"),
         ([A, B], [joint(second="c")], "joint hinge names the unknown part 'c'; did you mean"),
-        ([A, B], [joint(second="a")], "joint hinge holds part 'a' to itself"),
+        ([A, B], [joint(second="a")], "joint hinge holds 'a' to itself"),
         ([A, B], [joint(at="c1")], "joint hinge names the unknown node 'c1'"),
         ([A, B], [joint(kind="hinge")], "joint hinge is a hinge without an axis"),
         ([A, B], [J, J], "joint hinge is named twice"),
