@@ -32,7 +32,11 @@ from forceid.pseudorigid.material.materials import NeoHookean as NeoHookean
 from forceid.pseudorigid.material.materials import PerfectGas as PerfectGas
 from forceid.pseudorigid.material.materials import StVenantKirchhoff as StVenantKirchhoff
 from forceid.pseudorigid.material.ogden import Ogden as Ogden
+from forceid.pseudorigid.material.stress import cauchy as cauchy
+from forceid.pseudorigid.material.stress import piola as piola
+from forceid.pseudorigid.material.stress import viscous as viscous
 from forceid.pseudorigid.motion.constrained import multiplier as multiplier
+from forceid.pseudorigid.motion.driven import AffineState as AffineState
 from forceid.pseudorigid.motion.events import Event as Event
 from forceid.pseudorigid.motion.invariants import angular_momentum as angular_momentum
 from forceid.pseudorigid.motion.invariants import cauchy_invariants as cauchy_invariants

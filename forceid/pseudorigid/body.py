@@ -6,23 +6,36 @@ without a chart and without a special case at equal stretches. Source: pseudo-ri
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, DataError
-from forceid.pseudorigid.factors.cofactors import EYE, determinant
-from forceid.pseudorigid.material.material_law import Material, check_material_of, validated_constant
-from forceid.pseudorigid.motion.constrained import RATTLE, check_volume, multiplier
-from forceid.pseudorigid.motion.events import EVENT_DTYPE, Event, EventKinds, stop_of, tension_times
+from forceid.pseudorigid.factors.cofactors import EYE
+from forceid.pseudorigid.material.material_law import (
+    Material,
+    check_material_of,
+    check_range,
+    validated_constant,
+)
+from forceid.pseudorigid.motion.constrained import RATTLE, check_volume
+from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
+from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
 from forceid.pseudorigid.motion.integrators import STEPPERS, Stepper
-from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
 from forceid.pseudorigid.motion.reference import reference
 from forceid.pseudorigid.motion.system import AffineSystem, State
-from forceid.pseudorigid.motion.trajectory import Trajectory
-from forceid.pseudorigid.validation import instants, matrices, real_values
+from forceid.pseudorigid.motion.trajectory import Trajectory, recorded
+from forceid.pseudorigid.validation import (
+    STEPS_AT_MOST,
+    check_second_moment,
+    check_step,
+    instants,
+    real_values,
+    real_vector,
+    validated_start,
+)
 from forceid.records import Array
 
 BODIES_TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
@@ -32,7 +45,6 @@ PHASE = {  # rad a step of the fastest vibration, where no step is given
     "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
     "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
 }  # fmt: skip
-STEPS_AT_MOST = 1e8  # steps of one motion: an hour and more
 UNSTABLE = 2.0  # rad a step, for Verlet
 
 
@@ -41,8 +53,9 @@ class Body:
     """Body of second moment E = int rho X X^T dX (3, 3), no factor 1/2, and material; or E = mu I by mu.
 
     incompressible: keep det F = 1 by a multiplier, which then carries what Gamma of the material did; also by
-    `material.incompressible`. Raises DataError where E is not symmetric positive definite: a flat body has no
-    affine motion of its own. Source: pseudo-rigid bodies, section 1.
+    `material.incompressible`. mass kg: of a body that a force moves. Raises DataError where E is not
+    symmetric positive definite: a flat body has no affine motion of its own.
+    Source: pseudo-rigid bodies, section 1.
 
     >>> from forceid.pseudorigid.material.materials import MooneyRivlin
     >>> body = Body(1.7, MooneyRivlin(0.6, 0.25, 0.4, 3.0))
@@ -55,6 +68,7 @@ class Body:
     second_moment: ArrayLike
     material: Material
     incompressible: bool = False
+    mass: float | None = None
     system: AffineSystem = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -62,6 +76,8 @@ class Body:
         E = E * EYE if E.ndim == 0 else E
         check_second_moment(E)
         check_material_of("Body", self.material)
+        if self.mass is not None:
+            check_range("Body", "mass", validated_constant("Body", "mass", self.mass), self.mass > 0, "> 0")
         object.__setattr__(self, "second_moment", E)
         object.__setattr__(self, "system", AffineSystem(self.material, E))
 
@@ -75,17 +91,41 @@ class Body:
         F0: ArrayLike,
         dF0: ArrayLike,
         time: ArrayLike,
-        method: str = "verlet",
+        method: str | None = None,
         step: float | None = None,
+        *,
+        force: Load | None = None,
+        first_moment: Load | None = None,
+        weight: ArrayLike | None = None,
+        damping: float = 0.0,
+        center: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
     ) -> Trajectory:
         """Motion from F0, dF0 (..., 3, 3) at time[0] through the samples time (time,) s.
 
-        method: verlet, suzuki_4, yoshida_6, kahan_li_6, kahan_li_8 (compositions; of RATTLE where det F = 1),
-        blanes_moan_4, blanes_moan_6, implicit_midpoint, energy (compressible only), dop853 (the reference).
-        step: the longest, s; samples are reached by equal steps. Without it, from the fastest vibration at
-        the start. Bodies of a batch share samples and step, and move independently. Raises DataError for
-        det F0 <= 0, for incompressible bodies with det F0 != 1 or tr(F0^-1 dF0) != 0, for a step beyond the
-        stability of Verlet; ConfigError for an unknown method. Source: pseudo-rigid bodies, section 9.
+        method: verlet (where none is given), suzuki_4, yoshida_6, kahan_li_6, kahan_li_8 (compositions; of
+        RATTLE where det F = 1), blanes_moan_4, blanes_moan_6, implicit_midpoint, energy (compressible only),
+        dop853 (the reference). step: the longest, s; samples are reached by equal steps. Without it, from the
+        fastest vibration at the start. Bodies of a batch share samples, step and loads, and move
+        independently.
+
+        A body is driven by any of: force (3,) N, without weight, and first_moment N = sum f X^T (3, 3) N m of
+        applied forces f at X, rows in world, columns in body axes, about the mass center; each a constant, a
+        function of t, or one of t and an `AffineState`; weight (3,) N, world axes; damping J s of Kelvin and
+        Voigt, P = dW/dF + damping F d(F^T F)/dt; center m and velocity m/s (3,) of the mass center at the
+        start, zero if not given. Force and weight need `mass`. dop853 alone moves driven bodies, and no step
+        is longer than the samples are apart.
+
+        Raises DataError for det F0 <= 0, for incompressible bodies with det F0 != 1 or tr(F0^-1 dF0) != 0,
+        for a step beyond the stability of Verlet, for loads of another shape or not finite; ConfigError for
+        an unknown method. Source: pseudo-rigid bodies, sections 1 and 9.
+
+        >>> from forceid.pseudorigid.material.materials import MooneyRivlin
+        >>> ball = Body(0.1, MooneyRivlin.natural(2.0, 0.5, 3.0), mass=0.5)
+        >>> pull = lambda t: [[0.0, 0.2 * np.sin(9 * t), 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+        >>> moved = {"first_moment": pull, "weight": [0, 0, -4.905], "velocity": [3.0, 0, 0], "damping": 0.02}
+        >>> ball.simulate(np.eye(3), np.zeros((3, 3)), [0.0, 0.5, 1.0], **moved).center.round(6).tolist()
+        [[0.0, 0.0, 0.0], [1.5, 0.0, -1.22625], [3.0, 0.0, -4.905]]
         """
         F, V = validated_start(F0, dF0)
         t = instants(time)
@@ -93,18 +133,28 @@ class Body:
             check_volume(F, V)
         lead = F.shape[:-2]
         F, V = F.reshape(-1, 3, 3), V.reshape(-1, 3, 3)
+        loads = (force, first_moment, weight, center, velocity)
+        driven = bool(damping) or any(x is not None for x in loads)
+        if driven and method not in (None, REFERENCE):
+            self._stepper(method)
+            raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
+        if driven:
+            drive = drive_of(force, first_moment, weight, damping, self.mass)
+            start = np.ravel([real_vector([0, 0, 0] if x is None else x, "center") for x in loads[3:]])
+            return self._referred(F, V, t, lead, drive, start)
         if method == REFERENCE:
-            parts, longest = [self._referred(F, V, t)], float("nan")
-        else:
-            stepper = self._stepper(method)
-            step = self._step(method, step, F, V, t)
-            counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
-            longest = float((np.diff(t) / counts).max(initial=0.0))
-            blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
-            parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
+            return self._referred(F, V, t, lead)
+        method = "verlet" if method is None else method
+        stepper = self._stepper(method)
+        step = self._step(method, step, F, V, t)
+        counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
+        blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
+        parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
         path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
         kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
-        return self._record(t, path, speed, kind, when, lead, method, longest)
+        longest = float((np.diff(t) / counts).max(initial=0.0))
+        name = f"rattle_{method}" if self.constrained else method
+        return recorded(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
 
     def _stepper(self, method: str) -> Stepper:
         """The steps of a method by name."""
@@ -160,90 +210,37 @@ class Body:
                         break
         return path, speed, kind, when
 
-    def _referred(self, F: Array, V: Array, time: Array) -> tuple[Array, Array, EventKinds, Array]:
-        """The same by the reference integrator, body by body."""
-        found = [reference(self.system, f, v, time, self.constrained) for f, v in zip(F, V, strict=True)]
-        kinds = np.array([p.kind for p in found], EVENT_DTYPE)
-        stops = np.array([p.stop for p in found])
-        return np.stack([p.F for p in found], 1), np.stack([p.V for p in found], 1), kinds, stops
-
-    def _record(
+    def _referred(
         self,
-        time: Array,
         F: Array,
         V: Array,
-        kind: EventKinds,
-        when: Array,
+        time: Array,
         lead: tuple[int, ...],
-        method: str,
-        step: float,
+        drive: Drive | None = None,
+        start: Array | None = None,
     ) -> Trajectory:
-        """Invariants, multiplier and events of F, V (time, body, 3, 3)."""
-        system, E = self.system, self.system.E
-        ended = np.isnan(F[..., 0, 0])
-        known = F if not ended.any() else np.where(ended[..., None, None], EYE, F)
-        energy = np.where(ended, np.nan, system.energy(known, V))
-        pressure = None
-        stopped = kind != ""
-        if self.constrained:
-            pressure = np.where(ended, np.nan, multiplier(system, known, V))
-            tension = tension_times(time, F, V, pressure, system)
-            tense = ~np.isnan(tension) & ~stopped
-            kind, when = np.where(tense, "tension", kind), np.where(tense, tension, when)
-        event = None
-        if (kind != "").any():
-            event = Event(kind.reshape(lead), when.reshape(lead), stopped.reshape(lead))
-        shape = (len(time), *lead)
-        return Trajectory(
-            time,
-            F.reshape(*shape, 3, 3),
-            V.reshape(*shape, 3, 3),
-            energy.reshape(shape),
-            angular_momentum(F, V, E).reshape(*shape, 3),
-            circulation(F, V, E).reshape(*shape, 3),
-            None if pressure is None else pressure.reshape(shape),
-            event,
-            f"rattle_{method}" if self.constrained and method != REFERENCE else method,
-            step,
+        """Motion by the reference integrator, body by body; driven, with what drives it."""
+        found = [
+            reference(self.system, f, v, time, self.constrained, drive=drive, center=start)
+            for f, v in zip(F, V, strict=True)
+        ]
+        path = (
+            np.stack([p.F for p in found], 1),
+            np.stack([p.V for p in found], 1),
+            np.array([p.kind for p in found], EVENT_DTYPE),
+            np.array([p.stop for p in found]),
         )
-
-
-def check_second_moment(E: Array) -> None:
-    """DataError unless E (3, 3) is symmetric positive definite."""
-    where = "second_moment"
-    if E.shape != (3, 3):
-        raise DataError(f"has shape {E.shape}, expected (3, 3)", where, "give E = int rho X X^T dX, or mu")
-    if not np.isfinite(E).all() or np.abs(E - E.T).max() > 1e-12 * np.abs(E).max():
-        raise DataError("is not a finite symmetric matrix", where, "give E = int rho X X^T dX")
-    least, _, most = np.linalg.eigvalsh(E)
-    if not least > 1e-12 * most:
-        what = f"has the eigenvalue {least:.3g} beside {most:.3g}, expected all positive"
-        advice = "a flat or thin body has no affine motion across: use a rigid body, or give it thickness"
-        raise DataError(what, where, advice)
-
-
-def validated_start(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
-    """F and V (..., 3, 3) of one shape, copied. DataError where they are not the start of a motion."""
-    F, V = matrices(F0, "F0"), matrices(dF0, "dF0")
-    try:
-        F, V = (A.copy() for A in np.broadcast_arrays(F, V))
-    except ValueError:
-        what = f"have shapes {F.shape} and {V.shape}, which do not go together"
-        raise DataError(what, "F0 and dF0", "give a rate for every start") from None
-    if not F.size:
-        raise DataError("holds no body", "F0", "give at least one matrix")
-    J = determinant(F)
-    if not (J > 0).all():
-        what = f"has det F0 = {float(J.min()):.6g}, expected > 0"
-        raise DataError(what, "F0", "exchange two columns, or flatten the body less")
-    return F, V
-
-
-def check_step(step: float, span: float) -> None:
-    """DataError where a step (s) is not above zero, or takes no end of steps over a span (s)."""
-    validated_constant("simulate", "step", step)
-    if not (np.isfinite(step) and step > 0):
-        raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
-    if span / step > STEPS_AT_MOST:
-        what = f"is {step:g} s, {span / step:.1e} of them over {span:g} s"
-        raise DataError(what, "step", f"give one of {span / STEPS_AT_MOST:.2g} s or more, or fewer samples")
+        if drive is None:
+            return recorded(self.system, self.constrained, time, path, lead, REFERENCE)
+        rest = np.stack([p.center for p in found], 1)
+        center, velocity = rest[..., :3], rest[..., 3:]
+        force, N, pull = drive.sampled(time, *path[:2], center, velocity)
+        pull = self.system.over_moment(pull)
+        vectors, shape = (len(time), *lead, 3), (len(time), *lead, 3, 3)
+        return replace(
+            recorded(self.system, self.constrained, time, path, lead, REFERENCE, pull=pull),
+            center=center.reshape(vectors),
+            velocity=velocity.reshape(vectors),
+            force=force.reshape(vectors),
+            first_moment=N.reshape(shape),
+        )

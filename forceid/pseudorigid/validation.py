@@ -8,10 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
+from forceid.pseudorigid.factors.cofactors import determinant
+from forceid.pseudorigid.material.material_law import validated_constant
 from forceid.records import Array
 
+STEPS_AT_MOST = 1e8  # steps of one motion: an hour and more
 ROTATION_ROUNDING = 1e-6  # of L^T L = I, that rounding of a rotation written to few digits may miss
 
 
@@ -112,3 +116,44 @@ def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1
         what = "is not a growing list of finite numbers"
         raise DataError(what, name, "sort it and drop repeated samples")
     return t
+
+
+def check_second_moment(E: Array) -> None:
+    """DataError unless E (3, 3) is symmetric positive definite."""
+    where = "second_moment"
+    if E.shape != (3, 3):
+        raise DataError(f"has shape {E.shape}, expected (3, 3)", where, "give E = int rho X X^T dX, or mu")
+    if not np.isfinite(E).all() or np.abs(E - E.T).max() > 1e-12 * np.abs(E).max():
+        raise DataError("is not a finite symmetric matrix", where, "give E = int rho X X^T dX")
+    least, _, most = np.linalg.eigvalsh(E)
+    if not least > 1e-12 * most:
+        what = f"has the eigenvalue {least:.3g} beside {most:.3g}, expected all positive"
+        advice = "a flat or thin body has no affine motion across: use a rigid body, or give it thickness"
+        raise DataError(what, where, advice)
+
+
+def validated_start(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:
+    """F and V (..., 3, 3) of one shape, copied. DataError where they are not the start of a motion."""
+    F, V = matrices(F0, "F0"), matrices(dF0, "dF0")
+    try:
+        F, V = (A.copy() for A in np.broadcast_arrays(F, V))
+    except ValueError:
+        what = f"have shapes {F.shape} and {V.shape}, which do not go together"
+        raise DataError(what, "F0 and dF0", "give a rate for every start") from None
+    if not F.size:
+        raise DataError("holds no body", "F0", "give at least one matrix")
+    J = determinant(F)
+    if not (J > 0).all():
+        what = f"has det F0 = {float(J.min()):.6g}, expected > 0"
+        raise DataError(what, "F0", "exchange two columns, or flatten the body less")
+    return F, V
+
+
+def check_step(step: float, span: float) -> None:
+    """DataError where a step (s) is not above zero, or takes no end of steps over a span (s)."""
+    validated_constant("simulate", "step", step)
+    if not (np.isfinite(step) and step > 0):
+        raise DataError(f"is {step:g} s, expected > 0", "step", "give a positive step")
+    if span / step > STEPS_AT_MOST:
+        what = f"is {step:g} s, {span / step:.1e} of them over {span:g} s"
+        raise DataError(what, "step", f"give one of {span / STEPS_AT_MOST:.2g} s or more, or fewer samples")

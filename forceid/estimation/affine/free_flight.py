@@ -14,8 +14,7 @@ import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
 from forceid.errors import DataError
-from forceid.estimation.body.material import viscous
-from forceid.pseudorigid import Material, NeoHookean, StVenantKirchhoff
+from forceid.pseudorigid import Material, NeoHookean, StVenantKirchhoff, viscous
 from forceid.records import Array
 
 CONSTANTS = ("lam", "mu", "damping")

@@ -21,6 +21,8 @@ from forceid.pseudorigid import (
     Ogden,
     PerfectGas,
     StVenantKirchhoff,
+    piola,
+    viscous,
 )
 from forceid.records import Array, Body
 
@@ -43,8 +45,7 @@ class Solid:
 
     def stress(self, F: Array, dF: Array) -> Array:
         """P (..., 3, 3) J at F and its rate dF (..., 3, 3) 1/s: what drives F'' E = N - P."""
-        elastic = self.law.gradient(F)
-        return elastic + self.damping * viscous(F, dF) if self.damping else elastic
+        return piola(self.law, F, dF, self.damping)
 
     def slopes(self, F: Array, dF: Array) -> tuple[Array, Array]:
         """Changes (..., 9, 9) of P by F and by dF, all row by row."""
@@ -54,12 +55,6 @@ class Solid:
         by_F = by_F + self.damping * (viscous(units, dF, F) + viscous(F, dF, units))
         by_dF = self.damping * viscous(F, units)
         return tuple(a.reshape(*a.shape[:-2], 9).swapaxes(-1, -2) for a in (by_F, by_dF))  # type: ignore[return-value]
-
-
-def viscous(F: Array, dF: Array, other: Array | None = None) -> Array:
-    """F (G^T F' + F'^T G) (..., 3, 3), with G = F or `other`: stress of Kelvin and Voigt of unit damping."""
-    half = dF.swapaxes(-1, -2) @ (F if other is None else other)
-    return np.asarray(F @ (half + half.swapaxes(-1, -2)))
 
 
 def with_material(body: Body, settings: Settings) -> Body:

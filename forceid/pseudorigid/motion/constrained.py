@@ -20,10 +20,11 @@ VOLUME_ROUNDING = 4 * float(np.finfo(float).eps)
 VOLUME_HELD = 1e-9  # of det F = 1 and of tr F^-1 F' = 0 at the start, by the rate of F
 
 
-def multiplier(system: AffineSystem, F: Array, V: Array) -> Array:
+def multiplier(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
     """Lambda (...,) that keeps det F constant; for a homogeneous fluid ball p_c = rho Lambda / 2.
 
-    Lambda > 0 is pressure, Lambda < 0 tension. Units of energy. Source: pseudo-rigid bodies, section 8.
+    F, V = F' (..., 3, 3); pull (..., 3, 3) 1/s2: what loads and damping add to F''. Lambda > 0 is pressure,
+    Lambda < 0 tension. Units of energy. Source: pseudo-rigid bodies, section 8.
 
     >>> from forceid.pseudorigid.material.materials import MooneyRivlin
     >>> W = MooneyRivlin(0.5, 0.25, incompressible=True)
@@ -32,14 +33,14 @@ def multiplier(system: AffineSystem, F: Array, V: Array) -> Array:
     """
     C, inv = cofactor(F), inverse(F)
     Y = product(inv, V)
-    free = trace(product(Y, Y)) - trace(product(inv, system.acceleration(F)))
+    free = trace(product(Y, Y)) - trace(product(inv, system.acceleration(F) + pull))
     return np.asarray(free / trace(product(inv, system.over_moment(C))))
 
 
-def constrained_acceleration(system: AffineSystem, F: Array, V: Array) -> Array:
+def constrained_acceleration(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
     """F'' (..., 3, 3) with the multiplier: index reduced, det F drifts with the errors of an integrator."""
-    push = multiplier(system, F, V)[..., None, None] * system.over_moment(cofactor(F))
-    return np.asarray(system.acceleration(F) + push)
+    push = multiplier(system, F, V, pull)[..., None, None] * system.over_moment(cofactor(F))
+    return np.asarray(system.acceleration(F) + pull + push)
 
 
 def rattle_steps(system: AffineSystem, state: State, h: float, n: int, table: Splitting) -> None:

@@ -10,7 +10,6 @@ Source: pseudo-rigid bodies, sections 8 and 10.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,25 +56,32 @@ def stop_of(
     return ("step", begin) if found.kind == "" else (found.kind, found.stop)
 
 
-def tension_times(time: Array, F: Array, V: Array, pressure: Array, system: AffineSystem) -> Array:
+def tension_times(
+    time: Array, F: Array, V: Array, pressure: Array, system: AffineSystem, pull: Array
+) -> Array:
     """First time (body,) at which the multiplier (time, body) is negative, NaN where it never is.
 
-    Between samples F is the cubic of F and F' at its ends.
+    Between samples F is the cubic of F and F' at its ends, and pull (time, body, 3, 3), what loads and
+    damping add to F'', is straight.
     """
     with np.errstate(invalid="ignore"):
         negative = pressure < 0
     out = np.full(pressure.shape[1], np.nan)
     for body in np.flatnonzero(negative.any(0)):
         k = int(negative[:, body].argmax())
-        out[body] = time[0] if k == 0 else crossing(time, F[:, body], V[:, body], system, k)
+        out[body] = time[0] if k == 0 else crossing(time, F[:, body], V[:, body], system, pull[:, body], k)
     return out
 
 
-def crossing(time: Array, F: Array, V: Array, system: AffineSystem, k: int) -> float:
+def crossing(time: Array, F: Array, V: Array, system: AffineSystem, pull: Array, k: int) -> float:
     """Where between samples k - 1 and k of one body (time, 3, 3) the multiplier changes sign."""
     ends = slice(k - 1, k + 1)
-    path = CubicHermiteSpline(time[ends], F[ends], V[ends])
-    value: Callable[[float], float] = lambda t: float(multiplier(system, path(t), path(t, 1)))  # noqa: E731
+    path, (begin, end) = CubicHermiteSpline(time[ends], F[ends], V[ends]), time[ends]
+
+    def value(t: float) -> float:
+        straight = ((end - t) * pull[k - 1] + (t - begin) * pull[k]) / (end - begin)
+        return float(multiplier(system, path(t), path(t, 1), straight))
+
     if value(time[k - 1]) * value(time[k]) > 0:  # rounding at the end
         return float(time[k])
     return float(brentq(value, time[k - 1], time[k], xtol=1e-13))

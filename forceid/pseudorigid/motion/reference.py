@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import determinant
 from forceid.pseudorigid.motion.constrained import constrained_acceleration
+from forceid.pseudorigid.motion.driven import AffineState, Drive
 from forceid.pseudorigid.motion.system import AffineSystem
 from forceid.records import Array
 
@@ -29,12 +30,16 @@ class TooLongError(Exception):
 
 @dataclass(frozen=True)
 class ReferencePath:
-    """F and V (time, 3, 3), NaN after a stop; kind of stop ("", inversion, collapse) and its time."""
+    """F and V (time, 3, 3), NaN after a stop; kind of stop ("", inversion, collapse) and its time.
+
+    center (time, 6): place and velocity of the mass center of a driven body, (time, 0) of a free one.
+    """
 
     F: Array
     V: Array
     kind: str
     stop: float
+    center: Array
 
 
 def reference(
@@ -45,26 +50,33 @@ def reference(
     constrained: bool = False,
     rtol: float = REFERENCE_RTOL,
     most: float = float("inf"),
+    drive: Drive | None = None,
+    center: Array | None = None,
 ) -> ReferencePath:
-    """One body from F0, V0 (3, 3) at time[0] through the samples `time`.
+    """One body from F0, V0 (3, 3) at time[0] through the samples `time`; driven, from center (6,) too.
 
     Ends at det F = 0 where forces are finite beyond (inversion); where they are not, at 1e-9 of its start, or
     where no step is short enough (collapse). TooLongError after `most` evaluations of the force.
     """
 
     def rate(t: float, y: Array) -> Array:
-        F, V = y.reshape(2, 3, 3)
+        F, V = y[:18].reshape(2, 3, 3)
         if next(calls) >= most:
             raise TooLongError
         # a stage beyond det F = 0 has no force; the step that asked is rejected, or ends in the event
         with np.errstate(all="ignore"):
             if not (determinant(F) > 0) and not regular(system, F):
-                return np.full(18, np.nan)
-            a = constrained_acceleration(system, F, V) if constrained else system.acceleration(F)
-        return np.concatenate([y[9:], a.ravel()])
+                return np.full_like(y, np.nan)
+            pull, lift = np.zeros((3, 3)), y[:0]
+            if drive is not None:
+                state = AffineState(F, V, y[18:21], y[21:])
+                pull, lift = system.over_moment(drive.pull(t, state)), drive.lift(t, state)
+            a = constrained_acceleration(system, F, V, pull) if constrained else system.acceleration(F) + pull
+        return np.concatenate([y[9:18], a.ravel(), y[21:], lift])
 
+    start = np.concatenate([F0.ravel(), V0.ravel(), [] if center is None else center])
     if len(time) == 1:
-        return ReferencePath(F0[None], V0[None], "", float("nan"))
+        return ReferencePath(F0[None], V0[None], "", float("nan"), start[None, 18:])
     accepted, calls = [float(time[0])], count()
     floor = 0.0 if regular(system, F0 @ REFLECTION) else COLLAPSED * float(determinant(F0))
 
@@ -73,24 +85,27 @@ def reference(
         return float(determinant(y[:9].reshape(3, 3))) - floor
 
     volume.terminal = True  # type: ignore[attr-defined]
-    start = np.concatenate([F0.ravel(), V0.ravel()])
     options: dict[str, Any] = {
         "method": "DOP853",
         "t_eval": time,
         "events": volume,
         "rtol": rtol,
         "atol": REFERENCE_ATOL,
+        "max_step": np.inf
+        if drive is None
+        else float(np.diff(time).max()),  # no load between samples is missed
     }
     with np.errstate(all="ignore"):
         found: Any = solve_ivp(rate, (float(time[0]), float(time[-1])), start, **options)
-    y = np.full((len(time), 18), np.nan)
+    y = np.full((len(time), len(start)), np.nan)
     y[: len(found.t)] = found.y.T
     kind, stop = "", float("nan")
     if found.status == 1:
         kind, stop = "collapse" if floor else "inversion", float(found.t_events[0][0])
     elif found.status < 0:
         kind, stop = "collapse", accepted[-1]
-    return ReferencePath(y[:, :9].reshape(-1, 3, 3), y[:, 9:].reshape(-1, 3, 3), kind, stop)
+    F, V = y[:, :18].reshape(-1, 2, 3, 3).swapaxes(0, 1)
+    return ReferencePath(F, V, kind, stop, y[:, 18:])
 
 
 def regular(system: AffineSystem, F: Array) -> bool:
