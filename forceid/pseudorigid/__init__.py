@@ -22,6 +22,8 @@ from forceid.pseudorigid.factors.decomposition import bipolar as bipolar
 from forceid.pseudorigid.factors.decomposition import bipolar_rates as bipolar_rates
 from forceid.pseudorigid.factors.decomposition import polar as polar
 from forceid.pseudorigid.factors.decomposition import polar_rates as polar_rates
+from forceid.pseudorigid.material.formless import NoStress as NoStress
+from forceid.pseudorigid.material.formless import PerfectGas as PerfectGas
 from forceid.pseudorigid.material.material_checks import MaterialCheck as MaterialCheck
 from forceid.pseudorigid.material.material_checks import check_material as check_material
 from forceid.pseudorigid.material.material_law import Lame as Lame
@@ -29,12 +31,12 @@ from forceid.pseudorigid.material.material_law import Material as Material
 from forceid.pseudorigid.material.materials import HadamardGreen as HadamardGreen
 from forceid.pseudorigid.material.materials import MooneyRivlin as MooneyRivlin
 from forceid.pseudorigid.material.materials import NeoHookean as NeoHookean
-from forceid.pseudorigid.material.materials import PerfectGas as PerfectGas
 from forceid.pseudorigid.material.materials import StVenantKirchhoff as StVenantKirchhoff
 from forceid.pseudorigid.material.ogden import Ogden as Ogden
 from forceid.pseudorigid.material.stress import cauchy as cauchy
 from forceid.pseudorigid.material.stress import piola as piola
 from forceid.pseudorigid.material.stress import viscous as viscous
+from forceid.pseudorigid.material.transverse import TransverselyIsotropic as TransverselyIsotropic
 from forceid.pseudorigid.motion.constrained import multiplier as multiplier
 from forceid.pseudorigid.motion.driven import AffineState as AffineState
 from forceid.pseudorigid.motion.events import Event as Event

@@ -4,11 +4,11 @@ from printed_motions import PRINTED
 
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.body import Body
+from forceid.pseudorigid.material.formless import PerfectGas
 from forceid.pseudorigid.material.materials import (
     HadamardGreen,
     MooneyRivlin,
     NeoHookean,
-    PerfectGas,
     StVenantKirchhoff,
 )
 from forceid.pseudorigid.motion import integrators

@@ -76,7 +76,8 @@ def check_material(material: Material, rng: np.random.Generator, samples: int = 
     W, P = validated_value(material, "energy", F), validated_value(material, "gradient", F)
     S, SK = validated_value(material, "hessian", F, H), validated_value(material, "hessian", F, K)
     # an energy has an arbitrary zero, and its force may vanish: both are measured by what W varies
-    force = np.abs(P).max() + np.abs(S).max() * 1e-3
+    stiff = max(float(np.abs(S).max()), 1e-300)
+    force = max(float(np.abs(P).max()), 1e-300) + stiff * 1e-3
     dW = differenced(material, "energy", F, H)
     dP = differenced(material, "gradient", F, H)
     turned, rolled = product(Q, F), product(F, Q)
@@ -89,8 +90,8 @@ def check_material(material: Material, rng: np.random.Generator, samples: int = 
     stiffness = np.abs(material.hessian(EYE, H[0])).max()
     return MaterialCheck(
         gradient=float(np.abs(inner(P, H) - dW).max() / force),
-        hessian=float(np.abs(S - dP).max() / np.abs(S).max()),
-        symmetry=float(np.abs(inner(S, K) - inner(SK, H)).max() / np.abs(S).max()),
+        hessian=float(np.abs(S - dP).max() / stiff),
+        symmetry=float(np.abs(inner(S, K) - inner(SK, H)).max() / stiff),
         frame=float(left),
         torque=float(asymmetry(product(P, transpose(F))) / force),
         isotropy=float(max(right, asymmetry(product(transpose(F), P)) / force)),

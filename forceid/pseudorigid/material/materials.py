@@ -206,68 +206,31 @@ class StVenantKirchhoff:
     def energy(self, F: Array) -> Array:
         """W (...,)."""
         F = tensors(F)
-        G = 0.5 * (product(transpose(F), F) - EYE)
+        G = green(F)
         return np.asarray(0.5 * self.lam * trace(G) ** 2 + self.mu * inner(G, G))
 
     def gradient(self, F: Array) -> Array:
         """dW/dF (..., 3, 3): F (lam tr G I + 2 mu G)."""
         F = tensors(F)
-        G = 0.5 * (product(transpose(F), F) - EYE)
+        G = green(F)
         return np.asarray(scaled(self.lam * trace(G), F) + 2 * self.mu * product(F, G))
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3)."""
         F, H = tensors(F), tensors(H, "H")
-        G = 0.5 * (product(transpose(F), F) - EYE)
+        G = green(F)
         dG = product(transpose(F), H)
         dG = 0.5 * (dG + transpose(dG))
         turned = scaled(self.lam * trace(G), H) + 2 * self.mu * product(H, G)
         return np.asarray(turned + scaled(self.lam * trace(dG), F) + 2 * self.mu * product(F, dG))
 
 
-@dataclass(frozen=True)
-class PerfectGas:
-    """W = K/(gamma - 1) J^(1 - gamma): a gas of uniform temperature, adiabatic; it has no natural state.
-
-    K > 0, gamma > 1. Source: pseudo-rigid bodies, section 7.
-
-    >>> PerfectGas(K=1.0, gamma=1.5).gradient(np.eye(3)).diagonal()
-    array([-1., -1., -1.])
-    """
-
-    K: float
-    gamma: float
-
-    incompressible = False
-
-    def __post_init__(self) -> None:
-        for name in ("K", "gamma"):
-            validated_constant("PerfectGas", name, getattr(self, name))
-        check_range("PerfectGas", "K", self.K, self.K > 0, "> 0")
-        check_range("PerfectGas", "gamma", self.gamma, self.gamma > 1, "> 1")
-
-    def energy(self, F: Array) -> Array:
-        """W (...,)."""
-        F = tensors(F)
-        J = validated_determinant("PerfectGas", determinant(F))
-        return np.asarray(self.K / (self.gamma - 1) * J ** (1 - self.gamma))
-
-    def gradient(self, F: Array) -> Array:
-        """dW/dF (..., 3, 3): -K J^-gamma cof F."""
-        F = tensors(F)
-        C = cofactor(F)
-        return scaled(-self.K * validated_determinant("PerfectGas", inner_rows(F, C)) ** -self.gamma, C)
-
-    def hessian(self, F: Array, H: Array) -> Array:
-        """d2W[H] (..., 3, 3)."""
-        F, H = tensors(F), tensors(H, "H")
-        C = cofactor(F)
-        J = validated_determinant("PerfectGas", inner_rows(F, C))
-        bent = scaled(self.K * self.gamma * J ** (-self.gamma - 1) * inner(C, H), C)
-        return np.asarray(bent - scaled(self.K * J**-self.gamma, tensor_cross(F, H)))
-
-
 def inner_rows(F: Array, C: Array) -> Array:
     """Determinants (...,) from the first rows of F and of cof F."""
     a, b = F[..., 0, :], C[..., 0, :]
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
+
+
+def green(F: Array) -> Array:
+    """Strain G = (F^T F - I)/2 (..., 3, 3)."""
+    return np.asarray(0.5 * (product(transpose(F), F) - EYE))

@@ -43,7 +43,7 @@ def cauchy(
     Arguments and units as in `piola`. sigma(Q F) = Q sigma(F) Q^T; a multiplier of det F = 1 subtracts
     Lambda I. DataError where det F is not above 0. Source: pseudo-rigid bodies, sections 1 and 3.
 
-    >>> from forceid.pseudorigid.material.materials import PerfectGas
+    >>> from forceid.pseudorigid.material.formless import PerfectGas
     >>> float(cauchy(PerfectGas(K=1.0, gamma=1.5), 4 * np.eye(3))[0, 0])  # -K / J^gamma
     -0.001953125
     """
