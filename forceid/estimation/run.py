@@ -16,6 +16,7 @@ from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
+from forceid.estimation.body.node_rotations import without_node_rotations
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import observed_first_moments
 from forceid.estimation.joints.forces import joint_forces
@@ -190,9 +191,9 @@ def with_known_axes(solution: Solution) -> Solution:
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:
     """The recording under the gravity, and of a body with the momentum inside and the material, that the
-    settings state.
+    settings state. Matrices of the body are those of the places of its nodes.
     """
-    body, motion = recording.body, recording.motion
+    body, motion = without_node_rotations(recording.body), recording.motion
     if settings.gravity is not None:
         motion = replace(motion, gravity=np.array(settings.gravity))
     if settings.internal_momentum is not None:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, SCHEMA, TRUTH
+from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, PLANAR, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
-from forceid.records import Array, Body, KnownLoads, Motion, Recording, Variable
+from forceid.records import SENSED, Array, Body, KnownLoads, Motion, Recording, Variable
 
 _SHOWN = 12  # names in a line
 READ = ("units", "noise_std", "_FillValue", "missing_value", "scale_factor", "add_offset")  # of a variable
@@ -51,9 +51,12 @@ def parse_recording(
                 raise DataError(what, where, "give the file that it was made from")
             found = ", ".join(groups) or "no group"
             raise DataError(f"is missing, found {found}", f"{where}:/{name}", "see `forceid import`")
-    sizes = {"axis": 3, "quaternion": 4}
-    body, _ = read_variables(groups["body"], BODY, sizes, f"{where}:/body")
+    planar = is_planar(groups)
+    sizes = {"axis": 2 if planar else 3, "quaternion": 4}
+    body, _ = read_variables(groups["body"], BODY | (PLANAR if planar else {}), sizes, f"{where}:/body")
     motion, noise = read_variables(groups["motion"], MOTION, sizes, f"{where}:/motion")
+    if planar:
+        body, motion, sizes["axis"] = in_space(body, BODY), in_space(motion, MOTION), 3
     if "time" not in motion:
         next_step = likeliest_name("time", groups["motion"].found)
         raise DataError(
@@ -79,7 +82,7 @@ def parse_recording(
         ),
         motion=Motion(
             **motion,
-            gravity=read_gravity(groups["motion"].attrs, f"{where}:/motion", gravity),
+            gravity=read_gravity(groups["motion"].attrs, f"{where}:/motion", gravity, planar),
             noise_std=noise,
         ),
         truth=truth,
@@ -91,6 +94,29 @@ def parse_recording(
     )
     check_recording(recording, where)
     return recording
+
+
+def is_planar(groups: Mapping[str, Stored]) -> bool:
+    """Whether a file gives two axes: whichever of its positions come first says so."""
+    named = (("body", "position"), ("motion", "position"), ("motion", "center"))
+    shapes = [getattr(groups[g].variables.get(name), "shape", ()) for g, name in named]
+    return next((shape[-1] == 2 for shape in shapes if shape), False)
+
+
+def in_space(values: dict[str, Any], table: Mapping[str, Variable]) -> dict[str, Any]:
+    """Variables of a planar file in space, in the plane z = 0; what a sensor does not read there is NaN.
+
+    The inertia, one number J about z, is that of a plate: J / 2 about the axes in the plane.
+    """
+    found = dict(values)
+    for name, value in values.items():
+        if name == "inertia":
+            found[name] = float(value) * np.diag([0.5, 0.5, 1.0])
+        elif table[name].dims[-1:] == ("axis",):
+            beyond = np.nan if name in SENSED else 0.0
+            pads = [(0, 0)] * (value.ndim - 1) + [(0, 1)]
+            found[name] = np.pad(value, pads, constant_values=beyond)
+    return found
 
 
 def read_known_loads(groups: Mapping[str, Stored], sizes: dict[str, int], where: str) -> KnownLoads | None:
@@ -145,7 +171,8 @@ def read_real(source: Any, spec: Variable, sizes: dict[str, int], where: str) ->
     for dim, n in zip(spec.dims, source.shape, strict=False):
         sizes.setdefault(dim.removesuffix("_2"), n)
     if "node" in sizes:
-        sizes["dof"] = 3 * sizes["node"]
+        with_rotations = spec.dims == ("dof", "dof_2") and source.shape == (6 * sizes["node"],) * 2
+        sizes["dof"] = (6 if with_rotations else 3) * sizes["node"]
     expected = tuple(sizes[d.removesuffix("_2")] for d in spec.dims if d.removesuffix("_2") in sizes)
     if source.shape != expected and not (spec.dims == () and source.size == 1):
         wanted = ", ".join(f"{d} = {sizes.get(d.removesuffix('_2'), '?')}" for d in spec.dims)
@@ -180,7 +207,9 @@ def unpack(values: Array, attrs: Mapping[str, Any], where: str) -> Array:
     return values
 
 
-def read_gravity(attrs: Mapping[str, Any], where: str, gravity: Sequence[float] | None) -> Array:
+def read_gravity(
+    attrs: Mapping[str, Any], where: str, gravity: Sequence[float] | None, planar: bool = False
+) -> Array:
     """Gravity from the argument or the attribute; it is never assumed."""
     value = attrs.get("gravity") if gravity is None else gravity
     if value is None:
@@ -190,6 +219,8 @@ def read_gravity(attrs: Mapping[str, Any], where: str, gravity: Sequence[float] 
             "set it on /motion, or set the key `gravity` of the configuration",
         )
     array = np.asarray(value)
+    if planar and array.shape == (2,):
+        array = np.append(array, 0.0)
     if array.dtype.kind not in "fiu" or array.shape != (3,):
         raise DataError(
             f"has gravity {value!r}, expected three numbers in m s-2",

@@ -65,6 +65,7 @@ BODY = {
     "strain_shape": Variable(("gauge", "node", "axis"), "m-1", "strain per nodal displacement"),
     "sensor_rotation": Variable(("sensor", "quaternion"), "1", "rotation from sensor to body axes"),
 }
+PLANAR = {"inertia": Variable((), "kg m2", "moment of inertia about the mass center, of a planar file")}
 MOTION = {
     "time": Variable(("time",), "s", "time"),
     "position": Variable(("time", "node", "axis"), "m", "measured position, world axes"),
