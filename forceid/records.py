@@ -350,7 +350,9 @@ class Estimate:
     (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
     that the force was computed with. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3)
     N m, f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force,
-    column: of its arm; first_moment_cov (time, 9, 9) row by row. What cannot be identified is NaN.
+    column: of its arm; first_moment_cov (time, 9, 9) row by row; the applied ones alike, where the material
+    is known; F (time, 3, 3) from the reference, F_rate 1/s; spin (time, 3) rad/s of its polar rotation, world
+    axes; circulation (time, 3) kg m2/s, reference axes. What cannot be identified is NaN.
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
     names. hidden: what the estimate leaves out, None where the method does not tell; witness: what the plain
     route gives beside it. settings: the merged configuration as TOML text.
@@ -384,6 +386,13 @@ class Estimate:
     first_moment_cov: Array | None = None
     known_force: Array | None = None
     known_moment: Array | None = None
+    applied_first_moment: Array | None = None
+    applied_first_moment_cov: Array | None = None
+    F: Array | None = None
+    F_cov: Array | None = None
+    F_rate: Array | None = None
+    spin: Array | None = None
+    circulation: Array | None = None
     loads: Loads | None = None
     interface: Interface | None = None
     witness: Witness | None = None

@@ -8,6 +8,7 @@ correlated with it. Source: pseudo-rigid bodies, section 1.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from forceid.config import Settings
 from forceid.errors import ForceIdError
 from forceid.estimation.affine.loads import MOMENT, AffineLoads, affine_loads
 from forceid.estimation.body.cleaning import cleaned, without_frames
+from forceid.estimation.body.material import solid_of
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
+from forceid.flight.smoother import FlightState
+from forceid.pseudorigid import circulation, polar, polar_rates
 from forceid.records import Array, Finding, Recording
 
 UNCLEAR = 0.2  # of F, in a frame
@@ -47,8 +51,38 @@ def flight_first_moments(recording: Recording, settings: Settings, solution: Sol
     )
     motion = replace(motion, noise_std=motion.noise_std | {"position": kin.noise["position"]})
     own = settings.model_copy(update={"noise_std": {}})
-    loads = affine_loads(replace(recording, motion=motion), own)
+    loads = affine_loads(replace(recording, motion=motion), own, solid_of(recording.body))
+    if loads.applied_first_moment is not None:  # told from the stress, they show the moment better
+        return loads
     return with_moment(loads, state.moment, state.wrench_cov[:, 3:, 3:])
+
+
+def given_stress(state: FlightState, loads: AffineLoads | None, known: Array) -> FlightState:
+    """The state of a flight with the moment of first moments that stress tells apart, if there are any.
+
+    known (time, 3) or (3,): of what the state is beside.
+    """
+    if loads is None or loads.applied_first_moment is None:
+        return state
+    cov = state.wrench_cov.copy()
+    cov[:, 3:], cov[:, :, 3:] = 0.0, 0.0
+    cov[:, 3:, 3:] = loads.moment_cov
+    return replace(state, moment=loads.moment - known, wrench_cov=cov)
+
+
+def polar_motion(loads: AffineLoads, inertia: Array) -> dict[str, Any]:
+    """F with covariance and rate, its polar rotation (time, 3, 3) and the spin of that, circulation, by name.
+
+    inertia (3, 3) kg m2, reference axes. Nothing where F is open in part.
+    """
+    if not (np.isfinite(loads.F).all() and (np.linalg.det(loads.F) > 0).all()):
+        return {}
+    rotation, (omega, *_) = polar(loads.F)[0], polar_rates(loads.F, loads.dF)
+    E = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return {
+        "rotation": rotation, "F": loads.F, "F_cov": loads.F_cov, "F_rate": loads.dF,
+        "spin": (rotation @ omega[..., None])[..., 0], "circulation": circulation(loads.F, loads.dF, E),
+    }  # fmt: skip
 
 
 def unclear_map(recording: Recording, solution: Solution, loads: AffineLoads) -> tuple[Finding, ...]:

@@ -12,13 +12,14 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
+from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.node_rotations import without_node_rotations
 from forceid.estimation.body.thin_mass import with_known_moment
-from forceid.estimation.first_moments import observed_first_moments
+from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.removal import KnownWrench
@@ -112,6 +113,8 @@ def estimate_beside(
 ) -> tuple[Estimate, Solution | None]:
     """The estimate of what acts beside the loads known, and the solution behind it unless it is refused."""
     body, motion, kin = recording.body, recording.motion, None
+    if settings.model == "auto" and body.material is not None and shows_affine(body, motion):
+        settings = settings.model_copy(update={"model": "affine"})  # which the material is one of
     if is_unmarked(motion):
         findings = judge_unmarked(body, motion, settings)
     else:
@@ -171,7 +174,8 @@ def at_its_level(
         return solve(body, motion, level, passes, seen)
 
     if settings.model != "auto":
-        return at(settings, kin), without_choice(settings.model, "it was asked for")
+        why = "it was asked for" if body.material is None else "it was asked for, or the material is stated"
+        return at(settings, kin), without_choice(settings.model, why)
     choice, solution = choose_level(kin, motion, settings, passes, at)
     return solution, choice
 
@@ -225,17 +229,20 @@ def assemble(
     left: chi-square that the rigid level leaves over that of the best, None where levels were not compared;
     further: what is to say beside, after all else; known: the loads that it is beside.
     """
-    kin, state = solution.kinematics, solution.state
-    motion = recording.motion
+    kin, motion = solution.kinematics, recording.motion
+    of_all = solution if known is None else replace(solution, state=known.added(solution.state))
+    affine, unobserved = observed_first_moments(recording, settings, of_all)
+    state = given_stress(solution.state, affine, known.part.moment if known else np.zeros(3))
     shape = shape_at(kin, solution.deformation.amplitude)
-    rotation, deformation = in_gauge(settings.gauge, kin, shape, state.rotation)
+    turning = polar_motion(affine, kin.inertia.tensor) if affine else {}
+    rotation, deformation = in_gauge(
+        settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
+    )
     wrench = np.concatenate([state.force, state.moment], 1)
     loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
-    of_all = solution if known is None else replace(solution, state=known.added(state))
-    affine, unobserved = observed_first_moments(recording, settings, of_all)
     costs = body_sensitivity(
         kin, solution.deformation, of_all.state, recording.body.node, motion.gravity, arm
     )
@@ -260,7 +267,7 @@ def assemble(
         *unobserved,
         *further,
     ]
-    return Estimate(
+    result = Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=canonical_quaternions(rotation), angular_velocity=state.omega,
         angular_momentum=state.H, deformation=deformation, mean_shape=kin.shape, nis=state.nis,
@@ -273,9 +280,12 @@ def assemble(
         first_moment_cov=affine.first_moment_cov if affine else None,
         known_force=known.part.force if known else None,
         known_moment=known.part.moment if known else None,
+        applied_first_moment=affine.applied_first_moment if affine else None,
+        applied_first_moment_cov=affine.applied_first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden,
     )  # fmt: skip
+    return replace(result, **turning)
 
 
 def reach(solution: Solution) -> Array:
@@ -291,12 +301,17 @@ def reach(solution: Solution) -> Array:
     return np.asarray(moving * moved / np.where(claimed > 0, claimed, np.inf))
 
 
-def in_gauge(gauge: str, kin: Kinematics, shape: Array, rotation: Array) -> tuple[Array, Array]:
+def in_gauge(
+    gauge: str, kin: Kinematics, shape: Array, rotation: Array, polar: Array | None
+) -> tuple[Array, Array]:
     """Rotation (time, 3, 3) and deformation (time, node, 3) under the complement that `gauge` names.
 
-    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees.
+    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees. polar: the
+    rotation of F = R U, which is that of an affine body in the mass gauge.
     """
     mean = kin.shape
+    if gauge == "mass" and polar is not None:
+        return polar, np.einsum("tba,tbc,tnc->tna", polar, rotation, shape, optimize=True) - mean
     if gauge == "mass" or not len(mean):
         return rotation, shape - mean
     _, turned = fit_rotation(shape, mean, gauge_weight(gauge, kin.inertia.weight, kin.seen))

@@ -37,7 +37,10 @@ from forceid.records import (
 )
 
 _DERIVED = ("force_std", "moment_std")
-_AFFINE = ("stretch", "first_moment", "first_moment_cov")
+_AFFINE = (
+    "stretch", "first_moment", "first_moment_cov", "applied_first_moment", "applied_first_moment_cov", "F",
+    "F_cov", "F_rate", "spin", "circulation",
+)  # fmt: skip
 _KNOWN = ("known_force", "known_moment")
 _OPTIONAL = (*_DERIVED, *_AFFINE, *_KNOWN, "mode_amplitude", "deformation", "mean_shape", "innovation")
 _NUMBERS = ("log_likelihood", "mass", "runtime_s")

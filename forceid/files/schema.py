@@ -112,6 +112,17 @@ ESTIMATE = {
     "first_moment_cov": Variable(
         ("time", "entry", "entry_2"), "N2 m2", "covariance of the first moments, row by row"
     ),
+    "applied_first_moment": Variable(
+        ("time", "axis", "axis_2"), "N m", "first moments of the applied forces, force then arm, world axes"
+    ),
+    "applied_first_moment_cov": Variable(
+        ("time", "entry", "entry_2"), "N2 m2", "covariance of the applied first moments, row by row"
+    ),
+    "F": Variable(("time", "axis", "axis_2"), "1", "deformation gradient, reference to world axes"),
+    "F_cov": Variable(("time", "entry", "entry_2"), "1", "covariance of F, row by row"),
+    "F_rate": Variable(("time", "axis", "axis_2"), "s-1", "rate of F"),
+    "spin": Variable(("time", "axis"), "rad s-1", "spin of the polar rotation, world axes"),
+    "circulation": Variable(("time", "axis"), "kg m2 s-1", "circulation of the affine body, reference axes"),
     "deformation": Variable(("time", "node", "axis"), "m", "displacement from the mean shape, body axes"),
     "mean_shape": Variable(("node", "axis"), "m", "mean shape, body axes, about the mass center"),
     "nis": Variable(("time",), "1", "normalized innovation squared per degree of freedom"),
@@ -163,9 +174,6 @@ TRUTH = ESTIMATE | {
     "joint_force": INTERFACE["force"],
     "joint_moment": INTERFACE["moment"],
     "joint_point": INTERFACE["point"],
-    "applied_first_moment": Variable(
-        ("time", "axis", "axis_2"), "N m", "first moments of the applied forces, force then arm, world axes"
-    ),
 }
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
 ESTIMATE_ATTRS = (
@@ -181,7 +189,7 @@ ESTIMATE_ATTRS = (
 LABELS = {
     "axis": ("x", "y", "z"),
     "quaternion": ("x", "y", "z", "w"),
-    "entry": tuple(f"{force}{arm}" for force in "xyz" for arm in "xyz"),  # of a first moment
+    "entry": tuple(f"{force}{arm}" for force in "xyz" for arm in "xyz"),  # of a matrix, row by row
     "wrench": ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"),
 }
 

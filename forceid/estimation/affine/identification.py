@@ -173,7 +173,10 @@ def rough_constants(frames: Frames, law: str) -> list[tuple[float, float]]:
     """
     one, other = (LAWS[law](*c) for c in ((1.0, 1.0), (2.0, 1.0)))
     time, F = frames.time, frames.F.reshape(-1, 3, 3)
-    by_lam = other.gradient(F) - one.gradient(F)
+    try:
+        by_lam = other.gradient(F) - one.gradient(F)
+    except DataError:  # it went through det F = 0, as this law does not let
+        return []
     by_mu = one.gradient(F) - by_lam
     weight = np.gradient(time)
     span, found = np.ptp(time), []

@@ -8,18 +8,20 @@ that acts. Source: pseudo-rigid bodies, section 1; principal equations 4e.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from forceid.config import Settings, load_settings
+from forceid.errors import ForceIdError
+from forceid.estimation.affine.applied import applied_moments, row_by_row
 from forceid.estimation.affine.channels import AffineChannels, affine_channels, aligned_basis, along_axes
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.affine.smoothing import smooth_channels
+from forceid.estimation.body.material import Solid
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine, engine
-from forceid.pseudorigid import Material
 from forceid.records import Array, Finding, Flags, Recording
 
 
@@ -77,23 +79,54 @@ class AffineLoads:
 
 
 def affine_loads(
-    recording: Recording, settings: Settings | None = None, material: Material | None = None
+    recording: Recording, settings: Settings | None = None, solid: Solid | None = None
 ) -> AffineLoads:
     """Force and first moments of an affine body from the markers of a recording.
 
-    material: W of the whole body in J, as in forceid.pseudorigid, to tell applied from inner forces. What
+    solid: the material of the whole body, to tell applied from inner forces, smooth along `load_axes`. What
     markers in a plane leave open is NaN, with reasons. Raises DataError where they lie on a line;
     EstimationError for too short a record. Source: pseudo-rigid bodies, section 1.
     """
     settings = load_settings() if settings is None else settings
     chosen = engine(settings.engine)
     channels = affine_channels(recording, settings)
-    return smooth_affine(channels, tune_channels(channels, chosen), chosen, material)
+    loads = smooth_affine(channels, tune_channels(channels, chosen), chosen)
+    return (
+        loads if solid is None else with_stress(loads, channels, solid, settings.load_axes == "body", chosen)
+    )
 
 
-def smooth_affine(
-    channels: AffineChannels, priors: list[LoadPrior], chosen: Engine, material: Material | None = None
+def with_stress(
+    loads: AffineLoads, channels: AffineChannels, solid: Solid, body_axes: bool, chosen: Engine
 ) -> AffineLoads:
+    """The loads with the first moments applied: K F^T, of F'' E = K - P with the stress P of the material.
+
+    F follows better with it, and so does all that acts, (K - P) F^T. body_axes: see `applied_moments`.
+    """
+    if not (along_axes(channels.span).all() and channels.whole):
+        return replace(loads, findings=(*loads.findings, note("stress-open")))
+    try:
+        found = applied_moments(channels, loads.F, loads.dF, solid, body_axes, chosen)
+        P, (by_F, by_dF) = solid.stress(found.F, found.dF), solid.slopes(found.F, found.dF)
+    except ForceIdError as e:
+        return replace(loads, findings=(*loads.findings, note("no-applied-moments", error=str(e))))
+    turned = row_by_row(np.eye(3), found.F.mT)
+
+    def changes(K: Array) -> Array:
+        """Of K F^T by F."""
+        return np.asarray(np.einsum("bd,tac->tabdc", np.eye(3), K).reshape(-1, 9, 9))
+
+    by_own = np.concatenate([turned, changes(found.K), np.zeros_like(turned)], 2)
+    by_all = np.concatenate([turned, changes(found.K - P) - turned @ by_F, -turned @ by_dF], 2)
+    return replace(
+        loads, F=found.F, F_cov=found.cov[:, 9:18, 9:18], dF=found.dF,
+        ddF=(found.K - P) @ np.linalg.inv(channels.second_moment), stretch=right_stretch(found.F, np.eye(3)),
+        first_moment=(found.K - P) @ found.F.mT, first_moment_cov=by_all @ found.cov @ by_all.mT,
+        applied_first_moment=found.K @ found.F.mT, applied_first_moment_cov=by_own @ found.cov @ by_own.mT,
+    )  # fmt: skip
+
+
+def smooth_affine(channels: AffineChannels, priors: list[LoadPrior], chosen: Engine) -> AffineLoads:
     """Force and first moments under given priors, of the force where it is shown and of columns of K."""
     s = smooth_channels(channels, priors, chosen)
     V, E, span = channels.axes, channels.second_moment, channels.span
@@ -111,30 +144,21 @@ def smooth_affine(
     F, dF, ddF = (mask_unobserved(a @ to_span @ span.T, known) for a in (z, rate, k))
     by_F = np.kron(eye, span @ to_span.T)
     F_cov = by_F @ cov[:, 3 * n :, 3 * n :] @ by_F.T
-    N, N_cov, by_k, by_z = first_moments(k, z, cov, np.asarray(np.linalg.inv(V.T @ E @ V)))
+    N, N_cov = first_moments(k, z, cov, np.asarray(np.linalg.inv(V.T @ E @ V)))
     N, N_cov = (N, N_cov) if channels.whole else (np.full_like(N, np.nan), np.full_like(N_cov, np.nan))
-    applied, applied_cov, found = None, None, channels.findings
-    if material is not None and not (known.all() and channels.whole):
-        found = (*found, note("stress-open"))
-    elif material is not None:
-        gradient = material.gradient(F)
-        applied = N + gradient @ F.mT
-        units = np.eye(9).reshape(9, 3, 3)
-        change = material.hessian(F[:, None], units) @ F[:, None].mT + gradient[:, None] @ units.mT
-        both = np.concatenate([by_k, by_z + change.reshape(T, 9, 9).mT @ by_F], 2)
-        applied_cov = both @ cov @ both.mT
     arms = aligned_basis(V)
     by_arm = np.kron(eye, arms.T @ V)
     return AffineLoads(
         channels.time, center, force, force_cov, F, mask_unobserved_cov(F_cov, known), dF, ddF,
         mask_unobserved(mask_unobserved(right_stretch(z @ to_span, span), known).mT, known).mT,
-        N, N_cov, s.log_likelihood, applied, applied_cov, found,
-        arms, k @ V.T @ arms, by_arm @ cov[:, : 3 * n, : 3 * n] @ by_arm.T, span, z @ to_span,
+        N, N_cov, s.log_likelihood, findings=channels.findings,
+        arms=arms, arm_moment=k @ V.T @ arms, arm_moment_cov=by_arm @ cov[:, : 3 * n, : 3 * n] @ by_arm.T,
+        span=span, spanned=z @ to_span,
     )  # fmt: skip
 
 
-def first_moments(k: Array, z: Array, cov: Array, A: Array) -> tuple[Array, Array, Array, Array]:
-    """N = k A z^T (time, 3, 3), its covariance (time, 9, 9), and the change of N by k and by z.
+def first_moments(k: Array, z: Array, cov: Array, A: Array) -> tuple[Array, Array]:
+    """N = k A z^T (time, 3, 3), and its covariance (time, 9, 9).
 
     k, z (time, 3, n) with cov (time, 6 n, 6 n) of both, row by row; A (n, n).
     """
@@ -144,7 +168,7 @@ def first_moments(k: Array, z: Array, cov: Array, A: Array) -> tuple[Array, Arra
     by_z = np.einsum("bc,taB->tabcB", eye, k @ A).reshape(T, 9, 3 * n)
     both = np.concatenate([by_k, by_z], 2)
     linked = cov[:, : 3 * n, 3 * n :].reshape(T, 3, n, 3, n)
-    return k @ A @ z.mT + np.einsum("taBbC,BC->tab", linked, A), both @ cov @ both.mT, by_k, by_z
+    return k @ A @ z.mT + np.einsum("taBbC,BC->tab", linked, A), both @ cov @ both.mT
 
 
 def right_stretch(columns: Array, span: Array) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.motion import seen_together
-from forceid.records import Array
+from forceid.records import Array, Body, Motion
 
 FLAT = 1e-4  # of the size of a marker set: thinner than that it is plane, or a line
 
@@ -85,6 +85,14 @@ def spanned_directions(shape: Array) -> tuple[Array, bool]:
     span = axes[:3][wide[: len(axes)]].T
     off = mean - span @ (span.T @ mean)
     return span, bool(np.linalg.norm(off) > FLAT * max(size[0], 1e-300))
+
+
+def shows_affine(body: Body, motion: Motion) -> bool:
+    """Whether the markers that are ever seen fix an affine map, off a plane."""
+    if motion.position is None or body.position is None:
+        return False
+    ever = np.isfinite(motion.position).all(2).any(0)
+    return bool(ever.sum() > 3 and spanned_directions(body.position[ever])[0].shape[1] == 3)
 
 
 def scale(A: Array) -> Array:

@@ -593,6 +593,12 @@ AFFINE = (
         "Add a marker off the plane.",
     ),
     Entry(
+        "no-applied-moments", "degraded",
+        "first moments applied are not told from the stress in the body: {error}",
+        "A material is stated, but the motion does not go together with it.",
+        "Look at the constants under [material] or in /body/material.",
+    ),
+    Entry(
         "no-first-moments", "degraded",
         "first moments of force are not told: {error}",
         "Force and moment are given. The other first moments are not.",

@@ -12,6 +12,7 @@ from forceid.estimation.affine.channels import affine_channels, channel_in_body_
 from forceid.estimation.affine.loads import affine_loads, smooth_affine
 from forceid.estimation.affine.priors import tune_channels
 from forceid.estimation.body.affine_fit import fit_affine
+from forceid.estimation.body.material import Solid
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 from forceid.kalman.engines import engine
@@ -53,7 +54,7 @@ def stored():
 @pytest.fixture(scope="module")
 def loads(stored):
     p = Parameters()
-    return affine_loads(stored, material=MooneyRivlin.natural(p.a, p.b, p.c))
+    return affine_loads(stored, solid=Solid(MooneyRivlin.natural(p.a, p.b, p.c)))
 
 
 def test_free_flight_shows_no_first_moment():

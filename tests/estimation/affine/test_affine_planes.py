@@ -10,6 +10,7 @@ from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.affine.channels import affine_channels, aligned_basis, observed_arms
 from forceid.estimation.affine.loads import affine_loads
+from forceid.estimation.body.material import Solid
 from forceid.pseudorigid.material.materials import MooneyRivlin
 from forceid.records import Body, Motion, Recording
 from forceid.scenes.flights.spinning_block import CORNERS
@@ -156,7 +157,7 @@ def test_lost_markers_leave_a_plate_its_first_moments():
 
 def test_stress_in_a_plate_is_not_told_and_said_so():
     F, _ = swinging()
-    found = affine_loads(filmed(FLAT, F), material=MooneyRivlin.natural(2.5, 0.5, 2.0))
+    found = affine_loads(filmed(FLAT, F), solid=Solid(MooneyRivlin.natural(2.5, 0.5, 2.0)))
     assert found.applied_first_moment is None
     assert "so is the stress in it" in found.reasons[-1]
 
