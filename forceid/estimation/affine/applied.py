@@ -23,11 +23,11 @@ from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.significance import NUMBER
 
-TURN = 0.3  # rad of the fastest vibration in a step of Runge and Kutta: 2e-5 of its amplitude
+PHASE_STEP = 0.3  # rad of the fastest vibration in a step of Runge and Kutta: 2e-5 of its amplitude
 SMOOTH = (2, 3)  # orders of the prior that are tried
-LOOKS = 3  # linearizations; each leaves the square of what the last was off
+LINEARIZATIONS = 3  # each leaves the square of what the last was off
 SLOWEST, FASTEST = 2.0, 0.3  # rate of the prior: of a record, and of a step
-RATES = 5  # tried, and two beside the best
+RATES_LOOKED_AT = 5  # rates of the prior, and four about the best
 UNKNOWN_START = 10.0  # times what the path shows: as good as unknown
 
 
@@ -95,12 +95,12 @@ def applied_moments(
     body = Elastic(solid, E, channels.time, z, noise, np.asarray(H), turn)
     x = np.concatenate([F.reshape(-1, 9), dF.reshape(-1, 9)], 1)
     prior = tuned_prior(body, x, engine)
-    for look in range(LOOKS):
+    for look in range(LINEARIZATIONS):
         path = engine.smooth(model_of(body, flow(body, x, prior), x, prior), body.z)
         if not np.isfinite(path.x).all():
             raise EstimationError("does not smooth", "the motion of this material", "look at its constants")
         x = path.x
-        if look < LOOKS - 1:
+        if look < LINEARIZATIONS - 1:
             prior = resized(body, x, path.P, prior, engine)
     rows = np.zeros((len(x), 27, x.shape[1]))
     rows[:, :9, 18:27], rows[:, 9:, :18] = row_by_row(turn, np.eye(3)), np.eye(18)
@@ -140,8 +140,8 @@ def tuned_prior(body: Elastic, x: Array, engine: Engine) -> AppliedPrior:
         found[order, rate] = -float(best.fun), replace(prior, std=np.full(9, np.exp(best.x)))
         return float(best.x)
 
-    apart = (fast - slow) / (RATES - 1)
-    for rate in np.linspace(fast, slow, RATES):
+    apart = (fast - slow) / (RATES_LOOKED_AT - 1)
+    for rate in np.linspace(fast, slow, RATES_LOOKED_AT):
         size = look(SMOOTH[0], float(rate), size)
     for share in (0.5, 0.25):
         _, rate = max(found, key=lambda key: found[key][0])
@@ -201,7 +201,7 @@ def flow(body: Elastic, x: Array, prior: AppliedPrior) -> tuple[Array, Array]:
     h, still = np.diff(body.time), np.eye(3)[None]
     over = row_by_row(np.eye(3), np.asarray(np.linalg.inv(body.E)))
     w = np.sqrt(np.abs(np.linalg.eigvals(over @ body.solid.slopes(still, 0 * still)[0][0])).max())
-    parts = max(1, int(np.ceil(w * h.max() / TURN)))
+    parts = max(1, int(np.ceil(w * h.max() / PHASE_STEP)))
     turn = row_by_row(body.rotation[:-1], np.eye(3))
     loads = about[:, 18:].reshape(B, s, 9)
     nilpotent = prior.unit.A + rate * np.eye(s)

@@ -22,11 +22,15 @@ AIRY = 1e-5  # kg/m3 in a cube of the length of the body; the long wires of a sa
 
 
 def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
-    """Markers that are, all the time, far from where the reference shape has them."""
+    """Markers that are, all the time, far from where the reference shape has them.
+
+    An affine body may be stretched all the time: then from where an affine map of that shape has them.
+    """
     if body.position is None or not kin.attitude or not kin.seen.any():
         return []
     X = body.position - kin.inertia.center
-    off = np.linalg.norm(kin.shape - X, axis=1) * kin.seen
+    there = X @ np.linalg.lstsq(X[kin.seen], kin.shape[kin.seen])[0] if kin.model == "affine" else X
+    off = np.linalg.norm(kin.shape - there, axis=1) * kin.seen
     size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
     k = int(off.argmax())
     if off[k] < ELSEWHERE * size:
