@@ -112,9 +112,13 @@ class UntilSetting(Section):
 
 
 class PlateSetting(Section):
-    """Columns of force plates in a MOT file: prefixes that x, y, z complete; {plate} is one of `plate`."""
+    """Columns of force plates in a MOT file: prefixes that x, y, z complete; {plate} is one of `plate`.
+
+    The plates are truth, to compare with, but those `known`: they are loads beside which others are found.
+    """
 
     plate: tuple[str, ...] = ("1",)
+    known: tuple[str, ...] = ()
     force: str = "ground_force_{plate}_v"
     point: str = "ground_force_{plate}_p"
     moment: str = "ground_force_{plate}_m"

@@ -98,6 +98,20 @@ def test_plates_become_the_moment_about_the_mass_center_on_their_own_time(tmp_pa
     assert len(cut.motion.time) == 3
 
 
+def test_a_plate_that_is_known_is_a_load_beside_which_others_are_found(tmp_path, position):
+    rows = np.c_[TIME, np.tile(np.arange(1.0, 10.0), (5, 1))]
+    trc, mot = write_trc(tmp_path / "a.trc", position, NAMES), write_mot(tmp_path / "a_grf.mot", rows)
+    ((_, recording),) = import_sources([trc, mot], settings(plates={"known": ["1"]}))
+    known = recording.known_loads
+    assert recording.truth == {}
+    assert known.name == ("plate_1",)
+    assert known.force[0].tolist() == [[1.0, 2.0, 3.0]]
+    assert known.point[0].tolist() == [[4.0, 5.0, 6.0]]
+    assert known.moment[0].tolist() == [[7.0, 8.0, 9.0]]
+    with pytest.raises(ConfigError, match="known"):
+        import_sources([trc, mot], settings(plates={"known": ["2"]}))
+
+
 def test_plates_go_to_the_capture_whose_name_theirs_begins_with(tmp_path, position):
     rows = np.c_[TIME, np.ones((5, 9))]
     captures = [write_trc(tmp_path / f"{n}.trc", position, NAMES) for n in ("squat1", "squat10", "other")]

@@ -31,6 +31,10 @@ class Plates:
     point: Array
     moment: Array
 
+    def of(self, which: list[int]) -> Plates:
+        """Some of the plates."""
+        return Plates(self.time, self.force[:, which], self.point[:, which], self.moment[:, which])
+
     def wrench_about(self, center: Array) -> tuple[Array, Array]:
         """Total force and moment (time, 3) about `center` (time, 3): sum of (p - c) x v + m."""
         arm = self.point - center[:, None]

@@ -25,7 +25,7 @@ from forceid.files.schema import hash_arrays, motion_groups
 from forceid.files.validate import check_quaternions, check_recording
 from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
-from forceid.records import Array, Body, Motion, Recording
+from forceid.records import Array, Body, KnownLoads, Motion, Recording
 
 CAPTURES: dict[str, Callable[[Path], Markers]] = {".trc": read_trc, ".c3d": read_c3d}
 TABLES: dict[str, Callable[[Path], Channels]] = {
@@ -65,7 +65,7 @@ def pair_plates(captures: Sequence[Path], plates: Sequence[Path]) -> dict[Path, 
 
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
-    """The recordings in one file, with the plates of `mot` as truth."""
+    """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
     files = " ".join(p.name for p in (path, mot) if p is not None)
     return [
@@ -141,16 +141,18 @@ def assemble_recording(
         values = values | {"orientation": canonical(values["orientation"])}
     gravity, noise_std = np.array(settings.gravity), dict(settings.noise_std)
     motion = Motion(**values, gravity=gravity, noise_std=noise_std)  # type: ignore[arg-type]
+    judged, known = (None, None) if plates is None else split_plates(plates, settings)
     keep = window(motion.time, settings.start, settings.stop)
     if settings.until is not None:
         keep &= np.arange(len(keep)) < first_contact(motion, body, settings.until)
     recording = Recording(
         body=body,
         motion=replace(motion, **{k: v[keep] for k, v in values.items()}),  # type: ignore[arg-type]
-        truth=plate_truth(plates, motion.time, points, motion.time[keep]) if plates is not None else {},
+        truth={} if judged is None else plate_truth(judged, motion.time, points, motion.time[keep]),
         title=f"{settings.title}: {name}" if settings.title else name,
         source=settings.source or files,
         history=f"forceid {__version__} import {files}",
+        known_loads=known,
     )
     check_recording(recording, where)
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
@@ -180,6 +182,19 @@ def first_contact(motion: Motion, body: Body, until: UntilSetting) -> int:
         )
     low = np.fmin.reduce(height, axis=1) - until.height < until.clearance
     return int(np.argmax(low)) if np.any(low) else len(motion.time)
+
+
+def split_plates(plates: Plates, settings: ImportSettings) -> tuple[Plates | None, KnownLoads | None]:
+    """The plates to compare with, and those that are known beforehand; None where there are none."""
+    setting = settings.plates or PlateSetting()
+    for name in setting.known:
+        known_name(name, setting.plate, "[import.plates] known:")
+    which = [k for k, name in enumerate(setting.plate) if name in setting.known]
+    rest = [k for k in range(len(setting.plate)) if k not in which]
+    names = tuple(f"plate_{setting.plate[k]}" for k in which)
+    own = plates.of(which)
+    known = KnownLoads(own.time, names, own.force, own.moment, point=own.point) if which else None
+    return plates.of(rest) if rest else None, known
 
 
 def plate_truth(plates: Plates, time: Array, points: Points | None, kept: Array) -> dict[str, Array]:
