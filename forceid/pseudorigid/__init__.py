@@ -89,3 +89,5 @@ from forceid.pseudorigid.steady.shear import released_shear as released_shear
 from forceid.pseudorigid.steady.spectra import Spectrum as Spectrum
 from forceid.pseudorigid.steady.spectra import ellipsoid_spectrum as ellipsoid_spectrum
 from forceid.pseudorigid.steady.spectra import rotating_spectrum as rotating_spectrum
+from forceid.pseudorigid.steady.tilted import TiltedEllipsoid as TiltedEllipsoid
+from forceid.pseudorigid.steady.tilted import riemann_tilted as riemann_tilted
