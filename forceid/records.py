@@ -202,6 +202,18 @@ class Loads:
 
 
 @dataclass(frozen=True)
+class ModalForces:
+    """Forces g = shape^T f of the applied loads f, body axes, on modes of a body: force (time, mode) N.
+
+    shape (mode, node, 3): of the modes, of unit norm, body axes; cov (time, mode, mode) N2.
+    """
+
+    shape: Array
+    force: Array
+    cov: Array
+
+
+@dataclass(frozen=True)
 class Interface:
     """What passes through the joints of a body in parts, as the first part named does to the second.
 
@@ -348,7 +360,8 @@ class Estimate:
     mean_shape (node, 3) m; nis (time,) normalized
     innovation squared per degree of freedom, NaN where the method has no innovations; innovation
     (time, channel) whitened innovations, unit variance if the model is right; mass kg and gravity (3,) m/s2
-    that the force was computed with. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3)
+    that the force was computed with. modal: forces on the modes of a body,
+    None where those are not known. Of an affine body, stretch (time, 3, 3) and first_moment (time, 3, 3)
     N m, f r^T of all forces on it, those in it too, about the mass center, world axes, row: of the force,
     column: of its arm; first_moment_cov (time, 9, 9) row by row; the applied ones alike, where the material
     is known; F (time, 3, 3) from the reference, F_rate 1/s; spin (time, 3) rad/s of its polar rotation, world
@@ -381,6 +394,7 @@ class Estimate:
     moment_about: str
     verdict: Verdict
     mode_amplitude: Array | None = None
+    modal: ModalForces | None = None
     stretch: Array | None = None
     first_moment: Array | None = None
     first_moment_cov: Array | None = None

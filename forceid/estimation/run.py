@@ -17,6 +17,7 @@ from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
+from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.node_rotations import without_node_rotations
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
@@ -50,7 +51,13 @@ from forceid.estimation.verdict.loads import (
     judge_roughness,
 )
 from forceid.estimation.verdict.sensitivity import body_sensitivity
-from forceid.estimation.verdict.shape import judge_common, judge_reference, judge_shape, judge_size
+from forceid.estimation.verdict.shape import (
+    judge_common,
+    judge_modes,
+    judge_reference,
+    judge_shape,
+    judge_size,
+)
 from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
@@ -239,6 +246,9 @@ def assemble(
         settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
     )
     wrench = np.concatenate([state.force, state.moment], 1)
+    modal = None
+    if settings.method in ("smoother", "filter"):
+        modal = modal_forces(kin, state, engine(settings.engine), settings.method == "filter")
     loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
@@ -265,6 +275,7 @@ def assemble(
         *same,
         *solution.findings,
         *unobserved,
+        *judge_modes(kin),
         *further,
     ]
     result = Estimate(
@@ -274,7 +285,7 @@ def assemble(
         innovation=state.innovation, mass=kin.inertia.mass, gravity=motion.gravity, node=recording.body.node,
         method=settings.method, model=kin.model, engine=solution.engine, log_likelihood=state.log_likelihood,
         moment_about=str(settings.moment_about), verdict=judge(findings),
-        mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None,
+        mode_amplitude=solution.deformation.amplitude if kin.model == "modal" else None, modal=modal,
         stretch=affine.stretch if affine else stretch_to(kin.shape, shape) if kin.model == "affine" else None,
         first_moment=affine.first_moment if affine else None,
         first_moment_cov=affine.first_moment_cov if affine else None,

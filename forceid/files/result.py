@@ -17,6 +17,7 @@ from forceid.files.schema import (
     HIDDEN,
     INTERFACE,
     LOAD,
+    MODAL,
     NUMBERS,
     TRUTH,
     WITNESS,
@@ -31,6 +32,7 @@ from forceid.records import (
     HiddenLoad,
     Interface,
     Loads,
+    ModalForces,
     Recording,
     Verdict,
     Witness,
@@ -61,9 +63,10 @@ def read_result(path: str | Path) -> Estimate:
     with open_hdf5(path) as f:
         if "estimate" not in f:
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
-        group = source_group(f, "estimate", ESTIMATE | HIDDEN, f"{path}:")
+        group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL, f"{path}:")
         values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
         hidden, _ = read_variables(group, HIDDEN, dict(_SIZES), where)
+        modal, _ = read_variables(group, MODAL, dict(_SIZES), where)
         for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
@@ -96,6 +99,9 @@ def read_result(path: str | Path) -> Estimate:
             model_choice=text(group.attrs.get("model_choice", "")),
             hidden=HiddenLoad(hidden["frequency"], hidden["hidden_load"], hidden["band"])
             if len(hidden) == len(HIDDEN)
+            else None,
+            modal=ModalForces(*(modal[name] for name in ("modal_shape", "modal_force", "modal_force_cov")))
+            if len(modal) == len(MODAL)
             else None,
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),

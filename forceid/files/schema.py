@@ -19,6 +19,7 @@ from forceid.records import (
     HiddenLoad,
     Interface,
     Loads,
+    ModalForces,
     Recording,
     Variable,
     Verdict,
@@ -136,6 +137,13 @@ HIDDEN = {
         "N",
         "amplitude of an oscillating load that half of all records would not show (N, moments N m)",
     ),
+}
+MODAL = {
+    "modal_force": Variable(("time", "elastic_mode"), "N", "force of the loads on a mode, body axes"),
+    "modal_force_cov": Variable(
+        ("time", "elastic_mode", "elastic_mode_2"), "N2", "covariance of the forces on the modes"
+    ),
+    "modal_shape": Variable(("elastic_mode", "node", "axis"), "1", "shape of those modes, body axes"),
 }
 # A netCDF variable may not share its name with one of its own two dimensions: the loads run along load_name.
 LOAD = {
@@ -275,8 +283,10 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
         "/": Group({}, root),
         "estimate": Group(
             fields(
-                ESTIMATE | HIDDEN,
-                {name: getattr(estimate, name) for name in ESTIMATE} | hidden_values(estimate.hidden),
+                ESTIMATE | HIDDEN | MODAL,
+                {name: getattr(estimate, name) for name in ESTIMATE}
+                | hidden_values(estimate.hidden)
+                | modal_values(estimate.modal),
                 node,
             ),
             {
@@ -317,6 +327,11 @@ def hidden_values(hidden: HiddenLoad | None) -> dict[str, Array]:
     if hidden is None:
         return {}
     return {"band": hidden.band, "frequency": hidden.frequency, "hidden_load": hidden.amplitude}
+
+
+def modal_values(modal: ModalForces | None) -> dict[str, Array]:
+    """Forces on modes, by the names of the file."""
+    return {} if modal is None else dict(zip(MODAL, (modal.force, modal.cov, modal.shape), strict=True))
 
 
 def load_group(time: Array, loads: Loads) -> Group:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from forceid.records import Body, Estimate, Finding, Loads, Motion, Recording, Verdict
+from forceid.records import Body, Estimate, Finding, Loads, ModalForces, Motion, Recording, Verdict
 
 
 def markers(n=20, nodes=4, seed=0):
@@ -94,6 +94,7 @@ def estimate(n=20, nodes=4, modes=2, loads=True, seed=2):
         stretch=r(n, 3, 3),
         first_moment=r(n, 3, 3),
         first_moment_cov=r(n, 9, 9),
+        modal=ModalForces(r(3, nodes, 3), r(n, 3), r(n, 3, 3)) if modes else None,
         loads=load if loads else None,
         runtime_s=0.25,
         settings='method = "smoother"\n',

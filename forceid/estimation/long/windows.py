@@ -102,6 +102,7 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
         pieces = [without_chance(piece) for piece in pieces]
     return replace(
         whole,
+        modal=None,  # each stretch shows modes of its own
         engine=known[0].engine,
         mass=known[0].mass,
         model_choice=known[0].model_choice,

@@ -605,6 +605,13 @@ AFFINE = (
         "Do what the sentence says.",
     ),
     Entry(
+        "no-modal-force", "ok",
+        "forces on the modes of the body are not told, since nothing says how stiff those are; add "
+        "/body/mode_frequency to /body/mode_shape",
+        "Only the stiffness of a mode tells what pushes it from how it moves. Force and moment need none.",
+        "Give the frequency of every mode, or the stiffness of the body.",
+    ),
+    Entry(
         "stretch-in-noise", "degraded",
         "a frame shows the stretch to {stretch:.2g} only: markers are as noisy as the body is thick, and "
         "loads may be lost in that; look at the noise of {noise_m:.2g} m, or spread the markers",

@@ -120,3 +120,9 @@ def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:
     chi_square = np.einsum("ti,ti->t", z, np.linalg.solve(cov, z.T).T)
     ratio = float(np.median(chi_square) / chdtri(left.shape[1], 0.5))
     return ratio, float(np.sqrt((z**2).sum(1).mean() / seen.kept.sum() / 3))
+
+
+def judge_modes(kin: Kinematics) -> list[Finding]:
+    """What to say where modes are given without what holds them."""
+    modes = None if kin.markers is None or kin.model != "modal" else kin.markers.modes
+    return [note("no-modal-force")] if modes is not None and modes.compliance is None else []
