@@ -26,7 +26,7 @@ from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
 from forceid.pseudorigid.motion.integrators import STEPPERS, Stepper
 from forceid.pseudorigid.motion.reference import reference
 from forceid.pseudorigid.motion.system import AffineSystem, State
-from forceid.pseudorigid.motion.trajectory import Trajectory, recorded
+from forceid.pseudorigid.motion.trajectory import Trajectory, trajectory_of
 from forceid.pseudorigid.validation import (
     STEPS_AT_MOST,
     check_second_moment,
@@ -154,7 +154,7 @@ class Body:
         kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
         longest = float((np.diff(t) / counts).max(initial=0.0))
         name = f"rattle_{method}" if self.constrained else method
-        return recorded(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
+        return trajectory_of(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
 
     def _stepper(self, method: str) -> Stepper:
         """The steps of a method by name."""
@@ -231,14 +231,14 @@ class Body:
             np.array([p.stop for p in found]),
         )
         if drive is None:
-            return recorded(self.system, self.constrained, time, path, lead, REFERENCE)
+            return trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE)
         rest = np.stack([p.center for p in found], 1)
         center, velocity = rest[..., :3], rest[..., 3:]
         force, N, pull = drive.sampled(time, *path[:2], center, velocity)
         pull = self.system.over_moment(pull)
         vectors, shape = (len(time), *lead, 3), (len(time), *lead, 3, 3)
         return replace(
-            recorded(self.system, self.constrained, time, path, lead, REFERENCE, pull=pull),
+            trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE, pull=pull),
             center=center.reshape(vectors),
             velocity=velocity.reshape(vectors),
             force=force.reshape(vectors),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from stored_energy import drop_energy
 
+from forceid.pseudorigid import Body, MooneyRivlin
 from forceid.scenes.affine_body import affine_motion
 from forceid.scenes.flights import spinning_block, wobbling_drop
 
@@ -48,6 +49,28 @@ def test_undeformed_body_is_free_of_stress_and_no_stress_makes_a_moment(scene):
     F = np.eye(3) + 0.2 * rng.standard_normal((3, 3))
     stress = scene.gradient(p, F) @ F.T
     np.testing.assert_allclose(stress, stress.T, atol=1e-12)
+
+
+def test_library_of_affine_bodies_makes_the_same_flight_of_the_block():
+    p, time = spinning_block.Parameters(), TIME[:101]
+    thrown = spinning_block.throw(p)
+    made = affine_motion(thrown, time)
+    block = Body(thrown.second_moment, MooneyRivlin.natural(p.a, p.b, p.c), mass=float(thrown.mass.sum()))
+    found = block.simulate(
+        made.F[0],
+        made.dF[0],
+        time,
+        force=lambda t: thrown.loads(np.array([t]))[0][0],
+        first_moment=lambda t: thrown.loads(np.array([t]))[1][0],
+        weight=block.mass * thrown.gravity,
+        center=made.center[0],
+        velocity=made.velocity[0],
+    )
+    for name in ("F", "dF", "center", "velocity"):
+        np.testing.assert_allclose(getattr(found, name), getattr(made, name), atol=1e-9)
+    force, N = thrown.loads(time)
+    np.testing.assert_allclose(found.force, force, atol=1e-12)
+    np.testing.assert_allclose(found.first_moment, N, atol=1e-12)
 
 
 def test_free_body_keeps_its_energy_and_angular_momentum(scene):

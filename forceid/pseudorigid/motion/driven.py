@@ -80,9 +80,8 @@ def drive_of(
     mass: float | None,
 ) -> Drive:
     """The drive of what a user gives. DataError for what is out of range, or has no mass to move."""
-    check_range(
-        "simulate", "damping", validated_constant("simulate", "damping", damping), damping >= 0, ">= 0"
-    )
+    eta = validated_constant("simulate", "damping", damping)
+    check_range("simulate", "damping", eta, eta >= 0, ">= 0")
     given = [name for name, load in (("force", force), ("weight", weight)) if load is not None]
     if given and mass is None:
         raise DataError("has no mass to move", given[0], "give the body one: Body(..., mass=)")
@@ -90,7 +89,7 @@ def drive_of(
         load_of(force, (3,), "force"),
         load_of(first_moment, (3, 3), "first_moment"),
         np.zeros(3) if weight is None else real_vector(weight, "weight"),
-        damping,
+        eta,
         np.inf if mass is None else mass,
     )
 
@@ -103,9 +102,13 @@ def load_of(load: Load | None, shape: tuple[int, ...], name: str) -> Callable[[f
         fixed = looked_at(load, shape, name)
         return lambda t, state: fixed
     function: Callable[..., Any] = load
-    if required(function) < 2:
-        return lambda t, state: looked_at(function(t), shape, f"{name} at t = {t:.6g} s")
-    return lambda t, state: looked_at(function(t, state), shape, f"{name} at t = {t:.6g} s")
+    try:
+        inspect.signature(function).bind(0.0)
+    except TypeError:  # time alone does not do
+        return lambda t, state: looked_at(function(t, state), shape, f"{name} at t = {t:.6g} s")
+    except ValueError:  # it does not tell what it takes
+        pass
+    return lambda t, state: looked_at(function(t), shape, f"{name} at t = {t:.6g} s")
 
 
 def looked_at(value: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -116,13 +119,3 @@ def looked_at(value: Any, shape: tuple[int, ...], name: str) -> Array:
     if not np.isfinite(found).all():
         raise DataError("is not finite", name, "give finite numbers at all times of the motion")
     return found
-
-
-def required(function: Callable[..., Any]) -> int:
-    """How many arguments a function needs; one where it does not tell."""
-    try:
-        known = inspect.signature(function).parameters.values()
-    except ValueError:
-        return 1
-    places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return sum(p.kind in places and p.default is p.empty for p in known)

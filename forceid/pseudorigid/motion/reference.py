@@ -85,15 +85,14 @@ def reference(
         return float(determinant(y[:9].reshape(3, 3))) - floor
 
     volume.terminal = True  # type: ignore[attr-defined]
+    longest = np.inf if drive is None else float(np.diff(time).max())  # no load between samples is missed
     options: dict[str, Any] = {
         "method": "DOP853",
         "t_eval": time,
         "events": volume,
         "rtol": rtol,
         "atol": REFERENCE_ATOL,
-        "max_step": np.inf
-        if drive is None
-        else float(np.diff(time).max()),  # no load between samples is missed
+        "max_step": longest,
     }
     with np.errstate(all="ignore"):
         found: Any = solve_ivp(rate, (float(time[0]), float(time[-1])), start, **options)

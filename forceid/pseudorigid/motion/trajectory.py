@@ -49,7 +49,7 @@ class Trajectory:
     first_moment: Array | None = None
 
 
-def recorded(
+def trajectory_of(
     system: AffineSystem,
     constrained: bool,
     time: Array,
