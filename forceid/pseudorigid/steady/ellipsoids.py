@@ -13,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
 from forceid.pseudorigid.material.material_law import validated_constant
+from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols
 from forceid.pseudorigid.validation import real_values
 from forceid.records import Array
@@ -69,22 +71,19 @@ class Ellipsoid:
 
         F = R_z(w t) D R_z(l t) solves the master system of E = mu I and det F = 1.
         """
-        t = np.asarray(time, float)
-        ahead = (..., *(None,) * t.ndim)
-        w, l = np.asarray(self.w[ahead]), np.asarray(self.l[ahead])  # noqa: E741
-        D = (self.unit_axes[..., None] * np.eye(3))[(..., *(None,) * t.ndim, slice(None), slice(None))]
-        F = rotation_about_z(w * t) @ D @ rotation_about_z(l * t)
-        return F, np.asarray(w[..., None, None] * (Z @ F) + l[..., None, None] * (F @ Z))
+        about_z = np.array([0.0, 0.0, 1.0])
+        w, l = (np.asarray(rate)[..., None] * about_z for rate in (self.w, self.l))  # noqa: E741
+        return steady_motion(self.unit_axes, w, l, time)
 
 
-Z = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-
-
-def rotation_about_z(angle: Array) -> Array:
-    """R_z (..., 3, 3) of angles (...,)."""
-    c, s = np.cos(angle)[..., None, None], np.sin(angle)[..., None, None]
-    flat = np.diag([1.0, 1.0, 0.0])
-    return np.asarray(c * flat + s * Z + np.diag([0.0, 0.0, 1.0]))
+def steady_motion(axes: Array, w: Array, l: Array, time: ArrayLike) -> tuple[Array, Array]:  # noqa: E741
+    """F = exp(t w^) D exp(t l^) and dF/dt (..., time, 3, 3) of axes, w, l (..., 3), w^ that of w x."""
+    t = np.asarray(time, float)
+    axes, w, l = (v[(..., *(None,) * t.ndim, slice(None))] for v in np.broadcast_arrays(axes, w, l))  # noqa: E741
+    turns = [Rotation.from_rotvec((t[..., None] * v).reshape(-1, 3)).as_matrix() for v in (w, l)]
+    L, R = (turn.reshape(*np.broadcast_shapes(w.shape[:-1], t.shape), 3, 3) for turn in turns)
+    F = (L * axes[..., None, :]) @ R
+    return F, hat(w) @ F + F @ hat(l)
 
 
 def steady_ellipsoid(axes: Array, w: Array, l: Array) -> Ellipsoid:  # noqa: E741

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
-from forceid.pseudorigid.motion.invariants import hat
-from forceid.pseudorigid.steady.ellipsoids import SPIN_ROUNDING, inside
+from forceid.pseudorigid.steady.ellipsoids import SPIN_ROUNDING, inside, steady_motion
 from forceid.pseudorigid.steady.index_symbols import index_symbols
 from forceid.records import Array
 
@@ -66,11 +64,7 @@ class TiltedEllipsoid:
 
         F = exp(t w^) D exp(t l^) solves the master system of E = mu I and det F = 1.
         """
-        t = np.asarray(time, float)[..., None]
-        D = np.diag(self.axes / np.cbrt(self.axes.prod()))
-        L, R = (Rotation.from_rotvec(np.reshape(t * v, (-1, 3))).as_matrix() for v in (self.w, self.l))
-        F = (L @ D @ R).reshape(*t.shape[:-1], 3, 3)
-        return F, hat(self.w) @ F + F @ hat(self.l)
+        return steady_motion(self.axes / np.cbrt(self.axes.prod()), self.w, self.l, time)
 
 
 def riemann_tilted(a1: float, a2: float, a3: float) -> tuple[TiltedEllipsoid, ...]:
