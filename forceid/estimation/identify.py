@@ -13,7 +13,7 @@ from scipy.stats import f as fisher
 
 from forceid.config import Settings
 from forceid.errors import DataError
-from forceid.estimation.affine.free_flight import CONSTANTS, LAWS
+from forceid.estimation.affine.free_flight import CONSTANTS, LAWS, UNKNOWN
 from forceid.estimation.affine.identification import GROSS, FittedFlight, Frames, fit_flight, frames_of
 from forceid.estimation.body.cleaning import cleaned
 from forceid.estimation.body.material import law_name
@@ -93,6 +93,7 @@ def identify_recording(recording: Recording, settings: Settings) -> Identified:
     stated = settings.noise_std.get("position", motion.noise_std.get("position"))
     frames = frames_of(recording.body, motion, stated)
     fits: list[FittedFlight] = []
+    limit = float(fisher.isf(DENIED, 9 * len(frames.time) - UNKNOWN, frames.dof or ABSENT))
     for law in laws:
         fitted = any(fit.misfit < GROSS for fit in fits)
         if (fit := fit_flight(frames, law, 1 if fitted else STARTS)) is not None:
@@ -103,19 +104,21 @@ def identify_recording(recording: Recording, settings: Settings) -> Identified:
     if fits:
         law, misfit = fits[0].law, fits[0].misfit
         wide = fits[0].cov * max(misfit, 1.0)  # what the flight leaves beyond the noise widens the claim
-        verdict = judge(findings_of(frames, fits, wide))
+        verdict = judge(findings_of(frames, fits, wide, limit))
         if verdict.level != "refused":
             value, cov = scale * fits[0].p[18:], scale**2 * wide
     return Identified(law, value, cov, "Pa" if volume else "J", misfit, frames.sigma, verdict, volume)
 
 
-def findings_of(frames: Frames, fits: list[FittedFlight], cov: Array) -> list[Finding]:
-    """What is wrong with the likeliest of some flights, or to be known. cov: claimed of its constants."""
+def findings_of(frames: Frames, fits: list[FittedFlight], cov: Array, limit: float) -> list[Finding]:
+    """What is wrong with the likeliest of some flights, or to be known.
+
+    cov: claimed of its constants; limit: chi-square per degree of freedom that chance explains.
+    """
     best, found = fits[0], []
     misfit = best.misfit
     if not frames.dof:
         found.append(note("flight-noise-stated", noise_mm=1e3 * frames.sigma))
-    limit = float(fisher.isf(DENIED, best.dof, frames.dof or ABSENT))
     if misfit > limit:
         found.append(note("flight-misfit", "refused" if misfit > GROSS else None, misfit=misfit, limit=limit))
     if frames.falls > float(fisher.isf(DENIED, 3 * len(frames.time), frames.dof or ABSENT)):

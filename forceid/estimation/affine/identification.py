@@ -104,7 +104,10 @@ def frames_of(body: Body, motion: Motion, stated: float | None) -> Frames:
 
 
 def fit_flight(frames: Frames, law: str, starts: int) -> FittedFlight | None:
-    """The likeliest free flight of a law, None where none was found from so many starts."""
+    """The likeliest free flight of a law, None where none was found.
+
+    starts: tried at most, until one is not off by twice the noise.
+    """
     best = None
     for lam, mu in rough_constants(frames, law)[:starts]:
         found = grown_horizon(frames, law, lam, mu)
