@@ -153,7 +153,7 @@ def estimate_beside(
     known = None
     if beside is not None:
         state, known = beside.restored(solution.state, body, motion.time)
-        solution = replace(solution, state=state)
+        solution = replace(solution, state=state, findings=(*solution.findings, beside.judged(known)))
     result = assemble(recording, settings, solution, findings, choice.left, differs, known)
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution

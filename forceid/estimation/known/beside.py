@@ -13,8 +13,10 @@ from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.known.loads import KnownLoad, known_loads
 from forceid.estimation.known.removal import KnownWrench, Path, along
 from forceid.estimation.methods.solution import Solution
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
-from forceid.records import Array, Body, Estimate, Motion, Recording
+from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 from forceid.significance import TENTH
 
 LOOKS = 4  # at where loads act, at most: each leaves what a pose is off, times the load, over its lever
@@ -44,6 +46,13 @@ class Beside:
         known = self.known if state.reference is None else self.along(state, body, time)
         state = known.added(self.taken.added(state), -1.0)
         return known.with_errors(state), known
+
+    def judged(self, known: KnownWrench) -> Finding:
+        """What the estimate is of, for the verdict."""
+        names = ", ".join(load.name for load in self.loads)
+        return note(
+            "beside-known", names=names, force=length(known.part.force), moment=length(known.part.moment)
+        )
 
     def along(self, state: FlightState, body: Body, time: Array) -> KnownWrench:
         """The loads along the path of a state."""

@@ -421,6 +421,13 @@ LOADS = (
         "Reduce the noise, or record at a higher rate, for smaller claims.",
     ),
     Entry(
+        "beside-known", "ok",
+        "force and moment are those of all loads but the known ones, {names}, of {force:.3g} N and "
+        "{moment:.3g} N m rms; what these leave open is claimed",
+        "The result is what acts beside the loads that were stated, not all that acts.",
+        "Nothing, if that is what you ask. Add `known_force` and `known_moment` for all that acts.",
+    ),
+    Entry(
         "inner-wheel", "degraded",
         "an angular momentum inside the body, ({h_x:.2g}, {h_y:.2g}, {h_z:.2g}) kg m2/s in body axes, would "
         "make {made:.2g} of the {moment:.2g} N m of moment found: a wheel, a rotor or a liquid turns in it, "

@@ -70,6 +70,10 @@ def test_a_constant_known_force_is_as_much_gravity():
     assert np.abs(known.force - fallen.force).max() < 1e-6 * np.abs(fallen.force).max()
     assert np.abs(known.moment - fallen.moment).max() < 1e-6 * np.abs(fallen.moment).max()
     assert (known.gravity == GRAVITY).all()
+    assert "beside-known" in known.verdict.codes
+    assert known.verdict.reasons[known.verdict.codes.index("beside-known")].startswith(
+        "force and moment are those of all loads but the known ones, pull, of 3.61 N and 0 N m rms"
+    )
 
 
 def test_what_is_not_known_of_a_known_load_is_claimed_of_the_others():
