@@ -11,7 +11,7 @@ MASS, WEIGHT, ETA = 0.7, np.array([0.0, 0.3, -6.9]), 0.004
 F0 = np.array([[1.1, 0.1, 0.0], [-0.1, 0.95, 0.1], [0.0, 0.05, 1.0]])
 V0 = np.array([[0.2, -3.0, 0.5], [2.5, 0.1, -0.4], [0.3, 0.2, -0.1]])
 C0, U0 = np.array([0.1, -0.2, 1.5]), np.array([3.0, 0.5, 2.0])
-TIME = np.linspace(0.0, 0.8, 41)
+TIME = np.linspace(0.0, 0.4, 21)
 SHAPE = np.random.default_rng(5).normal(size=(3, 3))
 LAME = 3.0, 2.0
 REST = np.zeros((3, 3))
@@ -55,14 +55,14 @@ def test_driven_body_moves_as_the_affine_equations_written_out_say():
 
 def test_body_alone_loses_what_its_damping_takes():
     body = Body(E, NeoHookean.natural(1.0, 0.5))
-    path = np.linspace(0, 0.4, 401)
+    path = np.linspace(0, 0.2, 201)
     damped = body.simulate(F0, V0, path, damping=ETA)
     C_rate = damped.F.mT @ damped.dF
     C_rate = C_rate + C_rate.mT
     taken = ETA / 2 * np.einsum("tij,tij->t", C_rate, C_rate)
     lost = np.concatenate([[0], np.cumsum((taken[1:] + taken[:-1]) / 2 * np.diff(path))])
     np.testing.assert_allclose(damped.energy[0] - damped.energy, lost, atol=1e-4 * lost[-1])
-    assert lost[-1] > 5e-3
+    assert lost[-1] > 2e-3
 
 
 def test_loads_may_ask_for_the_state():
