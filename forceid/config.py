@@ -5,10 +5,10 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from forceid.errors import ConfigError
 
@@ -29,15 +29,31 @@ S = TypeVar("S", bound=Section)
 class LoadSetting(Section):
     """One load of f = B p: a unit force along `direction` at `point`, or a unit moment about it.
 
-    `point` is a node name or three coordinates in meters. `axes`: "body" turns direction and point with
-    the mean rotation, "world" keeps the direction and the point fixed in space.
+    `point` is a node name or three coordinates in meters. In its place, `nodes` that share the force evenly,
+    or `pattern`, the force (N) on each node that it names, of a load of one. `axes`: "body" turns direction,
+    point and pattern with the mean rotation, "world" keeps them fixed in space.
     """
 
     name: str
-    direction: Vector
+    direction: Vector | None = None
     point: str | Vector = "mass_center"
+    nodes: tuple[str, ...] = ()
+    pattern: dict[str, Vector] = Field(default_factory=dict)
     kind: Literal["force", "moment"] = "force"
     axes: Literal["body", "world"] = "body"
+
+    @model_validator(mode="after")
+    def one_place(self) -> Self:
+        """One way to say where a load acts, and along what."""
+        said = {"point": self.point != "mass_center", "nodes": self.nodes, "pattern": self.pattern}
+        ways = [way for way, given in said.items() if given]
+        if len(ways) > 1:
+            raise ValueError(f"{self.name} has {' and '.join(ways)}, expected one of them")
+        if (self.direction is None) != bool(self.pattern):
+            raise ValueError(f"{self.name} takes a direction, or a pattern, which has its own")
+        if self.kind == "moment" and ways and ways[0] != "point":
+            raise ValueError(f"{self.name} is a moment, expected no {ways[0]}")
+        return self
 
 
 class KnownLoadSetting(Section):

@@ -188,8 +188,8 @@ class Loads:
     """Applied loads p of f = B p. load (time, load) N, load_cov (time, load, load_2) N2.
 
     null_space (load, null): directions of p the motion cannot see. estimable (functional, load): rows
-    whose combination of loads is determined. chi_square (time,): misfit of the six resultants, with
-    `dof` degrees of freedom.
+    whose combination of loads is determined. chi_square (time,): misfit of resultants and
+    forces on modes, with `dof` degrees of freedom.
     """
 
     name: tuple[str, ...]

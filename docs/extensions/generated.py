@@ -78,7 +78,8 @@ def schema() -> str:
 
     page = []
     groups = {"BODY": "body", "MOTION": "motion", "KNOWN_LOADS": "load_known"}
-    groups |= {name: name.lower() for name in ("ESTIMATE", "LOAD", "INTERFACE")}
+    groups |= {"ESTIMATE": "estimate", "MODAL": "estimate, of modes"}
+    groups |= {name: name.lower() for name in ("LOAD", "INTERFACE")}
     for group, where in groups.items():
         table: Mapping[str, Any] = getattr(schema, group)
         rows = [

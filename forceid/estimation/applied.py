@@ -9,8 +9,9 @@ from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
+from forceid.kalman.building.process import block_diagonal
 from forceid.principal import solve_loads, transport, transport_cov
-from forceid.records import Array, Body, Finding, Loads
+from forceid.records import Array, Body, Finding, Loads, ModalForces
 from forceid.rounding import SINGLE
 
 SPLIT = 0.06  # of unit loads, what is left of one beside the others: below, they are alike
@@ -27,8 +28,14 @@ def check_points(settings: Settings, body: Body) -> None:
                 f"the nodes are {', '.join(body.node[:8])}" if body.node else "this body has no nodes",
             )
     for load in settings.load:
-        if not any(load.direction):
-            raise ConfigError("has direction 0 0 0", f"load {load.name}", "give it a direction")
+        if lost := [name for name in (*load.nodes, *load.pattern) if name not in body.node]:
+            raise ConfigError(
+                f"names '{lost[0]}', expected a node",
+                f"load {load.name}",
+                f"the nodes are {', '.join(body.node[:8])}" if body.node else "this body has no nodes",
+            )
+        if not any(any(force) for force in (load.direction or (), *load.pattern.values())):
+            raise ConfigError("has no direction but 0 0 0", f"load {load.name}", "give it a direction")
 
 
 def about_point(
@@ -44,16 +51,32 @@ def about_point(
 
 
 def applied_loads(
-    settings: Settings, body: Body, inertia: Inertia, state: FlightState, shape: Array, wrench: Array
+    settings: Settings,
+    body: Body,
+    inertia: Inertia,
+    state: FlightState,
+    shape: Array,
+    wrench: Array,
+    modal: ModalForces | None = None,
 ) -> tuple[Loads | None, tuple[Finding, ...]]:
-    """Least-squares loads of the pattern in the settings, None without one; and findings on those alike."""
+    """Least-squares loads of the pattern in the settings, None without one; and findings on those alike.
+
+    Where all of them act on nodes, they answer to the forces on the modes of the body too, if these are
+    known: [S^T; Phi^T] B p = [wrench; modal]. Source: principal equations 4c.
+    """
     if not settings.load:
         return None, ()
     columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
     gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
     G = np.stack(columns, -1)
-    cov, same = state.wrench_cov, parallel_loads(G, gyration, names)
+    cov, forces = state.wrench_cov, [nodal_forces(load, body, state) for load in settings.load]
+    if modal is not None and all(f is not None for f in forces):
+        size = np.linalg.norm(modal.shape, axis=(1, 2))
+        seen = np.einsum("kna,ltna->tkl", modal.shape, np.array(forces)) / size[:, None]
+        wrench, G = np.concatenate([wrench, modal.force / size], 1), np.concatenate([G, seen], 1)
+        cov = block_diagonal(cov, modal.cov / np.outer(size, size))
+    same = parallel_loads(G, gyration, names)
     if inertia.point:  # no moment acts on it: a load is told by its force
         wrench, cov, G = wrench[:, :3], cov[:, :3, :3], G[:, :3]
     elif inertia.line is not None:  # along the line none acts: known there as well as across
@@ -67,15 +90,17 @@ def applied_loads(
 def parallel_loads(G: Array, length: float, name: tuple[str, ...]) -> tuple[Finding, ...]:
     """Loads that do all but the same to the body, so that small errors go far in their split.
 
-    G (time, 6, load): wrench of a unit of each; length m: by which moments are divided. Those that do just
-    the same are for the rank test.
+    G (time, 6 + mode, load): wrench of a unit of each, and its forces on modes; length m: by which moments
+    are divided. Those that do just the same are for the rank test.
 
     >>> lean = np.radians(1.0)
     >>> G = np.array([[1.0, np.cos(lean)], [0.0, np.sin(lean)], *np.zeros((4, 2))])[None]
     >>> parallel_loads(G, 0.1, ("bow", "stern"))[0].text[:53]
     'the loads bow, stern do nearly the same to the body: '
     """
-    scaled = G[np.isfinite(G).all((1, 2))] / np.repeat([1.0, length], 3)[:, None]
+    unit = np.ones(G.shape[1])
+    unit[3:6] = length
+    scaled = G[np.isfinite(G).all((1, 2))] / unit[:, None]
     size = np.linalg.norm(scaled, axis=1, keepdims=True)
     if not len(scaled) or not size.all() or len(name) > scaled.shape[1]:
         return ()
@@ -92,7 +117,13 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
 
     origin (3,): the mass center in the axes of the reference shape, in which body points are given.
     """
-    direction = np.array(load.direction) / np.linalg.norm(load.direction)
+    if load.nodes or load.pattern:
+        f = nodal_forces(load, body, state)
+        assert f is not None
+        turned = np.einsum("tab,tnb->ta", state.rotation, f)
+        return np.concatenate([turned, np.einsum("tab,tb->ta", state.rotation, np.cross(shape, f).sum(1))], 1)
+    direction = np.array(load.direction, float)
+    direction = direction / np.linalg.norm(direction)
     turned = np.tile(direction, (len(state.center), 1))
     if load.axes == "body":
         turned = np.einsum("tab,b->ta", state.rotation, direction)
@@ -106,6 +137,23 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
     else:
         point = np.tile(np.array(load.point), (len(turned), 1))
     return transport(np.concatenate([turned, none], 1), point - state.center)
+
+
+def nodal_forces(load: LoadSetting, body: Body, state: FlightState) -> Array | None:
+    """Forces (time, node, 3) of a load of one on the nodes, body axes; None for one that acts on none."""
+    at = load.nodes or ((load.point,) if isinstance(load.point, str) and load.point in body.node else ())
+    forces: dict[str, Vector | Array] = dict(load.pattern)
+    if load.kind == "force" and load.direction is not None:
+        share = np.array(load.direction) / np.linalg.norm(np.array(load.direction)) / max(len(at), 1)
+        forces = dict.fromkeys(at, share)
+    if not forces:
+        return None
+    f = np.zeros((len(body.node), 3))
+    for node, force in forces.items():
+        f[body.node.index(node)] = force
+    if load.axes == "body":
+        return np.tile(f, (len(state.center), 1, 1))
+    return np.asarray(np.einsum("tba,nb->tna", state.rotation, f))
 
 
 def place(point: str | Vector, body: Body, state: FlightState, shape: Array) -> Array:

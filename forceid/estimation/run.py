@@ -249,7 +249,9 @@ def assemble(
     modal = None
     if settings.method in ("smoother", "filter"):
         modal = modal_forces(kin, state, engine(settings.engine), settings.method == "filter")
-    loads, same = applied_loads(settings, recording.body, kin.inertia, state, shape, wrench)
+    loads, same = applied_loads(
+        settings, recording.body, kin.inertia, state, shape, wrench, modal if known is None else None
+    )
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
     arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)

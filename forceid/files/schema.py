@@ -151,7 +151,9 @@ LOAD = {
     "load_cov": Variable(("time", "load_name", "load_name_2"), "N2", "covariance of the loads"),
     "null_space": Variable(("load_name", "null"), "1", "load patterns that leave no trace in the motion"),
     "estimable": Variable(("functional", "load_name"), "1", "combinations of loads that are determined"),
-    "chi_square": Variable(("time",), "1", "misfit of the six resultants"),
+    "chi_square": Variable(
+        ("time",), "1", "misfit of the resultants, and of the forces on modes where loads answer to these"
+    ),
 }
 WITNESS = {
     name: replace(ESTIMATE[name], long_name=f"{ESTIMATE[name].long_name}, by the plain route")

@@ -87,10 +87,11 @@ def solve_loads(
     not depend on it.
     length m: the rms radius of the mass (`MassProperties.length`), by which moments are divided in the
     rank test; directions below `tolerance` of the largest singular value count as unseen. Planar: 3 for 6.
+    Beyond the six, forces on modes of unit shapes may follow, with Phi^T B as rows of G.
 
     Along unseen directions the load is the one of least norm, and load_cov claims nothing about them:
     read `null_space`, `estimable` and `undetermined` first. With a G that changes in time, estimable
-    is what every sample determines; chi_square, with dof = 6 - rank, is NaN where the rank falls below
+    is what every sample determines; chi_square, with dof = rows - rank, is NaN where the rank falls below
     the highest. NaN in, NaN out. Raises DataError. Source: principal equations 4c.
 
     >>> G = np.array([[1.0, 1.0], [0.0, 0.0], [0.0, 0.0]])  # planar: two forces on one line
@@ -100,10 +101,10 @@ def solve_loads(
     """
     g, C, G = (np.asarray(a, dtype=float) for a in (wrench, wrench_cov, G))
     size, count = G.shape[-2:]
-    if g.ndim != 2 or g.shape[1] != size or C.shape[-2:] != (size, size) or size not in (3, 6):
+    if g.ndim != 2 or g.shape[1] != size or C.shape[-2:] != (size, size) or size in (0, 1, 2, 4, 5):
         raise DataError(
             f"has shape {g.shape} with covariance {C.shape} and G {G.shape}, expected (time, 6), (..., 6, 6) "
-            "and (..., 6, load), or 3 for 6",
+            "and (..., 6, load), or 3 or more for 6",
             "wrench",
         )
     known = np.isfinite(g).all(-1) & np.isfinite(C).all((-2, -1)) & np.isfinite(G).all((-2, -1))
@@ -117,7 +118,7 @@ def solve_loads(
         ) from e
 
     scale = np.ones(size)
-    scale[2 if size == 3 else 3 :] = 1 / length
+    scale[slice(2, 3) if size == 3 else slice(3, 6)] = 1 / length
     _, s, Vt = np.linalg.svd(scale[:, None] * G, full_matrices=False)
     seen = s > tolerance * s[..., :1]
     V = (Vt * seen[..., None]).mT  # row space of G, (..., load, rank), zero columns for what is unseen

@@ -147,7 +147,7 @@ def test_body_point_and_node_of_the_same_place_carry_the_same_load(estimated, fl
     [
         ({"moment_about": "lefd"}, "moment_about names the point 'lefd'.*front, left, top"),
         ({"load": [{"name": "p", "direction": (0, 0, 1), "point": "tip"}]}, "load p names the point 'tip'"),
-        ({"load": [{"name": "p", "direction": (0, 0, 0)}]}, "load p has direction 0 0 0"),
+        ({"load": [{"name": "p", "direction": (0, 0, 0)}]}, "load p has no direction but 0 0 0"),
     ],
 )
 def test_settings_that_the_body_cannot_meet_are_refused(settings, words):
@@ -158,3 +158,32 @@ def test_settings_that_the_body_cannot_meet_are_refused(settings, words):
 def test_body_without_nodes_says_that_it_has_none():
     with pytest.raises(ConfigError, match="this body has no nodes"):
         check_points(load_settings(moment_about="tip"), cf.mean_motion().body)
+
+
+def test_a_load_spread_over_nodes_is_its_pattern_and_pushes_as_its_forces_do(estimated, flown):
+    recording, _ = flown
+    ends = {"front": (0.0, 0.0, 0.5), "rear": (0.0, 0.0, 0.5)}
+    spread = {"name": "lift", "nodes": ["front", "rear"], "direction": (0.0, 0.0, 2.0)}
+    even, written = (
+        estimated(recording, load=[load]).loads for load in (spread, {"name": "lift", "pattern": ends})
+    )
+    np.testing.assert_allclose(even.load, written.load, rtol=1e-12)
+    center = estimated(recording, load=[{"name": "lift", "direction": (0.0, 0.0, 1.0)}]).loads
+    np.testing.assert_allclose(even.load, center.load, atol=0.05 * np.abs(center.load).max())
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        ({"pattern": {"nose": (1.0, 0.0, 0.0)}}, "names 'nose', expected a node"),
+        ({"pattern": {"front": (1.0, 0.0, 0.0)}, "point": "rear"}, "point and pattern, expected one of them"),
+        ({"pattern": {"front": (1.0, 0.0)}}, "pattern.front"),
+        ({"pattern": {"front": (0.0, 0.0, 0.0)}}, "no direction but 0 0 0"),
+        ({"nodes": ["front"], "direction": (1.0, 0.0, 0.0), "kind": "moment"}, "is a moment"),
+        ({"nodes": ["front"]}, "takes a direction, or a pattern"),
+    ],
+)
+def test_a_pattern_that_names_no_load_on_nodes_is_refused_in_one_line(load, said):
+    with pytest.raises(ConfigError, match=said) as refused:
+        check_points(load_settings(load=[{"name": "push"} | load]), cf.star())
+    assert "\n" not in str(refused.value)

@@ -1,5 +1,7 @@
 """Forces on the modes of an elastic body, against loads that are known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import eigh, solve
 from scipy.spatial.transform import Rotation
@@ -8,37 +10,39 @@ from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
 
-CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * [0.15, 0.10, 0.06]  # m
-MASS = np.full(8, 0.05)  # kg
+NAMES = tuple("abcd")
+CORNERS = np.array([[-1, -1, -1], [-1, 1, 1], [1, -1, 1], [1, 1, -1]]) * 0.1  # m
+MASS = np.full(4, 0.05)  # kg
 TIME = np.arange(200) / 500
 NOISE = 1e-4  # m
-PINCH = np.zeros((8, 3))
-PINCH[:, 0] = np.sign(CORNERS[:, 0])  # N: pulls the ends apart, without force or moment
+EDGES = [CORNERS[a] - CORNERS[b] for a, b in ((0, 1), (2, 3))]
+PINCH, CLASP = np.zeros((2, 4, 3))  # N: pulls on two opposite edges, without force or moment
+PINCH[:2] = np.outer([1.0, -1.0], EDGES[0] / np.linalg.norm(EDGES[0]))
+CLASP[2:] = np.outer([1.0, -1.0], EDGES[1] / np.linalg.norm(EDGES[1]))
 
 
 def lattice():
-    """Stiffness (24, 24) N/m of springs between all corners."""
-    K = np.zeros((8, 3, 8, 3))
-    for a in range(8):
+    """Stiffness (12, 12) N/m of springs between all corners."""
+    K = np.zeros((4, 3, 4, 3))
+    for a in range(4):
         for b in range(a):
             arm = CORNERS[a] - CORNERS[b]
-            k = 150.0 * np.outer(arm, arm) / (arm @ arm)
+            k = 400.0 * np.outer(arm, arm) / (arm @ arm)
             for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
                 K[i, :, j] += sign * k
-    return K.reshape(24, 24)
+    return K.reshape(12, 12)
 
 
 def pinched(gravity, **known):
-    """A box that falls, pinched at 7 Hz, its deformation in steady vibration; and the load (time,) N."""
+    """Four masses that fall, pinched at 7 Hz, in steady vibration; and the load (time,) N."""
     w2, shape = eigh(lattice(), np.diag(np.repeat(MASS, 3)))
     w2, shape = w2[6:], shape[:, 6:]
     rate, load = 2 * np.pi * 7.0, np.sin(2 * np.pi * 7.0 * TIME)
     q = load[:, None] * (shape.T @ PINCH.ravel()) / (w2 - rate**2)
     center = 0.5 * np.outer(TIME**2, gravity)
-    x = center[:, None] + CORNERS + (q @ shape.T).reshape(-1, 8, 3)
+    x = center[:, None] + CORNERS + (q @ shape.T).reshape(-1, 4, 3)
     x = x + NOISE * np.random.default_rng(3).standard_normal(x.shape)
-    names = tuple("abcdefgh")
-    body = Body(names, CORNERS, MASS, **(known or {"stiffness": lattice()}))
+    body = Body(NAMES, CORNERS, MASS, **(known or {"stiffness": lattice()}))
     return Recording(body, Motion(TIME, x, gravity=gravity, noise_std={"position": NOISE})), load
 
 
@@ -51,24 +55,24 @@ def errors(modal, load, pattern):
 def test_force_on_modes_is_that_of_the_applied_loads_and_gravity_has_no_part_in_it():
     recording, load = pinched(np.array([0.0, 3.0, -9.0]))
     modal = estimate_recording(recording, load_settings(model="modal")).modal
-    driven = np.abs(modal.shape.reshape(-1, 24) @ PINCH.ravel()).argmax()
+    driven = np.abs(modal.shape.reshape(-1, 12) @ PINCH.ravel()).argmax()
     assert np.sqrt(np.mean(errors(modal, load, PINCH) ** 2)) < 1.3
     assert np.abs(modal.force[:, driven]).max() > 10 * np.sqrt(modal.cov[:, driven, driven].mean())
 
 
 def test_steady_spin_pulls_the_modes_without_any_force_on_them():
-    spin, across = 20.0, np.tile([1.0, 1.0, 0.0], 8)
+    spin, across = 20.0, np.tile([1.0, 1.0, 0.0], 4)
     pull = spin**2 * np.repeat(MASS, 3) * across
-    S = np.linalg.svd(lattice())[0][:, :18]
+    S = np.linalg.svd(lattice())[0][:, :6]
     u = S @ solve(S.T @ (lattice() - np.diag(pull)) @ S, S.T @ (pull * CORNERS.ravel()))
     assert np.abs(u).max() > 20 * NOISE
     R = Rotation.from_rotvec(np.outer(spin * TIME, [0, 0, 1])).as_matrix()
-    x = np.einsum("tab,nb->tna", R, CORNERS + u.reshape(8, 3))
+    x = np.einsum("tab,nb->tna", R, CORNERS + u.reshape(4, 3))
     x = x + NOISE * np.random.default_rng(4).standard_normal(x.shape)
-    body = Body(tuple("abcdefgh"), CORNERS, MASS, stiffness=lattice())
+    body = Body(NAMES, CORNERS, MASS, stiffness=lattice())
     modal = estimate_recording(
         Recording(body, Motion(TIME, x, noise_std={"position": NOISE})),
-        load_settings(model="modal", modes=18),
+        load_settings(model="modal", modes=6),
     ).modal
     assert modal is not None
     pulled = modal.shape.reshape(len(modal.shape), -1) @ (pull * CORNERS.ravel())
@@ -81,7 +85,7 @@ def test_steady_spin_pulls_the_modes_without_any_force_on_them():
 def test_modes_given_with_frequencies_have_forces_on_the_shapes_as_given_and_without_have_none():
     w2, shape = eigh(lattice(), np.diag(np.repeat(MASS, 3)))
     driven = 6 + np.argsort(-np.abs(shape[:, 6:].T @ PINCH.ravel()) / w2[6:])[:2]
-    shapes, hertz = 3.0 * shape[:, driven].T.reshape(2, 8, 3), np.sqrt(w2[driven]) / (2 * np.pi)
+    shapes, hertz = 3.0 * shape[:, driven].T.reshape(2, 4, 3), np.sqrt(w2[driven]) / (2 * np.pi)
     recording, load = pinched(np.zeros(3), mode_shape=shapes, mode_frequency=hertz)
     modal = estimate_recording(recording, load_settings(model="modal")).modal
     np.testing.assert_allclose(modal.shape, shapes, atol=1e-4)
@@ -89,3 +93,21 @@ def test_modes_given_with_frequencies_have_forces_on_the_shapes_as_given_and_wit
     result = estimate_recording(pinched(np.zeros(3), mode_shape=shapes)[0], load_settings(model="modal"))
     assert result.modal is None
     assert "no-modal-force" in result.verdict.codes
+
+
+def test_loads_without_a_resultant_are_told_apart_where_the_stiffness_is_known():
+    recording, load = pinched(np.array([0.0, 0.0, -9.81]))
+    pattern = [
+        {name: tuple(map(float, f)) for name, f in zip(NAMES, each, strict=True) if f.any()}
+        for each in (PINCH, CLASP)
+    ]
+    settings = {"load": [{"name": "pinch", "pattern": pattern[0]}, {"name": "clasp", "pattern": pattern[1]}]}
+    loads = estimate_recording(recording, load_settings(model="modal", **settings)).loads
+    off = (loads.load - np.stack([load, np.zeros_like(load)], 1))[25:-25]
+    claim = np.sqrt(np.diagonal(loads.load_cov, axis1=1, axis2=2))[25:-25]
+    assert loads.null_space.shape == (2, 0)
+    assert np.sqrt(np.mean((off / claim) ** 2)) < 1.3
+    assert claim.max() < 0.1 * np.abs(load).max()
+    unknown = Recording(replace(recording.body, stiffness=None), recording.motion)
+    apart = estimate_recording(unknown, load_settings(model="rigid", **settings)).loads
+    assert np.nanmedian(np.diagonal(apart.load_cov, axis1=1, axis2=2)) > 100 * claim.max() ** 2

@@ -22,7 +22,7 @@ from forceid.estimation.body.tracks.noise_axes import uneven
 from forceid.flight.channels import driven, load_chain, search_box, start_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState
-from forceid.flight.tuning import points_of, tune_loads
+from forceid.flight.tuning import ORDERS, points_of, tune_loads
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
@@ -32,8 +32,9 @@ from forceid.records import Array, ModalForces
 from forceid.rounding import SINGLE
 from forceid.significance import OUTLIER, PATIENCE
 
+MODE_ORDERS = ORDERS[:-1]  # orders tried of a load: each state of a mode is one of a joint smoother
 HALVINGS = 8  # of the size of a load that does not show, down to where it matters to no claim
-ROUNDS = 3  # of the fit of a frame: each leaves the square of what the last was off
+FRAME_FITS = 3  # of the fit of a frame: each leaves the square of what the last was off
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def readings(kin: Kinematics, held: Oscillators) -> tuple[Array, Array]:
     assert markers is not None
     noise = markers.noise_std**2 * np.eye(kin.shape.size) + held.rest
     q, loose = np.zeros((len(kin.time), len(held.mass))), np.diag(1 / held.var)
-    for _ in range(ROUNDS):
+    for _ in range(FRAME_FITS):
         bent = np.einsum("tab,knb,tk->tna", pose.rotation, held.shape, q)
         frames = fit_frames(
             markers.tracks - bent, pose, markers.X, held.shape, noise, markers.filled, uneven(markers.root)
@@ -170,7 +171,9 @@ def load_kernels(time: Array, q: Array, noise_var: Array, held: Oscillators, eng
     found, shows, none = [], [], np.zeros(1)
     for k, (mass, spring) in enumerate(zip(held.mass, held.spring, strict=True)):
         z = q[:, [k]]
-        tuned = tune_loads(time, z, 1 / mass, noise_var[:, [k]], none, engine=engine, spring=spring[None])
+        tuned = tune_loads(
+            time, z, 1 / mass, noise_var[:, [k]], none, orders=MODE_ORDERS, engine=engine, spring=spring[None]
+        )
         kernel = tuned.kernel
         assert isinstance(kernel, Matern)
         least = search_box(time, z, 1 / mass, kernel.order, spring[0])[0][0]
