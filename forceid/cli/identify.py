@@ -1,4 +1,4 @@
-"""forceid identify: the material of a body from one free flight."""
+"""forceid identify: the material of a body, or its modes, from one free flight."""
 
 from __future__ import annotations
 
@@ -20,24 +20,29 @@ def run(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Identify the material of the body in FILE from its free flight, with 95 % intervals.
+    """Identify the material of the body in FILE, or its modes, from its free flight, with 95 % intervals.
 
-    The body deforms affinely under nothing but its weight. Both constants of Lame of a St. Venant-Kirchhoff
-    or a neo-Hookean law, whichever is likelier or [material] in CONFIG names, and Kelvin-Voigt damping. Exit
-    code 1 when nothing can be told; then nothing is written.
+    Of a body with mode shapes or a stiffness, frequency and damping of every mode. Any other body deforms
+    affinely under nothing but its weight: both constants of Lame of a St. Venant-Kirchhoff or a neo-Hookean
+    law, whichever is likelier or [material] in CONFIG names, and Kelvin-Voigt damping. Exit code 1 when
+    nothing can be told; then nothing is written.
 
     Example: forceid identify flight.h5 -o material.toml
     """
     from forceid.config import load_settings
-    from forceid.estimation import identify_recording, read_recording
+    from forceid.estimation import identify_modes, identify_recording, read_recording
     from forceid.files.stored.atomic import atomic
 
     settings = load_settings(config)
     with naming(file):
-        found = identify_recording(read_recording(file, settings)[0], settings)
+        recording = read_recording(file, settings)[0]
+        body = recording.body
+        elastic = body.material is not None or settings.material is not None
+        modal = not elastic and (body.mode_shape is not None or body.stiffness is not None)
+        found = (identify_modes if modal else identify_recording)(recording, settings)
     record: dict[str, Any] = {"file": str(file), **verdict_of(found.verdict), **found.as_dict()}
     refused = found.verdict.level == "refused"
-    if output is not None and not refused:
+    if output is not None and record.get("material"):
         import tomli_w
 
         with atomic(output) as partial:
@@ -55,5 +60,5 @@ def summary(record: dict[str, Any]) -> str:
     )
     for name, one in record["constants"].items():
         ends = f"95 %: {one['low']:.6g} to {one['high']:.6g}"
-        lines.append(f"{name:8} {one['value']:.6g} +- {one['std']:.2g} {one['unit']}, {ends}")
+        lines.append(f"{name:12} {one['value']:.6g} +- {one['std']:.2g} {one['unit']}, {ends}")
     return "\n".join(lines)

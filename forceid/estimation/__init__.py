@@ -15,6 +15,7 @@ _HOMES = {
     "read_recording": "forceid.estimation.long.out_of_core",
     "inspect_recording": "forceid.estimation.inspection",
     "identify_recording": "forceid.estimation.identify",
+    "identify_modes": "forceid.estimation.identify",
     "Progress": "forceid.estimation.long.windows",
     "unwatched": "forceid.estimation.long.windows",
     "listed": "forceid.estimation.joints.null_space",
@@ -24,6 +25,7 @@ _HOMES = {
 __all__ = [*_HOMES]
 
 if TYPE_CHECKING:
+    from forceid.estimation.identify import identify_modes as identify_modes
     from forceid.estimation.identify import identify_recording as identify_recording
     from forceid.estimation.inspection import inspect_recording as inspect_recording
     from forceid.estimation.joints.null_space import listed as listed

@@ -16,10 +16,15 @@ from forceid.errors import DataError
 from forceid.estimation.affine.free_flight import CONSTANTS, LAWS, UNKNOWN
 from forceid.estimation.affine.identification import GROSS, FittedFlight, Frames, fit_flight, frames_of
 from forceid.estimation.body.cleaning import cleaned
+from forceid.estimation.body.deforming.free_swings import FreeSwing, free_swing
+from forceid.estimation.body.deforming.modes import fit_amplitudes
+from forceid.estimation.body.markers import markers_of
 from forceid.estimation.body.material import law_name
+from forceid.estimation.body.tracks.noise_axes import as_stated
 from forceid.estimation.run import with_stated
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import judge
+from forceid.estimation.verdict.finding import FEW, judge
+from forceid.principal import summation_operator
 from forceid.records import Array, Finding, Recording, Verdict
 from forceid.significance import DENIED, PATIENCE, TENTH
 
@@ -108,6 +113,66 @@ def identify_recording(recording: Recording, settings: Settings) -> Identified:
         if verdict.level != "refused":
             value, cov = scale * fits[0].p[18:], scale**2 * wide
     return Identified(law, value, cov, "Pa" if volume else "J", misfit, frames.sigma, verdict, volume)
+
+
+@dataclass(frozen=True)
+class IdentifiedModes:
+    """Frequency (Hz) and damping ratio of the modes of a body, in its order, None where one is not seen to
+    swing; noise_std m of a coordinate.
+    """
+
+    swings: tuple[FreeSwing | None, ...]
+    noise_std: float
+    verdict: Verdict
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json: each number by name, with its interval; the covariance of frequency and damping."""
+        constants: dict[str, Any] = {}
+        for k, swing in enumerate(self.swings, 1):
+            numbers = (np.nan, np.nan) if swing is None else (swing.frequency, swing.damping)
+            std = np.full(2, np.nan) if swing is None else np.sqrt(np.diag(swing.cov))
+            for name, unit, value, one in zip(
+                ("frequency", "damping"), ("Hz", ""), numbers, std, strict=True
+            ):
+                ends = {"low": value - QUANTILE * one, "high": value + QUANTILE * one}
+                constants[f"{name}_{k}"] = {"value": value, "std": one, **ends, "unit": unit}
+        cov = [None if swing is None else swing.cov for swing in self.swings]
+        misfit = [None if swing is None else swing.misfit for swing in self.swings]
+        return {"constants": constants, "covariance": cov, "misfit": misfit, "noise_std": self.noise_std}
+
+
+def identify_modes(recording: Recording, settings: Settings) -> IdentifiedModes:
+    """Frequency and damping of the modes that a body brings, by shapes or a stiffness, from a free flight.
+
+    Each swings by itself, about the shape that its spin holds. Raises DataError where no marker shows them.
+    """
+    recording = with_stated(recording, settings)
+    motion, _ = cleaned(recording.body, recording.motion)
+    if motion.position is None:
+        raise DataError("holds no markers", "/motion/position", "modes show in markers only")
+    markers = markers_of(
+        recording.body, motion, as_stated(motion.noise_std | settings.noise_std, motion), True
+    )
+    if markers.modes is None or not markers.oriented:
+        raise DataError(
+            "shows no rotation and modes", "/motion/position", "mark three points off a line, and more"
+        )
+    sigma, shapes = markers.noise_std, markers.modes.shape
+    q, var = fit_amplitudes(markers.residual, shapes, summation_operator(markers.shape), sigma**2)
+    found: list[Finding] = []
+    swings: list[FreeSwing | None] = []
+    for k in range(len(shapes)):
+        seen = np.isfinite(q[:, k])
+        swing = free_swing(markers.time, q[:, k], var[:, k]) if seen.sum() > FEW else None
+        if swing is None or swing.gain < 2 * (PATIENCE + np.log(seen.sum())):
+            swing = None
+            found.append(note("mode-still", mode=k + 1))
+        elif swing.misfit > float(fisher.isf(DENIED, seen.sum() - 5, ABSENT)):
+            found.append(note("mode-misfit", mode=k + 1, misfit=swing.misfit))
+        swings.append(swing)
+    if not any(swings):
+        found.append(note("no-free-flight"))
+    return IdentifiedModes(tuple(swings), sigma, judge(found))
 
 
 def findings_of(frames: Frames, fits: list[FittedFlight], cov: Array, limit: float) -> list[Finding]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from forceid.cli.app import main
@@ -122,3 +123,35 @@ def test_markers_in_a_plane_and_laws_without_lame_constants_are_one_line(tmp_pat
         line = capsys.readouterr().err
         assert said in line
         assert line.count("\n") == 1
+
+
+def test_modes_of_a_frame_of_springs_have_frequency_and_damping_within_their_claims(tmp_path, capsys):
+    rng = np.random.default_rng(9)
+    X = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3) * [0.2, 0.15, 0.1] + 0.02 * rng.random(
+        (8, 3)
+    )
+    mass, K = rng.uniform(0.1, 0.2, 8), np.zeros((24, 24))
+    X -= mass @ X / mass.sum()
+    for i in range(8):
+        for j in range(i):
+            n = np.zeros(24)
+            n[3 * i : 3 * i + 3] = (X[i] - X[j]) / np.linalg.norm(X[i] - X[j])
+            n[3 * j : 3 * j + 3] = -n[3 * i : 3 * i + 3]
+            K += 1e3 * np.outer(n, n)
+    values, vectors = eigh(K, np.diag(np.repeat(mass, 3)))
+    w, Phi, z = np.sqrt(values[6:10]), vectors[:, 6:10], np.array([0.01, 0.02, 0.015, 0.005])
+    t = np.arange(400) / 500
+    q = 1e-3 * np.exp(-np.outer(t, z * w)) * np.cos(np.outer(t, w * np.sqrt(1 - z**2)) + np.arange(4))
+    R = Rotation.from_rotvec([0.3, 0.5, -0.2]).as_matrix()
+    x = (X + (q @ Phi.T).reshape(-1, 8, 3)) @ R.T + np.outer(t, [1.0, 0, 2])[:, None]
+    x += 2e-4 * rng.standard_normal(x.shape)
+    body = Body(tuple("abcdefgh"), X, mass, mode_shape=Phi.T.reshape(-1, 8, 3))
+    path = tmp_path / "frame.h5"
+    write_motion(path, Recording(body, Motion(t, x, gravity=np.zeros(3), noise_std={"position": 2e-4})))
+    assert main(["identify", str(path), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["constants"]
+    for k in range(4):
+        for name, truth in (("frequency", w[k] / (2 * np.pi)), ("damping", z[k])):
+            found = said[f"{name}_{k + 1}"]
+            assert abs(found["value"] - truth) < 3.5 * found["std"]
+        assert said[f"frequency_{k + 1}"]["std"] < 0.01 * w[k] / (2 * np.pi)

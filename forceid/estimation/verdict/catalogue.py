@@ -682,6 +682,20 @@ IDENTIFIED = (
         "Let it go further deformed, or record it longer.",
     ),
     Entry(
+        "mode-still", "degraded",
+        "mode {mode} is not seen to swing above the noise: its frequency and damping are open; strike the "
+        "body where that mode moves it",
+        "Frequency and damping show in a swing alone. This mode had none that stands out.",
+        "Strike the body where the mode moves it, or mark it there.",
+    ),
+    Entry(
+        "mode-misfit", "degraded",
+        "the swing of mode {mode} leaves {misfit:.3g} times the variance of the noise: something drives it, "
+        "or it is no mode of this body; intervals are widened, and may be too narrow still",
+        "The amplitude is not that of one free, damped oscillator about a steady shape.",
+        "Look for loads, for other modes beside it and at /body/mode_shape; let the body spin less.",
+    ),
+    Entry(
         "law-open", "degraded",
         "the motion does not tell {law} from {rival}, log-likelihood {gain:.2g}, and their constants are "
         "{apart:.2g} J apart; name the law under [material]",
