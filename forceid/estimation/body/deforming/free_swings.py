@@ -15,7 +15,7 @@ from forceid.records import Array
 from forceid.rounding import CENTRAL_STEP
 
 STEPS_OF_A_TURN = 8  # frequencies tried in the width of a line, one over the record
-DECAYS = (0.0, 0.5, 2.0, 6.0)  # e-folds over the record that are tried
+DECAYS_TRIED = (0.0, 0.5, 2.0, 6.0)  # e-folds over the record that are tried
 BOUNDS = ([0.0, -0.5], [np.inf, 0.9])  # of rad/s and damping: what grows or hardly swings is no mode
 
 
@@ -56,7 +56,7 @@ def free_swing(time: Array, q: Array, var: Array) -> FreeSwing:
 
     span = float(np.ptp(t))
     tried = np.arange(1.0, 0.5 * len(t), 1 / STEPS_OF_A_TURN) * 2 * np.pi / span
-    starts = [(w, d / span / w) for w in tried for d in DECAYS if d / span < 0.5 * w]
+    starts = [(w, d / span / w) for w in tried for d in DECAYS_TRIED if d / span < 0.5 * w]
     start = min(starts, key=lambda p: float((left(np.array(p)) ** 2).sum()))
     found = least_squares(left, start, x_scale=(1 / span, 1 / span / start[0]), bounds=BOUNDS)
     p, D = found.x, columns(found.x)
@@ -70,4 +70,4 @@ def free_swing(time: Array, q: Array, var: Array) -> FreeSwing:
     turns = np.array([1 / (2 * np.pi), 1.0])
     still = z - weight * (weight @ z) / (weight @ weight)
     gain = float(still @ still - 2 * found.cost)
-    return FreeSwing(p[0] * turns[0], p[1], turns[:, None] * cov * turns, misfit, gain)
+    return FreeSwing(float(p[0] * turns[0]), float(p[1]), turns[:, None] * cov * turns, misfit, gain)
