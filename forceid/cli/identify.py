@@ -16,7 +16,7 @@ def run(
     config: Config = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="OUT.toml", help="Settings with [material] as it was found."),
+        typer.Option("-o", "--output", metavar="OUT.toml", help="Settings whose table `material` holds what was found."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -24,7 +24,7 @@ def run(
 
     Of a body with mode shapes or a stiffness, frequency and damping of every mode. Any other body deforms
     affinely under nothing but its weight: both constants of Lame of a St. Venant-Kirchhoff or a neo-Hookean
-    law, whichever is likelier or [material] in CONFIG names, and Kelvin-Voigt damping. Exit code 1 when
+    law, whichever is likelier or `material` in CONFIG names, and Kelvin-Voigt damping. Exit code 1 when
     nothing can be told; then nothing is written.
 
     Example: forceid identify flight.h5 -o material.toml
