@@ -16,7 +16,9 @@ def run(
     config: Config = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="OUT.toml", help="Settings whose table `material` holds what was found."),
+        typer.Option(
+            "-o", "--output", metavar="OUT.toml", help="Settings whose table `material` holds what was found."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -99,7 +99,9 @@ def identify_recording(recording: Recording, settings: Settings) -> Identified:
     frames = frames_of(recording.body, motion, stated)
     fits: list[FittedFlight] = []
     limit = float(fisher.isf(DENIED, 9 * len(frames.time) - UNKNOWN, frames.dof or ABSENT))
-    for law in laws:
+    # a body whose strain stays the same swings in no way that its samples could show
+    still = frames.strains < float(fisher.isf(DENIED, 6 * (len(frames.time) - 1), frames.dof or ABSENT))
+    for law in laws if not still else ():
         fitted = any(fit.misfit < GROSS for fit in fits)
         if (fit := fit_flight(frames, law, 1 if fitted else STARTS)) is not None:
             fits = sorted([*fits, fit], key=lambda fit: fit.misfit)

@@ -155,3 +155,15 @@ def test_modes_of_a_frame_of_springs_have_frequency_and_damping_within_their_cla
             found = said[f"{name}_{k + 1}"]
             assert abs(found["value"] - truth) < 3.5 * found["std"]
         assert said[f"frequency_{k + 1}"]["std"] < 0.01 * w[k] / (2 * np.pi)
+
+
+def test_a_body_that_stays_rigid_is_refused_without_a_search():
+    rng, time = np.random.default_rng(3), np.arange(400) / 200
+    X = 0.1 * rng.standard_normal((6, 3))
+    R = Rotation.from_rotvec(time[:, None] * [3.0, -5.0, 8.0]).as_matrix()
+    x = np.einsum("tab,nb->tna", R, X) + 3e-4 * rng.standard_normal((400, 6, 3))
+    found = identify_recording(
+        Recording(Body(tuple("abcdef"), X, np.full(6, 0.1)), Motion(time, x)), load_settings()
+    )
+    assert found.verdict.codes == ("no-free-flight",)
+    assert np.isnan(found.value).all()

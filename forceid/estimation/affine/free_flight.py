@@ -38,9 +38,13 @@ class FreeBody:
     def fly(self, p: Array, time: Array) -> tuple[Array, Array]:
         """F (time, 9) and its change (time, 9, UNKNOWN) by p: F, F' at time[0], and the constants.
 
-        p (UNKNOWN,); time (time,) s. NaN from a collapse on, and for constants out of range.
+        p (UNKNOWN,); time (time,) s. NaN from a collapse on, and for constants out of range, or so
+        large that the samples show no swing.
         """
         F, by_p = np.full((len(time), 9), np.nan), np.full((len(time), 9, UNKNOWN), np.nan)
+        lam, mu, eta = np.abs(p[18:]) * 3 / np.trace(self.E)
+        if not max(np.sqrt(lam + 2 * mu), eta) * np.median(np.diff(time)) < np.pi:
+            return F, by_p  # it swings or settles between two samples, which then tell nothing of that
         try:
             solver, at = self.solver(p, time), 1
         except DataError:  # constants out of range

@@ -49,6 +49,19 @@ class Frames:
     dof: int
     falls: float
 
+    @property
+    def strains(self) -> float:
+        """Chi-square per degree of freedom of a strain that does not change."""
+        F = self.F.reshape(-1, 3, 3)
+        strain = 0.5 * (F.mT @ F - np.eye(3))
+        column = np.linalg.inv(self.white @ self.white.mT)  # covariance of the entries of a row of F
+        c = np.diagonal(column, axis1=1, axis2=2)
+        var = 0.25 * (c[:, :, None] + c[:, None]) * (1 + np.eye(3))  # to first order about a rotation
+        weight = 1 / var
+        off = strain - (weight * strain).sum(0) / weight.sum(0)
+        upper = np.triu_indices(3)
+        return float((off**2 / var)[:, upper[0], upper[1]].sum() / (6 * (len(F) - 1)))
+
 
 @dataclass(frozen=True)
 class FittedFlight:
