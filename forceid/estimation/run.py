@@ -17,7 +17,7 @@ from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
-from forceid.estimation.body.modal_force import modal_forces
+from forceid.estimation.body.modal_force import all_mass_seen, modal_forces
 from forceid.estimation.body.node_rotations import without_node_rotations
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
@@ -250,7 +250,13 @@ def assemble(
     if settings.method in ("smoother", "filter"):
         modal = modal_forces(kin, state, engine(settings.engine), settings.method == "filter")
     loads, same = applied_loads(
-        settings, recording.body, kin.inertia, state, shape, wrench, modal if known is None else None
+        settings,
+        recording.body,
+        kin.inertia,
+        state,
+        shape,
+        wrench,
+        modal if known is None and all_mass_seen(kin) else None,
     )
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about

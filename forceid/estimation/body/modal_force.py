@@ -28,9 +28,9 @@ from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.motion import exp, fit_frames
 from forceid.principal import cross_matrix
-from forceid.records import Array, ModalForces
+from forceid.records import Array, Indices, ModalForces
 from forceid.rounding import SINGLE
-from forceid.significance import OUTLIER, PATIENCE
+from forceid.significance import OUTLIER, PATIENCE, TENTH
 
 MODE_ORDERS = ORDERS[:-1]  # orders tried of a load: each state of a mode is one of a joint smoother
 HALVINGS = 8  # of the size of a load that does not show, down to where it matters to no claim
@@ -41,11 +41,12 @@ FRAME_FITS = 3  # of the fit of a frame: each leaves the square of what the last
 class Oscillators:
     """Modes as they answer a force: shape (mode, node, 3) of unit norm.
 
-    By mode: size of the shape as the body gives it; mass kg; spring (mode, 2), stiffness 1/s2 and damping 1/s
-    over that; weighed (mode, node, 3) kg, Phi^T M; rest (dof, dof) m2: covariance of the other modes; var m2
-    of the amplitudes.
+    By mode: which it is of the body; size of the shape as that gives it; mass kg; spring (mode, 2), stiffness
+    1/s2 and damping 1/s over that; weighed (mode, node, 3) kg, Phi^T M; rest (dof, dof) m2: covariance of the
+    other modes; var m2 of the amplitudes.
     """
 
+    which: Indices
     shape: Array
     size: Array
     mass: Array
@@ -56,7 +57,10 @@ class Oscillators:
 
 
 def modal_forces(kin: Kinematics, state: FlightState, engine: Engine, causal: bool) -> ModalForces | None:
-    """Forces on the modes of a body that its record shows; None where their mass or stiffness is not known.
+    """Forces on the modes of a body that its record shows; None where they cannot be told.
+
+    That is, where mass or stiffness is not known, or where of a body not marked throughout the
+    modes left out may move the markers too, by more than their noise or a tenth of what is told.
 
     Each mode is an oscillator of its own frequency and damping under a load of tuned smoothness; all are
     smoothed together, from what every frame says of them beside its pose.
@@ -67,8 +71,13 @@ def modal_forces(kin: Kinematics, state: FlightState, engine: Engine, causal: bo
     markers = kin.markers
     assert markers is not None
     observed, rows = readings(kin, held)
+    if not np.isfinite(observed).all(1).any():
+        return None
     amplitude, rate, force, cov = driven_amplitudes(kin.time, observed, rows, held, engine, causal)
     force, size = force + spin_forces(kin, state, held, amplitude, rate), held.size
+    told, left = unseen_motion(kin, held, force)
+    if not all_mass_seen(kin) and left > min(markers.noise_std, TENTH * told):
+        return None
     return ModalForces(size[:, None, None] * held.shape, size * force, size[:, None] * size * cov)
 
 
@@ -96,6 +105,7 @@ def oscillators(kin: Kinematics) -> Oscillators | None:
         size = np.linalg.norm(split_rigid(given, markers.X, nodal)[1], axis=(1, 2))[found.which]
     damping = 0.0 if ratio is None else 2 * ratio[found.which] * np.sqrt(square)
     return Oscillators(
+        found.which,
         shape,
         size,
         np.einsum("ki,ki->k", weighed, flat),
@@ -104,6 +114,24 @@ def oscillators(kin: Kinematics) -> Oscillators | None:
         found.rest,
         found.var,
     )
+
+
+def all_mass_seen(kin: Kinematics) -> bool:
+    """Whether every mass carries a marker, so that no mode passes for another one or for mean motion."""
+    return not bool((kin.inertia.weight[~kin.seen] > 0).any())
+
+
+def unseen_motion(kin: Kinematics, held: Oscillators, force: Array) -> tuple[float, float]:
+    """How far (m, rms of a coordinate of a marker) modes answer loads of a size: those told, the others."""
+    markers = kin.markers
+    assert markers is not None
+    assert markers.modes is not None
+    assert markers.modes.compliance is not None
+    loose = markers.modes.compliance * np.linalg.norm(markers.modes.shape, axis=(1, 2))
+    moved = ((loose[:, None, None] * markers.modes.shape[:, markers.seen]) ** 2).mean((1, 2))
+    power = moved * np.nanmean(force**2)
+    told = np.isin(np.arange(len(power)), held.which)
+    return float(np.sqrt(power[told].sum())), float(np.sqrt(power[~told].sum()))
 
 
 def readings(kin: Kinematics, held: Oscillators) -> tuple[Array, Array]:
