@@ -15,10 +15,10 @@ from forceid.estimation.applied import about_point, applied_loads, check_points,
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.deforming.modes import gauge_weight
+from forceid.estimation.body.deforming.node_rotations import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import all_mass_seen, modal_forces
-from forceid.estimation.body.node_rotations import without_node_rotations
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.joints.forces import joint_forces

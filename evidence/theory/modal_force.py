@@ -1,6 +1,6 @@
 """Forces on the modes of a bending plate, and loads of one resultant told apart by them, beside the truth.
 
-    python -m evidence.drawn.modal_force -o docs [--count 20] [--seed 0] [--jobs 2]
+    python -m evidence.theory.modal_force -o docs [--count 20] [--seed 0] [--jobs 2]
 
 A plate of 40 masses on springs, softest at about 50 Hz, flies, turns and bends for a second under three loads
 of 2 to 40 Hz on its nodes: one in its middle, one of the same force spread over its corners, and a twist that
@@ -79,7 +79,7 @@ def line(case: tuple[float, float, int], seeds: range, jobs: int) -> dict[str, s
 
 def main() -> None:
     """Draw, estimate, and write the page."""
-    given = asked("evidence.drawn.modal_force", __doc__, count=20, seed=0, jobs=2)
+    given = asked("evidence.theory.modal_force", __doc__, count=20, seed=0, jobs=2)
     seeds = range(given.seed, given.seed + given.count)
     rows = [line(case, seeds, given.jobs) for case in CASES]
     what, title = (__doc__ or "").split("]", 3)[3].strip(), "Forces on modes"

@@ -1,6 +1,6 @@
 """Materials of affine bodies: constants from free flights, and applied first moments where they are known.
 
-    python -m evidence.drawn.material -o FOLDER [--count 25] [--pushed 12] [--seed 0] [--jobs 1]
+    python -m evidence.theory.material -o FOLDER [--count 25] [--pushed 12] [--seed 0] [--jobs 1]
 
 Bodies of eight unequal masses at the corners of a block are drawn with a shear modulus of 0.3 to 2000 J and
 lam of 0.3 to 3 times that. They are let go turning and deformed by some 5 % (slightly: 0.5 %), and seen for
@@ -261,7 +261,7 @@ def applied_row(stiffness: tuple[float, float], cases: list[dict[str, Any]]) -> 
 
 def main() -> None:
     """Draw, identify, estimate, and write the page."""
-    given = asked("evidence.drawn.material", __doc__, count=25, pushed=12, seed=0, jobs=1)
+    given = asked("evidence.theory.material", __doc__, count=25, pushed=12, seed=0, jobs=1)
     rows, loads = [], []
     for k, (what, law, strain, pushed, times) in enumerate(FLIGHTS):
         work = partial(identified, law=law, strain=strain, pushed=pushed)

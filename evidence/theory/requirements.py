@@ -1,6 +1,6 @@
 """What must hold of any body: telling more makes nothing worse, `auto` is no worse than any level.
 
-    python -m evidence.drawn.requirements -o docs [--count 200] [--seed 900] [--jobs 2]
+    python -m evidence.theory.requirements -o docs [--count 200] [--seed 900] [--jobs 2]
 
 Nets of masses and springs, drawn, with markers on all nodes or on five of them, 0.1 to 1 mm of noise, stated
 or not. Each is estimated as a body known as a whole, by its masses, and by masses and stiffness; by masses at
@@ -79,7 +79,7 @@ def kept(values: Sequence[Sequence[float]], limit: float) -> dict[str, str]:
 
 def main() -> None:
     """Draw, estimate, and write the page."""
-    given = asked("evidence.drawn.requirements", __doc__, count=200, seed=900, jobs=2)
+    given = asked("evidence.theory.requirements", __doc__, count=200, seed=900, jobs=2)
     every = [
         found for *_, found in each(partial(scores_of, first=given.seed), range(given.count), given.jobs)
     ]
