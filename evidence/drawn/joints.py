@@ -108,7 +108,7 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
     linked = linked_parts(told, 99, passes)
     balance = joint_smoothing.unupset(linkage, estimates)
     assert balance is not None
-    ties, _ = joint_smoothing.constraints_of(joints, parts, linked, estimates, told)
+    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, told)
     more = 6 * len(parts) / balance[1]
     priors_of_all = [{n: widened_prior(p, more) for n, p in part.smoothing.priors.items()} for part in linked]
     w, C = smooth_linked(linked, priors_of_all, stacked_constraints([balance[0], *ties]), passes)
