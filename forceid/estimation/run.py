@@ -23,6 +23,7 @@ from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.known.beside import Beside, beside_known
+from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
@@ -112,11 +113,13 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
-    return beside_known(recording, settings, estimate_beside)
+    if loads := known_loads(recording, settings):
+        return beside_known(loads, recording, settings, estimate_beside)
+    return estimate_beside(recording, settings)
 
 
 def estimate_beside(
-    recording: Recording, settings: Settings, beside: Beside | None
+    recording: Recording, settings: Settings, beside: Beside | None = None
 ) -> tuple[Estimate, Solution | None]:
     """The estimate of what acts beside the loads known, and the solution behind it unless it is refused."""
     body, motion, kin = recording.body, recording.motion, None

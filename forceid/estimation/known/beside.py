@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import kinematics
-from forceid.estimation.known.loads import KnownLoad, known_loads
+from forceid.estimation.known.loads import KnownLoad
 from forceid.estimation.known.removal import KnownWrench, Path, along
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
@@ -63,16 +63,16 @@ Found = tuple[Estimate, Solution | None]
 
 
 def beside_known(
-    recording: Recording, settings: Settings, estimate: Callable[[Recording, Settings, Beside | None], Found]
+    loads: tuple[KnownLoad, ...],
+    recording: Recording,
+    settings: Settings,
+    estimate: Callable[[Recording, Settings, Beside], Found],
 ) -> Found:
-    """The estimate of what acts beside the loads that are known; of all that acts where none are.
+    """The estimate of what acts beside the loads that are known.
 
     estimate: of a recording under settings, beside known loads. Force and moment are those of the way that
     claims less: with the known part taken out beforehand, or taken off in the end.
     """
-    loads = known_loads(recording, settings)
-    if not loads:
-        return estimate(recording, settings, None)
     kin = kinematics(recording.body, recording.motion, settings)
     path = path_through(kin.time, kin.pose.center, kin.pose.rotation)
     first = along(loads, path, recording.body)
@@ -96,7 +96,7 @@ def settled_beside(
     recording: Recording,
     settings: Settings,
     beside: Beside,
-    estimate: Callable[[Recording, Settings, Beside | None], Found],
+    estimate: Callable[[Recording, Settings, Beside], Found],
 ) -> Found:
     """An estimate beside known loads, again until the path that it finds moves none by a tenth of a claim."""
     follows = any(beside.shares) and any(load.follows for load in beside.loads)
