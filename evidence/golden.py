@@ -1,7 +1,10 @@
-"""Hashes of every array and attribute of results: what a change that should change nothing has changed.
+"""Hashes of every array and attribute of results, and their errors: what a change has changed, how far.
 
-    python -m evidence.golden write FOLDER     hashes of what this tree finds, into FOLDER/golden.json
-    python -m evidence.golden compare FOLDER   found again, beside those; exit code 1 where a bit differs
+    python -m evidence.golden write FOLDER     what this tree finds, into FOLDER/golden.json
+    python -m evidence.golden compare FOLDER   found again, beside that; exit code 1 where a bit differs
+
+Where a result differs and the truth is known, its rms errors over the central three quarters are told over
+those before.
 
 Hashes hold on one machine under one BLAS kernel: they compare two trees there, and are not kept. Cases: every
 shipped motion by every method, the Kalman methods on both engines; joints; sensors alone; every level of
@@ -26,6 +29,7 @@ from unittest.mock import patch
 import h5py
 import numpy as np
 
+from evidence.drawn.records.scored import judged_part
 from forceid.config import Method, Model, Settings, load_settings
 from forceid.errors import ForceIdError
 from forceid.estimation.long import out_of_core as streaming
@@ -136,7 +140,19 @@ def hashed(name: str) -> tuple[str, dict[str, str]]:
             cases()[name](out)
         except ForceIdError as e:
             return name, {"refused": str(e).replace(folder, "")}
-        return name, hashes(out)
+        return name, hashes(out) | errors(out, MOTIONS[name.split(",")[0]])
+
+
+def errors(path: Path, motion: Path) -> dict[str, str]:
+    """Rms errors of force and moment of a result, as numbers in words; none where no truth is known."""
+    found = {}
+    truth = read_motion(motion).truth
+    with h5py.File(path) as f:
+        for name in ("force", "moment"):
+            if name in truth and f["estimate"][name].shape == truth[name].shape:
+                off = judged_part(f["estimate"][name][()] - truth[name])
+                found[f"{name} error"] = repr(float(np.sqrt(np.mean(off**2))))
+    return found
 
 
 def differences(before: dict[str, dict[str, str]], after: dict[str, dict[str, str]]) -> list[str]:
@@ -145,8 +161,18 @@ def differences(before: dict[str, dict[str, str]], after: dict[str, dict[str, st
     for name in sorted(before | after):
         one, other = before.get(name, {}), after.get(name, {})
         if changed := [key for key in sorted(one | other) if one.get(key) != other.get(key)]:
-            lines.append(f"{name}: {', '.join(changed)}")
+            worse = [
+                f"{key} {over(other[key], one[key])}"
+                for key in changed
+                if key.endswith("error") and key in one and key in other
+            ]
+            lines.append(f"{name}: {', '.join(worse)} of before; {len(changed)} differ")
     return lines
+
+
+def over(now: str, before: str) -> str:
+    """A number over another one, both as they are kept."""
+    return f"{float(now) / float(before):.3f}"
 
 
 def main(task: str, folder: str) -> int:

@@ -249,9 +249,7 @@ def assemble(
         settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
     )
     wrench = np.concatenate([state.force, state.moment], 1)
-    modal = None
-    if settings.method in ("smoother", "filter"):
-        modal = modal_forces(kin, state, engine(settings.engine), settings.method == "filter")
+    modal = modal_forces(kin, state, solution.deformation)
     loads, same = applied_loads(
         settings,
         recording.body,

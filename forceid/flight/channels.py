@@ -25,13 +25,13 @@ class Start:
     mean: float
 
 
-def start_of(time: Array, z: Array, gain: float, stiffness: float = 0.0) -> Start:
-    """Start of channels z (time, axis), z'' + stiffness * z = gain * load, that begin near zero."""
+def start_of(time: Array, z: Array, gain: float) -> Start:
+    """Start of channels z (time, axis), z'' = gain * load, that begin near zero."""
     seen = np.isfinite(z).all(1)
     t, span = time[seen], np.ptp(time[seen])
     size = np.abs(z[seen]).max(initial=0.0) / gain or 1.0  # a record of zeros has no scale: any will do
     speed = np.abs(np.diff(z[seen], axis=0) / np.diff(t)[:, None]).max(initial=0.0) / gain or size / span
-    return Start((10 * size) ** 2, (10 * speed) ** 2, (10 * speed / span + 10 * stiffness * size) ** 2)
+    return Start((10 * size) ** 2, (10 * speed) ** 2, (10 * speed / span) ** 2)
 
 
 @dataclass(frozen=True)
@@ -58,18 +58,9 @@ class Channel:
         return np.asarray(np.einsum("ai,tab,bi->ti", axes, self.noise_cov, axes))
 
 
-def load_chain(
-    load: Process, start: Start, lines: Sequence[Process] = (), spring: Array | None = None
-) -> Process:
-    """States (Y, H, mean, those of the load, lines) of a load: Y' = H, H' = mean + load + lines.
-
-    spring (..., 2): stiffness 1/s2 and damping 1/s of what holds the channel, H' less (Y, H) @ spring.
-    """
-    whole = superpose(with_mean(load, start.mean), *lines)
-    chain = integrate(integrate(whole, start.first), start.second)
-    if spring is not None:
-        chain.A[..., 1, :2] -= spring
-    return chain
+def load_chain(load: Process, start: Start, lines: Sequence[Process] = ()) -> Process:
+    """States (Y, H, mean, those of the load, lines) of a load: Y' = H, H' = mean + load + lines."""
+    return integrate(integrate(superpose(with_mean(load, start.mean), *lines), start.first), start.second)
 
 
 def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Array) -> StateSpace:
@@ -148,16 +139,14 @@ def second_difference(time: Array, z: Array, lag: int) -> Array:
     return d[np.isfinite(d).all(1)]
 
 
-def search_box(time: Array, z: Array, gain: float, order: int, stiffness: float = 0.0) -> tuple[Array, Array]:
+def search_box(time: Array, z: Array, gain: float, order: int) -> tuple[Array, Array]:
     """Smallest and largest search point (2,) worth a look, from second differences at many lags.
 
     The first is a load that no record shows; a rate beyond half a turn a sample would pass noise for load.
-    stiffness (1/s2): of what holds the channel, which takes up a load that moves it little.
     """
     sizes = [np.sqrt(np.mean(d**2)) / gain for lag in lags(z) if len(d := second_difference(time, z, lag))]
     rate = np.log([1.0 / (time[-1] - time[0]), 0.5 / np.median(np.diff(time))])
-    held = stiffness * float(np.sqrt(np.nanmean(z**2))) / gain if stiffness else 0.0
-    high = 10 * (max(sizes, default=0.0) + held) or 1.0  # a record of zeros has no scale: any will do
+    high = 10 * max(sizes, default=0.0) or 1.0  # a record of zeros has no scale: any will do
     low = max(1e-3 * min(sizes, default=0.0), 1e-9 * high)
     corner = np.array([np.log(low), np.log(high)]) + (order - 0.5) * rate
     return np.array([corner[0], rate[0]]), np.array([corner[1], rate[1]])

@@ -213,7 +213,10 @@ def linear_flight(
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
         z = np.where(whole, np.concatenate([frames.center, theta, frames.observed], 1), np.nan)
         if (strain := flight.modes.gauges) is not None:
-            model, z = with_strain_channels(model, strain, N), np.concatenate([z, strain.reading], 1)
+            model, z = (
+                with_strain_channels(model, strain, N, flight.modes.prior.states),
+                np.concatenate([z, strain.reading], 1),
+            )
     if flight.sensors is None:
         return model, z
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force

@@ -1,7 +1,7 @@
 """Modes of a body in flight: their chains beside those of the loads, and what they do to its rotation.
 
-Each mode has the states (q, q', f) of its prior. They are seen by the frames, whose poses they bend and whose
-further numbers they make, and they change the inertia: theta' gains
+Each mode has the states (q, q', f ...) of its prior. They are seen by the frames, whose poses they bend and
+whose further numbers they make, and they change the inertia: theta' gains
 
     - R J^-1 (dJ/dq_k Omega + dh/dq_k) dq_k - R J^-1 dh/dq'_k dq'_k.
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from forceid.flight.vibration import STATES, ModeState, Vibration
+from forceid.flight.vibration import ModeState, Vibration
 from forceid.kalman.building.process import discretize
 from forceid.kalman.model import StateSpace
 from forceid.motion import Frames, Products
@@ -40,9 +40,9 @@ class StrainGauges:
 class FlyingModes:
     """The modes of a flight: what frames show of them, their prior, what they weigh, and where they begin.
 
-    path (time, state): chains (q, q', f) of all modes, about which a flight is linearized first; gauges: that
-    read their strain; mounting: displacement and tilt (sensor, mode, 3) of gyros and accelerometers, each for
-    a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns inside the body.
+    path (time, state): chains (q, q', f ...) of all modes, about which a flight is linearized first; gauges:
+    that read their strain; mounting: displacement and tilt (sensor, mode, 3) of gyros and accelerometers,
+    each for a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns inside the body.
     """
 
     frames: Frames
@@ -56,12 +56,12 @@ class FlyingModes:
     @property
     def amplitude(self) -> Array:
         """Amplitudes q (time, mode) along the path."""
-        return self.path[:, ModeState.AMPLITUDE :: STATES]
+        return self.path[:, ModeState.AMPLITUDE :: self.prior.states]
 
     @property
     def rate(self) -> Array:
         """Their rates q' (time, mode)."""
-        return self.path[:, ModeState.RATE :: STATES]
+        return self.path[:, ModeState.RATE :: self.prior.states]
 
     def part(self, s: slice) -> FlyingModes:
         """A stretch of the flight."""
@@ -107,10 +107,11 @@ def bent(
     u = np.zeros((T - 1, n + k))
     u[:, :n] = model.u
     u[:, theta] -= np.einsum("tij,tj->ti", F[:, theta, own], modes.path[:-1])
-    m = k // STATES
+    each = modes.prior.states
+    m = k // each
     rows, R = np.zeros((T, 6 + m, n + k)), np.zeros((T, 6 + m, 6 + m))
     rows[:, :6, :n] = model.H
-    rows[:, :6, n::STATES], rows[:, 6:, n::STATES] = modes.frames.leak, modes.frames.rows
+    rows[:, :6, n::each], rows[:, 6:, n::each] = modes.frames.leak, modes.frames.rows
     R[:, :6, :6] = np.where(np.isfinite(modes.frames.cov), modes.frames.cov, np.eye(6))
     R[:, 6:, 6:] = np.eye(m)
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), block_diag(model.P0, P_q), u)
@@ -135,20 +136,21 @@ def mode_impulses(
     at_start, at_end = (np.zeros((len(step), 3, modes.path.shape[1])) for _ in range(2))
     along = 0.5 * (d_theta @ C[:-1] + C[1:])  # times the change of q
     B_start, B_end = d_theta @ B[:-1], B[1:]
-    at_start[:, :, ::STATES], at_start[:, :, 1::STATES] = 0.5 * s * B_start - along, s**2 / 12 * B_start
-    at_end[:, :, ::STATES], at_end[:, :, 1::STATES] = 0.5 * s * B_end + along, -(s**2) / 12 * B_end
+    each = modes.prior.states
+    at_start[:, :, ::each], at_start[:, :, 1::each] = 0.5 * s * B_start - along, s**2 / 12 * B_start
+    at_end[:, :, ::each], at_end[:, :, 1::each] = 0.5 * s * B_end + along, -(s**2) / 12 * B_end
     return at_start, at_end
 
 
-def with_strain_channels(model: StateSpace, gauges: StrainGauges, first: int) -> StateSpace:
+def with_strain_channels(model: StateSpace, gauges: StrainGauges, first: int, states: int) -> StateSpace:
     """A model with the channels of gauges below its own, and their biases behind its states.
 
-    first: state of the first amplitude.
+    first: state of the first amplitude; states: of each mode.
     """
     (k, m), n, c = gauges.rows.shape, len(model.x0), model.R.shape[-1]
     R, H = np.zeros((len(model.R), c + k, c + k)), np.zeros((len(model.H), c + k, n + k))
     R[:, :c, :c], R[:, c:, c:] = model.R, gauges.noise_cov
-    H[:, :c, :n], H[:, c:, first : first + STATES * m : STATES], H[:, c:, n:] = (
+    H[:, :c, :n], H[:, c:, first : first + states * m : states], H[:, c:, n:] = (
         model.H,
         gauges.rows,
         np.eye(k),

@@ -27,6 +27,7 @@ from forceid.flight.model import (
 )
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_path import classify_steps, settled_in_batches, step_classes
+from forceid.flight.vibration import ModeState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
 from forceid.motion import apply, exp, free_turn, momentum_between
@@ -48,7 +49,8 @@ class FlightState:
     (time, 6, 6); innovation (time, channel) of the pose, whitened, nis (time,) of all channels; reference:
     where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
     their bias (channel,) at the end with bias_std; steady (number,) of the sensors with steady_std, zero
-    where not in doubt; modes (time, state): chains of the modes of the body;
+    where not in doubt; modes (time, state): chains of the modes of the body,
+    modal_cov (time, mode, mode): of their loads;
     gauge_innovation (time, gauge) whitened, of the strain gauges used.
     """
 
@@ -71,6 +73,7 @@ class FlightState:
     steady: Array = field(default_factory=lambda: np.zeros(0))
     steady_std: Array = field(default_factory=lambda: np.zeros(0))
     modes: Array | None = None
+    modal_cov: Array | None = None
     gauge_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -293,10 +296,12 @@ def read_state(
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
     P_all, white = path.P, f.innovation
     std = np.sqrt(np.maximum(np.diagonal(P_all[-1]), 0.0))
-    modes, deformed, gauged = None, 6, 6
+    modes, modal_cov, deformed, gauged = None, None, 6, 6
     if flight.modes is not None:
         modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
         gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
+        driven = slice(end + ModeState.LOAD, end + modes.shape[1], flight.modes.prior.states)
+        modal_cov = P_all[:, driven, driven].copy()
         end += modes.shape[1] + gauged - deformed
     biases, sensors = slice(end, end + white.shape[1] - gauged), flight.sensors
     steady, steady_std = (np.zeros(0) if sensors is None else sensors.steady_in(a) for a in (x[-1], std))
@@ -304,7 +309,8 @@ def read_state(
         x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
         read_wrench @ P_all @ read_wrench.mT, read_pose @ P_all @ read_pose.T,
         white[:, :6], f.nis, f.log_likelihood, reference,
-        white[:, gauged:], x[-1, biases], std[biases], steady, steady_std, modes, white[:, deformed:gauged],
+        white[:, gauged:], x[-1, biases], std[biases], steady, steady_std, modes, modal_cov,
+        white[:, deformed:gauged],
     )  # fmt: skip
 
 

@@ -46,7 +46,6 @@ def tune_loads(
     lines: tuple[Line, ...] = (),
     engine: Engine | None = None,
     near: Tuned | None = None,
-    spring: Array | None = None,
 ) -> Tuned:
     """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -55,14 +54,12 @@ def tune_loads(
     for all axes that do not ask for their own. Of the orders, the smoothest that no rougher one beats by
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
-    fastest, if none is given. near: a prior about where this one is, which has its order. spring (axis, 2):
-    stiffness 1/s2 and damping 1/s of channels held by one, z'' + damping z' + stiffness z = gain * load.
+    fastest, if none is given. near: a prior about where this one is, which has its order.
     """
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
-    stiffness = 0.0 if spring is None else float(spring[:, 0].max())
 
     def box(order: int) -> tuple[Array, Array]:
-        lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order, stiffness))
+        lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order))
         return lower, upper
 
     def objective(points: Array, levels: Array, order: int) -> Array:
@@ -72,9 +69,8 @@ def tune_loads(
         noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
         for t, y, var in runs:
-            beside = [line.scaled(np.abs(line.direction[axis])) for line in lines]
-            held, start = None if spring is None else spring[axis], start_of(t, y, gain, stiffness)
-            chain = load_chain(matern(order, std, rate), start, beside, held)
+            held = [line.scaled(np.abs(line.direction[axis])) for line in lines]
+            chain = load_chain(matern(order, std, rate), start_of(t, y, gain), held)
             model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t))
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)

@@ -10,7 +10,7 @@ import numpy as np
 
 from forceid.flight.channels import driven, tuning_segments
 from forceid.kalman.building.lines import AT_ONCE
-from forceid.kalman.building.process import Process
+from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.tuning.search import maximize
@@ -23,41 +23,66 @@ DETUNED = 0.3  # of a logarithm: how far the frequency may move from the best of
 
 
 class ModeState(IntEnum):
-    """States of a mode: its amplitude, the rate of that, and the load that drives it."""
+    """The first states of a mode: its amplitude, the rate of that, and the load that drives it.
+
+    The derivatives of the load follow.
+    """
 
     AMPLITUDE, RATE, LOAD = range(3)
 
 
-STATES = len(ModeState)
-
-
 @dataclass(frozen=True)
 class Vibration:
-    """Amplitudes q'' + 2 b q' + w^2 q = f with a load f that forgets at `rate`, an oscillator each.
+    """Amplitudes q'' + 2 b q' + w^2 q = f with a Matern load f of some order, an oscillator each.
 
-    frequency w (mode,) rad/s; damping b (mode,) 1/s; std (mode,) m of q; rate (mode,) 1/s. With b = w = rate
-    a Matern process of order 3, with little damping a line at w. Source: principal equations 4e.
+    frequency w (mode,) rad/s; damping b (mode,) 1/s; std (mode,) m of q; rate (mode,) 1/s at which the load
+    forgets. Of order 1, with b = w = rate, q is a Matern process of order 3; with little damping a line at w.
+    Source: principal equations 4e.
     """
 
     frequency: Array
     damping: Array
     std: Array
     rate: Array
+    order: int = 1
+
+    @property
+    def states(self) -> int:
+        """States of a mode."""
+        return ModeState.LOAD + self.order
+
+    @property
+    def load(self) -> Array:
+        """Standard deviation (mode,) of the loads f, m/s2."""
+        return np.asarray(np.sqrt(self.process.P0[..., 2, 2]))
 
     @property
     def process(self) -> Process:
-        """States (q, q', f) of each mode, stationary from the start; the output is q."""
-        w2, b, k = self.frequency**2, self.damping, self.rate
-        with_load = self.std**2 * w2 / (k / (2 * b) + 1)  # covariance of q and f
-        load = with_load * (w2 + 2 * b * k + k**2)
-        A, Qc, P0 = (np.zeros((*np.shape(w2), STATES, STATES)) for _ in range(3))
+        """States (q, q', f and its derivatives) of each mode, stationary from the start; the output is q."""
+        load = matern(self.order, np.ones_like(self.rate), self.rate)
+        A, Qc = (np.zeros((*self.rate.shape, self.states, self.states)) for _ in range(2))
         A[..., 0, 1] = A[..., 1, 2] = 1.0
-        A[..., 1, 0], A[..., 1, 1], A[..., 2, 2] = -w2, -2 * b, -k
-        Qc[..., 2, 2] = 2 * k * load
-        P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = self.std**2, with_load * k / (2 * b), load
-        P0[..., 0, 2] = P0[..., 2, 0] = with_load
-        P0[..., 1, 2] = P0[..., 2, 1] = with_load * k
-        return Process(A, Qc, P0, np.eye(STATES)[0])
+        A[..., 1, 0], A[..., 1, 1] = -(self.frequency**2), -2 * self.damping
+        A[..., 2:, 2:], Qc[..., 2:, 2:] = load.A, load.Qc
+        P0 = stationary(A, Qc, self.frequency)
+        scale = (self.std**2 / P0[..., 0, 0])[..., None, None]
+        return Process(A, scale * Qc, scale * P0, np.eye(self.states)[0])
+
+
+def stationary(A: Array, Qc: Array, rate: Array) -> Array:
+    """Covariance P (..., state, state) at which x' = A x + w rests: A P + P A^T + Qc = 0.
+
+    rate (...) 1/s: of the motion, so that states and their derivatives are solved for in like units.
+    """
+    n = A.shape[-1]
+    unit = rate[..., None] ** -np.arange(n)  # of time, a power for every derivative
+    A = A * unit[..., :, None] / unit[..., None, :]
+    Qc = Qc * unit[..., :, None] * unit[..., None, :]
+    one = np.eye(n)
+    both = np.einsum("...ij,kl->...ikjl", A, one) + np.einsum("ij,...kl->...ikjl", one, A)
+    P = np.linalg.solve(both.reshape(*A.shape[:-2], n * n, n * n), -Qc.reshape(*Qc.shape[:-2], n * n, 1))
+    P = P.reshape(Qc.shape) / unit[..., :, None] / unit[..., None, :]
+    return np.asarray(0.5 * (P + P.mT))
 
 
 def vibrating(prior: Vibration, noise_var: Array, step: Array) -> StateSpace:

@@ -14,12 +14,13 @@ from forceid.flight.modes import FlyingModes
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight
-from forceid.flight.vibration import STATES, Vibration
+from forceid.flight.vibration import ModeState, Vibration
 from forceid.kalman.engines import engine
 from forceid.motion.frames import Frames
 from forceid.motion.pose import exp, log
 from forceid.motion.products import inertia_products
 
+STATES = len(ModeState)  # of order one
 MASS = np.array([0.05, 0.03, 0.04, 0.02])
 X = np.array([[0.2, 0.0, 0.02], [-0.1, 0.15, 0.0], [-0.1, -0.15, -0.02], [0.0, 0.0, 0.05]])
 X = X - MASS @ X / MASS.sum()

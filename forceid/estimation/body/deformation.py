@@ -7,19 +7,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.flight.elastic import tune_elastic
+from forceid.flight.modes import FlyingModes, chains
 from forceid.flight.smoother import FlightState
-from forceid.flight.vibration import STATES, Vibration, tune_vibrations, vibrating
+from forceid.flight.vibration import ModeState, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import StateSpace
 from forceid.motion import Products, exp, inertia_products
 from forceid.records import Array
 
 
 @dataclass(frozen=True)
 class Deformation:
-    """amplitude, rate (time, mode) m, m/s; inertia (time, 3, 3) and h (time, 3) of the shape, body axes.
+    """How a body deforms along a record.
 
-    path (time, state) and amplitude_var (time, mode): chains of the amplitudes under their prior, each
-    smoothed by itself, None where they were not.
+    amplitude, rate (time, mode) m, m/s, of shapes that show; inertia (time, 3, 3) and h (time, 3) of the
+    shape, body axes; path (time, state) and amplitude_var (time, mode): chains of the amplitudes under their
+    prior, of those of hidden mass too, None where they were not smoothed; load_cov (time, mode, mode): of the
+    loads of elastic modes.
     """
 
     amplitude: Array
@@ -29,25 +34,62 @@ class Deformation:
     prior: Vibration | None = None
     path: Array | None = None
     amplitude_var: Array | None = None
+    load_cov: Array | None = None
 
 
 def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) -> Deformation:
-    """Each amplitude under its own tuned prior, and the inertia that the amplitudes make.
+    """The amplitudes under their tuned prior, and the inertia that they make.
 
-    An oscillator under a load that wanders: a vibration or a slow change of shape alike. Gaps are bridged.
+    Oscillators under loads that wander: a vibration or a slow change of shape alike. Gaps are bridged.
+    Elastic modes of known frequency are smoothed together, from all that frames say of them; shapes of which
+    nobody knows how they swing each by itself.
     """
     modes = kin.amplitude.shape[1]
-    path = np.zeros((len(kin.time), modes * STATES))
-    var, prior = np.zeros((len(kin.time), modes)), None
-    if modes and np.isfinite(kin.amplitude).any():
-        noise_var = np.nan_to_num(kin.amplitude_var, nan=1.0)
-        prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine)
-        models = vibrating(prior, noise_var, np.diff(kin.time))
-        for j in range(modes):
-            found = (engine.filter if causal else engine.smooth)(models.one(j), kin.amplitude[:, j])
-            path[:, j * STATES : (j + 1) * STATES], var[:, j] = found.x, found.P[:, 0, 0]
-    amplitude, rate = path[:, ::STATES], path[:, 1::STATES]
-    return Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate), prior, path, var)
+    if kin.elastic is not None and kin.frames is not None and modes:
+        prior = tune_elastic(kin.time, kin.frames.observed, kin.frames.rows, kin.elastic)
+        if prior is not None:
+            return together(kin, prior, engine, causal)
+    if not modes or not np.isfinite(kin.amplitude).any():
+        return deforming(
+            kin, None, np.zeros((len(kin.time), modes * len(ModeState))), np.zeros((len(kin.time), modes))
+        )
+    noise_var = np.nan_to_num(kin.amplitude_var, nan=1.0)
+    told = prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine)
+    if kin.hidden is not None:
+        prior = kin.hidden.moving_as(told, 3 * int(kin.seen.sum()) - 6)
+    path = np.zeros((len(kin.time), len(prior.std) * prior.states))
+    var = np.tile(prior.std**2, (len(kin.time), 1))
+    models = vibrating(told, noise_var, np.diff(kin.time))
+    for j, at in enumerate(range(0, modes * prior.states, prior.states)):
+        found = (engine.filter if causal else engine.smooth)(models.one(j), kin.amplitude[:, j])
+        path[:, at : at + prior.states], var[:, j] = found.x, found.P[:, 0, 0]
+    return deforming(kin, prior, path, var)
+
+
+def deforming(
+    kin: Kinematics, prior: Vibration | None, path: Array, var: Array, load_cov: Array | None = None
+) -> Deformation:
+    """The deformation of chains along a path."""
+    each, shown = len(ModeState) if prior is None else prior.states, kin.amplitude.shape[1]
+    amplitude, rate = path[:, ::each], path[:, 1::each]
+    J, h = inertia_along(kin, amplitude, rate)
+    return Deformation(amplitude[:, :shown], rate[:, :shown], J, h, prior, path, var, load_cov)
+
+
+def together(kin: Kinematics, prior: Vibration, engine: Engine, causal: bool) -> Deformation:
+    """Amplitudes of modes smoothed together, from what every frame says of them beside its pose."""
+    assert kin.frames is not None
+    rows, observed, each = kin.frames.rows, kin.frames.observed, prior.states
+    chain = FlyingModes(kin.frames, prior, products_of(kin), np.zeros((len(observed), each * len(prior.std))))
+    F, Q, P0 = chains(chain, np.diff(kin.time))
+    H = np.zeros((*rows.shape[:2], len(P0)))
+    H[:, :, ::each] = rows
+    steady = not np.ptp(rows, axis=0).any()
+    model = StateSpace(F, Q, H[0] if steady else H, np.eye(rows.shape[1]), np.zeros(len(P0)), P0)
+    found = (engine.filter if causal else engine.smooth)(model, observed)
+    load = slice(ModeState.LOAD, None, each)
+    var = np.diagonal(found.P, axis1=1, axis2=2)[:, ::each]
+    return deforming(kin, prior, found.x, var, found.P[:, load, load])
 
 
 def undeformed(kin: Kinematics, engine: Engine, causal: bool = False) -> tuple[Kinematics, Deformation]:
@@ -58,15 +100,16 @@ def undeformed(kin: Kinematics, engine: Engine, causal: bool = False) -> tuple[K
     deformation, frames = smooth_deformation(kin, engine, causal), kin.frames
     if frames is None or deformation.prior is None or deformation.amplitude_var is None:
         return kin, deformation
-    off = np.einsum("tik,tk->ti", frames.leak, deformation.amplitude)
+    assert deformation.path is not None
+    off = np.einsum("tik,tk->ti", frames.leak, deformation.path[:, :: deformation.prior.states])
     center, rotation = frames.center - off[:, :3], np.full_like(frames.rotation, np.nan)
     seen = np.isfinite(center).all(1)
     rotation[seen] = exp(-off[seen, 3:]) @ frames.rotation[seen]
     # errors of a mode that vibrates follow each other for a period: as noise of one frame they count as often
     turn = deformation.prior.frequency * np.median(np.diff(kin.time))
     often = np.clip(2 * np.pi / turn, 1.0, len(kin.time))
-    spread = frames.leak * (often * deformation.amplitude_var)[:, None]
-    cov = frames.cov + spread @ frames.leak.swapaxes(1, 2)
+    spread = frames.leak * np.sqrt(often * deformation.amplitude_var)[:, None]
+    cov = frames.cov + spread @ spread.swapaxes(1, 2)
     return replace(kin, pose=replace(kin.pose, center=center, rotation=rotation, cov=cov)), deformation
 
 
@@ -74,13 +117,14 @@ def as_smoothed(kin: Kinematics, deformation: Deformation, state: FlightState) -
     """The deformation that a flight ended with, smoothed together with it."""
     if state.modes is None:
         return deformation
-    amplitude, rate = state.modes[:, ::STATES], state.modes[:, 1::STATES]
-    inertia, h = inertia_along(kin, amplitude, rate)
-    return replace(deformation, amplitude=amplitude, rate=rate, inertia=inertia, h=h, path=state.modes)
+    assert deformation.amplitude_var is not None
+    return deforming(kin, deformation.prior, state.modes, deformation.amplitude_var, state.modal_cov)
 
 
 def products_of(kin: Kinematics) -> Products:
     """What amplitudes do to the inertia of a body: where that is known as a whole, affine ones alone do."""
+    if kin.hidden is not None:
+        return kin.hidden.products(kin.shapes)
     nodal = kin.inertia.nodal
     if nodal is None and kin.model == "affine":
         nodal = kin.inertia.affine
@@ -91,7 +135,12 @@ def products_of(kin: Kinematics) -> Products:
 
 def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array, Array]:
     """Inertia (time, 3, 3) and h (time, 3), momentum of the deformation and of what turns inside."""
-    J, h = products_of(kin).of(amplitude, rate)
+    products = products_of(kin)
+    still = (
+        (0, 0),
+        (0, len(products.inertia) - 1 - amplitude.shape[1]),
+    )  # where only markers tell how it bends
+    J, h = products.of(np.pad(amplitude, still), np.pad(rate, still))
     h = h + kin.inside
     return J, h if kin.spin is None else h + kin.spin.momentum
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.body.deforming.deformation_shapes import deformation_shapes
+from forceid.estimation.body.deforming.hidden_mass import HiddenMass, hidden_mass
 from forceid.estimation.body.deforming.modes import fit_amplitudes
 from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
@@ -16,6 +17,7 @@ from forceid.estimation.body.mass_center import affine_center, center_of_mass, w
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
+from forceid.flight.elastic import Elastic
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
@@ -34,7 +36,9 @@ class Kinematics:
     body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
     mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
     rotation touches the force; markers: what this goes on from, None for a mean motion; inside (3,)
-    kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion.
+    kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion;
+    elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
+    them; both None elsewhere.
     """
 
     time: Array
@@ -56,6 +60,8 @@ class Kinematics:
     markers: MarkerSet | None = None
     inside: Array = field(default_factory=lambda: np.zeros(3))
     known: KnownPart | None = None
+    elastic: Elastic | None = None
+    hidden: HiddenMass | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -100,7 +106,8 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     sigma, along = markers.noise_std, share(markers.root)
     # of mass on a line a shape would give it the inertia that it has not
     model = "rigid" if thin.on_line or thin.point else str(settings.model)
-    shapes, var, rest = deformation_shapes(markers, model, settings.modes)
+    found = deformation_shapes(markers, model, settings.modes)
+    shapes, var, rest = found.shape, found.var, found.rest
     if model == "auto":
         model = "modal" if len(shapes) else "rigid"
     flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)
@@ -111,17 +118,21 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     observed, own = (x, markers.filled) if len(shapes) else (measured, None)
     beyond = uneven(markers.root)
     pose = fit_pose(observed, shape, weight, white + markers.period * deforming, own, beyond)
-    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own)
+    loose = var if found.elastic is not None else None
+    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own, loose)
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
         none = np.zeros((0, *X.shape))
         thin = thinned(replace(inertia, tensor=inertia_products(inertia.nodal, shape, none).inertia[0, 0]), X)
     if not len(shapes):
         inertia = thin
-    spin, frames, beside = None, None, markers.period * rest
+    spin, frames, hidden, beside = None, None, None, markers.period * rest
     if inertia.line is not None:
         pose, spin = followed_line(time, pose, x, shape, inertia, sigma)
     if len(shapes):
         frames = fit_frames(observed, pose, shape, shapes, white + beside, own, beyond)
+    if frames is not None and model == "modal" and markers.modes is None:
+        hidden = hidden_mass(markers)
+        frames = frames if hidden is None else hidden.beside(frames)
     known_center = markers.mean
     if model == "affine" and known_center is None:
         known_center = affine_center(measured, X, sigma**2)
@@ -130,7 +141,7 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     return Kinematics(
         time, inertia, shape, markers.seen, pose, shapes, q, q_var, model, {"position": markers.root},
         {"position": markers.stated}, not inertia.point, frames, beside, spin, known_center is not None,
-        markers, momentum_inside(markers.body), markers.known,
+        markers, momentum_inside(markers.body), markers.known, found.elastic, hidden,
     )  # fmt: skip
 
 

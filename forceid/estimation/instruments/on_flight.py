@@ -67,7 +67,11 @@ def on_shape(flight: Flight, kin: Kinematics, position: Array) -> Flight:
     rotation = exp(tilt[:, 0]) @ sensors.rotation
     sensors = replace(sensors, position=sensors.position + moved[:, 0], rotation=rotation)
     if modes is not None:
-        modes = replace(modes, mounting=(moved[:, 1:], tilt[:, 1:]))
+        own = moved[:, 1:], tilt[:, 1:]
+        if kin.hidden is not None:
+            more = kin.hidden.carried(sensors.position)
+            own = np.concatenate([own[0], more[0]], 1), np.concatenate([own[1], more[1]], 1)
+        modes = replace(modes, mounting=own)
     return replace(flight, sensors=sensors, modes=modes)
 
 

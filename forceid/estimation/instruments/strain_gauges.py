@@ -43,6 +43,9 @@ def with_strain_gauges(
     if kin.beside is not None:  # modes that the model leaves out strain a gauge too
         cov += reads @ kin.beside @ reads.T
     rows = reads @ kin.shapes.reshape(len(kin.shapes), -1).T
+    rows = np.pad(
+        rows, ((0, 0), (0, len(flight.modes.prior.std) - rows.shape[1]))
+    )  # hidden mass strains none
     gauges = StrainGauges(reading - steady, rows, cov, np.asarray(bias, float))
     return replace(flight, modes=replace(flight.modes, gauges=gauges))
 

@@ -153,13 +153,17 @@ def descend(
     if not best:
         return chosen(best)
     # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
-    if look(best).unfollowed.any():
+    if look(best).unfollowed.any() and look(best).hidden is None:
         if claims_more(solved(0), solved(best)) >= claims_more(solved(best), solved(0)):
             return chosen(best)
         force, moment = moves(solved(0), solved(best))
         steps[0] = replace(steps[0], force_change=force, moment_change=moment)
         return chosen(0)
-    nested = [i for i in range(best) if steps[i].model != "affine"]
+    # mass without markers may deform whether shapes are few or many, but a rigid body denies it
+    least = 0 if look(best).hidden is None else 1
+    nested = [i for i in range(least, best) if steps[i].model != "affine"]
+    if not nested:
+        return chosen(best)
     below = seen(nested[-1])
     top = view(seen(best), below, engine)
 

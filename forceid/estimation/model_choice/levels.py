@@ -79,19 +79,19 @@ class Step:
 
 
 def brings_modes(body: Body, kin: Kinematics) -> bool:
-    """Whether a body brings modes that take its unmarked mass along."""
+    """Whether a body brings all of its modes, or those that take its unmarked mass along."""
     hidden = bool((kin.inertia.weight[~kin.seen] > 0).any())
-    return hidden and (body.mode_shape is not None or body.stiffness is not None)
+    return body.stiffness is not None or (hidden and body.mode_shape is not None)
 
 
 def levels(markers: MarkerSet, settings: Settings, most: Kinematics) -> list[LevelCandidate]:
     """Levels by their degrees of freedom; `most`: kinematics at the modal one with all shapes that show.
 
-    Of a body that brings the modes of its unmarked mass the rigid one and that one: what does not show among
-    the shapes may still move the poses, and fewer shapes save nothing.
+    Of a body that brings its modes the rigid one and that one: a mode that nothing moves is as good as left
+    out, and what does not show among the shapes may still move the poses.
     """
     body = markers.body
-    own = body.mode_shape is not None or body.stiffness is not None
+    own = body.mode_shape is not None
 
     def level(**asked: object) -> LevelCandidate:
         at = settings.model_copy(update=asked)

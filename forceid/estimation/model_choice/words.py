@@ -9,7 +9,7 @@ import numpy as np
 from forceid.estimation.model_choice.levels import Step
 from forceid.flight.priors.matern import UNTOLD_ORDER
 from forceid.flight.priors.protocol import KERNEL
-from forceid.flight.vibration import STATES
+from forceid.flight.vibration import ModeState
 
 
 @dataclass(frozen=True)
@@ -103,5 +103,5 @@ def cost(level: Step, upper: Step) -> str:
     """
     more = upper.modes - level.modes
     loads = 2 * (KERNEL + 3 * UNTOLD_ORDER)  # states of force and moment
-    times = ((loads + STATES * upper.modes) / (loads + STATES * level.modes)) ** 3
+    times = ((loads + len(ModeState) * upper.modes) / (loads + len(ModeState) * level.modes)) ** 3
     return f"{more} more amplitude{'s'[: more > 1]} a frame and {times:.2g} times the arithmetic"

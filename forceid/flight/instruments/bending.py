@@ -13,7 +13,7 @@ from forceid.flight.instruments.moved import Moved, in_body
 from forceid.flight.instruments.protocol import BentMount
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.modes import FlyingModes
-from forceid.flight.vibration import STATES, ModeState
+from forceid.flight.vibration import ModeState
 from forceid.motion import exp
 from forceid.records import Array
 
@@ -26,7 +26,7 @@ def bending(sensors: Sensors, moved: Moved, modes: FlyingModes, steady: Array) -
     assert modes.mounting is not None
     w2, b = modes.prior.frequency**2, modes.prior.damping
     q, rate = modes.amplitude, modes.rate
-    second = modes.path[:, ModeState.LOAD :: STATES] - w2 * q - 2 * b * rate
+    second = modes.path[:, ModeState.LOAD :: modes.prior.states] - w2 * q - 2 * b * rate
     here = in_body(moved)
     J_inv, omega = here.J_inv, here.omega
     dJ, dh, dh_rate = modes.products.slopes(q, rate)
@@ -50,6 +50,6 @@ def bending(sensors: Sensors, moved: Moved, modes: FlyingModes, steady: Array) -
             mount = BentMount(S, r, Phi, Psi, q, rate, second, back, w2, b, d_omega, d_alpha, own)
             y[:, i, s], *slopes = instrument.bend(here, mount)
             for k, slope in enumerate(slopes):
-                rows[:, i, s, :, k::STATES] = slope
+                rows[:, i, s, :, k :: modes.prior.states] = slope
     used = sensors.used
     return y.reshape(len(q), -1)[:, used], rows.reshape(len(q), len(used), -1)[:, used]

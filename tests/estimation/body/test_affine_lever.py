@@ -52,13 +52,16 @@ def test_expected_error_takes_what_chance_explains_for_none_of_the_bias():
 
 @pytest.mark.parametrize(("markers", "told"), [(4, "total mass"), (3, "modes")])
 def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(markers, told):
-    recording = plate_flight(1, markers, told)
-    taken, rigid = (
-        estimate_recording(recording, load_settings(model=m, lines="none")) for m in ("auto", "rigid")
-    )
-    off = [np.sqrt(((e.force - recording.truth["force"])[60:-60] ** 2).mean()) for e in (taken, rigid)]
-    assert taken.model != "affine"
-    assert off[0] < 1.2 * off[1]
+    ratio = []
+    for seed in range(1, 4):
+        recording = plate_flight(seed, markers, told)
+        taken, rigid = (
+            estimate_recording(recording, load_settings(model=m, lines="none")) for m in ("auto", "rigid")
+        )
+        off = [np.sqrt(((e.force - recording.truth["force"])[60:-60] ** 2).mean()) for e in (taken, rigid)]
+        assert taken.model != "affine"
+        ratio.append(off[0] / off[1])
+    assert np.median(ratio) < 1.2
 
 
 def test_poses_that_allow_for_deformation_show_no_noise_below_the_stated():

@@ -247,10 +247,10 @@ def test_two_planted_modes_are_told_from_the_others_by_five_markers():
     shown = observed_shapes(SEEN, SHAPE, unit)
     y, D = shown.of(u), shown.of(unit)
     assert D.shape == (15, 9)
-    kept, var, _ = observable_modes(y.T @ y / 800, 800, D, None, SIGMA**2)
+    kept, var = observable_modes(y.T @ y / 800, 800, D, SIGMA**2)
     assert kept.tolist() == [0, 2]
     np.testing.assert_allclose(np.sqrt(var) / SIGMA, [4.0, 6.0], rtol=0.15)
-    assert len(observable_modes(y.T @ y / 800, 800, D, None, SIGMA**2, most=1)[0]) == 1
+    assert len(observable_modes(y.T @ y / 800, 800, D, SIGMA**2, most=1)[0]) == 1
 
 
 def test_unmarked_nodes_bend_with_the_spin_of_the_body():

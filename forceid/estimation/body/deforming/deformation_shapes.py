@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.estimation.body.deforming.mode_selection import log_evidence, observable_modes, observed_shapes
+from forceid.estimation.body.deforming.mode_selection import (
+    ObservedShapes,
+    common_level,
+    observable_modes,
+    observed_shapes,
+)
 from forceid.estimation.body.deforming.modes import (
     Modes,
     fit_amplitudes,
@@ -16,36 +21,38 @@ from forceid.estimation.body.deforming.modes import (
 )
 from forceid.estimation.body.deforming.shapes import rank_of
 from forceid.estimation.body.markers import MarkerSet
+from forceid.flight.elastic import Elastic
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices
 from forceid.rounding import SINGLE
+from forceid.significance import TENTH
+
+FOLLOWED = 20  # elastic modes with states in a flight: as many again cost eight times the arithmetic
 
 
 @dataclass(frozen=True)
-class OwnShapes:
-    """Modes of a body that a record shows: which (mode,), unit shape (mode, node, 3), amplitude variance var.
+class Shapes:
+    """Shapes (mode, node, 3) of unit norm in which a body deforms, with variances var (mode,) m2.
 
-    rest (dof, dof) m2: covariance of the modes left out; behind: log-likelihood by which principal
-    deformations are ahead of these, for what they cost.
+    rest (dof, dof) m2: covariance of what deforms beside them; elastic: their frequencies where the body
+    brings these, None for shapes of which nobody knows how they swing.
     """
 
-    which: Indices
     shape: Array
     var: Array
     rest: Array
-    behind: float
+    elastic: Elastic | None = None
 
 
-def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tuple[Array, Array, Array]:
-    """Unit shapes (mode, node, 3) of the model asked for, the variances of their amplitudes, and the rest.
+def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> Shapes:
+    """The shapes of the model asked for.
 
-    The rest is the covariance (dof, dof) of what deforms beside them. A modal body deforms in the modes that
-    it brings with it, which take its unmarked masses along; in its principal deformations where it brings
-    none, or where all its masses carry markers that show them better. most: of them, None for all that show.
+    A modal body deforms in the modes that it brings with it, which take its unmarked masses along; in its
+    principal deformations where it brings none. most: of them, None for all that show.
     """
-    body, inertia, modes, residual = markers.body, markers.inertia, markers.modes, markers.residual
+    inertia, modes, residual = markers.inertia, markers.modes, markers.residual
     shape, weight, seen, sigma = markers.shape, markers.weight, markers.seen, markers.noise_std
-    none = np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size))
+    none = Shapes(np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size)))
     if model == "rigid" or rank_of(shape, weight > 0) < 6:
         return none
     hidden = bool((inertia.weight[~seen] > 0).any())
@@ -60,54 +67,70 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> tupl
         if not np.isfinite(q).any(0).all():  # in no frame are markers enough
             return none
         var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
-        return shapes, var, none[2]
-    principal, var, rest = none
-    if modes is None or not (hidden or body.mode_shape is not None):
+        return replace(none, shape=shapes, var=var)
+    if modes is not None and modes.compliance is not None:
+        return elastic_shapes(markers, modes, modes.compliance, most)
+    if modes is None:
         on_seen, var = principal_deformations(residual[:, seen], sigma**2, most)
         principal = np.zeros((len(on_seen), *shape.shape))
         principal[:, seen] = on_seen
-    if modes is None:
-        return principal, var, rest
-    found = own_shapes(markers, modes, most, principal, var)
-    if found is None:
-        return none
-    if found.behind > 0:
-        return principal, var, none[2]
-    return found.shape, found.var, found.rest
+        return replace(none, shape=principal, var=var)
+    return given_shapes(markers, modes, most)
 
 
-def own_shapes(
-    markers: MarkerSet, modes: Modes, most: int | None, principal: Array, principal_var: Array
-) -> OwnShapes | None:
-    """The modes that the markers of a record show, beside its principal deformations; None without frames.
-
-    most: of them, None for all that show; principal (shape, node, 3), with principal_var of their amplitudes.
-    """
-    inertia, shape, sigma = markers.inertia, markers.shape, markers.noise_std
-    own = split_rigid(modes.shape, shape, markers.weight if inertia.nodal is None else inertia.nodal)[1]
+def in_gauge(markers: MarkerSet, modes: Modes) -> tuple[Indices, Array, Array]:
+    """Which modes (mode,) deform the body, unit shapes (mode, node, 3) of them in its gauge, their norms."""
+    gauge = markers.weight if markers.inertia.nodal is None else markers.inertia.nodal
+    own = split_rigid(modes.shape, markers.shape, gauge)[1]
     size = np.linalg.norm(own, axis=(1, 2))
     which = np.flatnonzero(size)
-    own, size = own[which] / size[which, None, None], size[which]
-    soft = None if modes.compliance is None else modes.compliance * size
-    observed = observed_shapes(markers.seen, shape, np.concatenate([own, principal]))
+    return which, own[which] / size[which, None, None], size[which]
+
+
+def scatter_of(markers: MarkerSet, own: Array) -> tuple[ObservedShapes, Array, int]:
+    """What markers show of unit shapes own, the mean square (shown, shown) of it, and of how many frames."""
+    observed = observed_shapes(markers.seen, markers.shape, own)
     samples = observed.of(markers.residual)
     samples = samples[np.isfinite(samples).all(1)]
-    frames = len(samples)
+    return observed, samples.T @ samples / max(len(samples), 1), len(samples)
+
+
+def elastic_shapes(markers: MarkerSet, modes: Modes, compliance: Array, most: int | None) -> Shapes:
+    """The elastic modes that loads alike on all would move most, softest first, and the others as noise.
+
+    As many as leave less than a tenth of the noise of a marker to the others.
+    """
+    which, own, size = in_gauge(markers, modes)
+    soft = compliance[which] * size
+    observed, scatter, frames = scatter_of(markers, own)
+    if not frames or not len(own):
+        none = np.zeros((markers.shape.size, markers.shape.size))
+        return Shapes(own[:0], soft[:0], none)
+    D, noise_var = observed.of(own), markers.noise_std**2
+    alike = D.T @ (soft[:, None] ** 2 * D)
+    var = common_level(scatter, alike, noise_var) * soft**2
+    order = np.argsort(-compliance[which])
+    moved = np.einsum("k,kna->k", var, own[:, markers.seen] ** 2)[order] / (3 * markers.seen.sum())
+    left = moved.sum() - np.cumsum(moved)
+    needed = int((left > TENTH**2 * noise_var).sum()) + 1
+    kept = np.sort(order[: min(needed, FOLLOWED) if most is None else most])
+    beside = np.delete(np.arange(len(own)), kept)
+    flat = own[beside].reshape(len(beside), markers.shape.size)
+    damping = markers.body.mode_damping if markers.body.mode_shape is not None else None
+    frequency = 1 / np.sqrt(compliance[which][kept])
+    told, given = np.ones(len(kept)), markers.body.mode_shape
+    if given is not None:  # as they are given
+        told = np.linalg.norm(split_rigid(given, markers.X, markers.weight)[1], axis=(1, 2))[which][kept]
+    elastic = Elastic(frequency, None if damping is None else damping[which][kept], size[kept], told)
+    return Shapes(own[kept], var[kept], flat.T @ (var[beside, None] * flat), elastic)
+
+
+def given_shapes(markers: MarkerSet, modes: Modes, most: int | None) -> Shapes:
+    """The shapes given without a frequency that a record shows."""
+    _, own, _ = in_gauge(markers, modes)
+    observed, scatter, frames = scatter_of(markers, own)
+    none = np.zeros((markers.shape.size, markers.shape.size))
     if frames < 2:
-        return None
-    scatter = samples.T @ samples / frames
-    noise = sigma**2 * np.eye(len(scatter))
-    D = observed.of(own)
-    kept, own_var, level = observable_modes(scatter, frames, D, soft, sigma**2, most)
-    rest = np.zeros((shape.size, shape.size))
-    if soft is not None:
-        flat, left = np.delete(own.reshape(len(own), shape.size), kept, axis=0), np.delete(soft, kept)
-        rest = flat.T @ (level * left[:, None] ** 2 * flat)
-    k, dim = len(principal), len(observed.rows) - 6
-    numbers = k * dim - k * (k - 1) / 2 - len(kept) - 1  # by which principal deformations cost more
-    alike = D.T @ (level * soft[:, None] ** 2 * D) if soft is not None else 0.0
-    gain = log_evidence(scatter, frames, observed.of(principal), principal_var, noise) - log_evidence(
-        scatter, frames, D[kept], own_var, noise + alike
-    )
-    behind = float(gain - 0.5 * numbers * np.log(frames)) if k else 0.0
-    return OwnShapes(which[kept], own[kept], own_var, rest, behind)
+        return Shapes(own[:0], np.zeros(0), none)
+    kept, var = observable_modes(scatter, frames, observed.of(own), markers.noise_std**2, most)
+    return Shapes(own[kept], var, none)

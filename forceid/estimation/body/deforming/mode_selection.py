@@ -51,62 +51,55 @@ def log_evidence(scatter: Array, frames: int, directions: Array, var: Array, noi
 
 
 def likely_variances(
-    scatter: Array, directions: Array, alike: Array, noise_var: float, start: Array | None = None
+    scatter: Array, directions: Array, noise_var: float, start: Array | None = None
 ) -> Array:
-    """Variances (mode + 1,) of most `log_evidence`, by steps of which each raises it (Hunter and Lange 2004).
-
-    Of the modes along directions (mode, shown), and of all modes alike: the factor on `alike` (shown, shown).
-    """
+    """Variances (mode,) of most `log_evidence`, by steps of which each raises it (Hunter and Lange 2004)."""
     level = max(float(np.trace(scatter)) / max(len(scatter), 1), noise_var)
     var, rounds = start, AGAIN
     if var is None:
-        rest = level / max(float(np.trace(alike)), 1e-300) * len(alike)
-        var, rounds = np.append(level / (directions**2).sum(1), rest), SELECT_ROUNDS
+        var, rounds = level / (directions**2).sum(1), SELECT_ROUNDS
     for _ in range(rounds):
-        V = noise_var * np.eye(len(scatter)) + var[-1] * alike + directions.T @ (var[:-1, None] * directions)
-        a, b = np.linalg.solve(V, directions.T), np.linalg.solve(V, alike)
-        seen = np.append(np.einsum("ik,ik->k", a, scatter @ a), np.trace(b @ np.linalg.solve(V, scatter)))
-        wanted = np.append(np.einsum("kj,jk->k", directions, a), np.trace(b))
+        V = noise_var * np.eye(len(scatter)) + directions.T @ (var[:, None] * directions)
+        a = np.linalg.solve(V, directions.T)
+        seen, wanted = np.einsum("ik,ik->k", a, scatter @ a), np.einsum("kj,jk->k", directions, a)
         var = var * np.sqrt(seen / np.maximum(wanted, 1e-300))
     return var
 
 
+def common_level(scatter: Array, alike: Array, noise_var: float) -> float:
+    """The most likely size of what makes samples of covariance noise_var + size * alike (shown, shown)."""
+    size, axes = np.linalg.eigh(alike)
+    seen = np.einsum("ij,ij->j", axes, scatter @ axes)
+    level = max(float(np.trace(scatter)), noise_var) / max(float(size.sum()), np.finfo(float).tiny)
+    for _ in range(SELECT_ROUNDS):
+        var = noise_var + level * size
+        level *= float(np.sqrt((size * seen / var**2).sum() / max((size / var).sum(), np.finfo(float).tiny)))
+    return level
+
+
 def observable_modes(
-    scatter: Array,
-    frames: int,
-    directions: Array,
-    compliance: Array | None,
-    noise_var: float,
-    most: int | None = None,
-) -> tuple[Indices, Array, float]:
-    """Which modes (telling,) a record shows beside the rest, and the variances of their amplitudes.
+    scatter: Array, frames: int, directions: Array, noise_var: float, most: int | None = None
+) -> tuple[Indices, Array]:
+    """Which modes (telling,) a record shows, and the variances of their amplitudes.
 
     Of the lowest modes those that the markers can tell apart, at most MODES: all at their likely variances,
     then without those, the least missed first, that bring less evidence than one number more costs (Schwarz
-    1978). Or simply the first `most` of them. Beside them all modes (mode, shown) answer loads that are
-    alike for all: the variance of such a load comes last, zero where the compliance (mode,) is unknown.
+    1978). Or simply the first `most` of them.
     """
-    soft = np.zeros(len(directions)) if compliance is None else compliance**2
-    alike = directions.T @ (soft[:, None] * directions)
-    noise = noise_var * np.eye(len(scatter))
-    kept = (
-        independent_directions(directions)[:MODES]
-        if most is None
-        else independent_directions(directions)[:most]
-    )
-    var = likely_variances(scatter, directions[kept], alike, noise_var)
+    kept, noise = independent_directions(directions), noise_var * np.eye(len(scatter))
+    kept = kept[: MODES if most is None else most]
+    var = likely_variances(scatter, directions[kept], noise_var)
     while len(kept) and most is None:
-        D, rest = directions[kept], noise + var[-1] * alike
-        full = log_evidence(scatter, frames, D, var[:-1], rest)
+        D = directions[kept]
+        full = log_evidence(scatter, frames, D, var, noise)
         without = [np.delete(np.arange(len(kept)), k) for k in range(len(kept))]
-        brings = np.array([full - log_evidence(scatter, frames, D[k], var[k], rest) for k in without])
+        brings = np.array([full - log_evidence(scatter, frames, D[k], var[k], noise) for k in without])
         if brings.min() > 0.5 * np.log(frames):
             break
         stays = brings > max(brings.min(), IDLE)
         kept = kept[stays]
-        start = np.append(var[:-1][stays], var[-1])
-        var = likely_variances(scatter, directions[kept], alike, noise_var, start)
-    return kept, var[:-1], float(var[-1])
+        var = likely_variances(scatter, directions[kept], noise_var, var[stays])
+    return kept, var
 
 
 def independent_directions(directions: Array) -> Indices:

@@ -192,14 +192,19 @@ def strain_shapes(shape: Array) -> Array:
 
 
 def fit_amplitudes(
-    residual: Array, shapes: Array, rigid: Array, noise: Array | float, own: Array | None = None
+    residual: Array,
+    shapes: Array,
+    rigid: Array,
+    noise: Array | float,
+    own: Array | None = None,
+    loose: Array | None = None,
 ) -> tuple[Array, Array]:
     """Amplitudes q (time, mode) of shapes (mode, node, 3) and their noise variance, NaN where not determined.
 
     noise: variance of a coordinate (m2), or covariance (3 node, 3 node); own (time, node) m2: variance of
-    single readings beside. Fitted together with the six rigid
-    modes `rigid` (3 node, 6), so that no error of the pose enters: the markers seen in a frame must fix all
-    of them, or q is NaN there.
+    single readings beside. Fitted together with the six rigid modes `rigid` (3 node, 6), so that no error of
+    the pose enters: the markers seen in a frame must fix all of them, or q is NaN there. loose (mode,) m2: of
+    amplitudes that are known beforehand to be of that variance, any number of which may be fitted.
     """
     T, count = len(residual), len(shapes)
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
@@ -207,6 +212,17 @@ def fit_amplitudes(
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
     for pattern, more, at in frames_seen_alike(residual, own):
         rows = np.repeat(pattern, 3)
+        if loose is not None:
+            if rows.sum() < 6 or np.linalg.matrix_rank(rigid[rows]) < 6:
+                continue
+            root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
+            G_w = np.linalg.solve(root, G[rows])
+            held = np.concatenate([np.zeros(6), 1 / np.maximum(loose, np.finfo(float).tiny)])
+            C = np.linalg.inv(G_w.T @ G_w + np.diag(held))
+            fit = (C @ G_w.T)[6:]
+            q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, fit.T)
+            var[at] = np.diagonal(C)[6:]
+            continue
         if rows.sum() < 6 + count:
             continue
         if np.linalg.matrix_rank(G[rows], rtol=1e-6) == 6 + count:

@@ -1,0 +1,111 @@
+"""What mass without markers may do beside the markers, as shapes of its own that no marker sees.
+
+Where markers deform and nobody says how the rest of the body follows, its mass may move as far as they do,
+in a way that no marker shows. Only six numbers of that motion matter, its momentum and angular momentum: so
+six shapes stand for it, of nodes that move as independently as markers do. A body known as a whole has its
+mass at four nodes without markers, which make its mass, center and inertia. Source: theory of one model,
+section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.estimation.body.deforming.modes import split_rigid
+from forceid.estimation.body.markers import MarkerSet
+from forceid.estimation.body.tetrahedron import tetrahedron
+from forceid.flight.vibration import Vibration
+from forceid.motion import Frames, Products, inertia_products
+from forceid.principal import summation_operator
+from forceid.records import Array, Flags
+from forceid.rounding import SINGLE
+
+
+@dataclass(frozen=True)
+class HiddenMass:
+    """Shapes (mode, node, 3) of mass without markers, each for one standard deviation of a node by itself.
+
+    mass (node,) kg or (dof, dof) of nodes at shape (node, 3) m: those of the body, and four more where it is
+    known as a whole. leak (6, mode): the rigid motion that a shape gives what carries markers, m and rad;
+    spread: of a node beside a marker.
+    """
+
+    mass: Array
+    shape: Array
+    shapes: Array
+    leak: Array
+    spread: float
+
+    def products(self, shapes: Array) -> Products:
+        """What amplitudes of shapes (mode, node, 3) of the body, and then of these, do to the inertia."""
+        more = len(self.shape) - shapes.shape[1]
+        told = np.pad(shapes, ((0, 0), (0, more), (0, 0)))
+        return inertia_products(self.mass, self.shape, np.concatenate([told, self.shapes]))
+
+    def beside(self, frames: Frames) -> Frames:
+        """What frames say of the shapes that markers show and of these, which only move their poses."""
+        T, m = frames.observed.shape
+        k = len(self.shapes)
+        turn = np.zeros((T, 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = np.nan_to_num(frames.rotation)
+        rows = np.zeros((T, m + k, m + k))
+        rows[:, :m, :m] = frames.rows
+        observed = np.pad(frames.observed, ((0, 0), (0, k)), constant_values=np.nan)
+        leak = np.concatenate([frames.leak, turn @ self.leak], 2)
+        return replace(frames, leak=leak, observed=observed, rows=rows)
+
+    def carried(self, position: Array) -> tuple[Array, Array]:
+        """Displacement and tilt (point, mode, 3) that the shapes give points (point, 3) among the markers."""
+        moved = (summation_operator(position) @ self.leak).reshape(len(position), 3, -1).swapaxes(1, 2)
+        return np.asarray(moved), np.tile(self.leak[3:].T, (len(position), 1, 1))
+
+    def moving_as(self, told: Vibration, freedom: int) -> Vibration:
+        """The prior of the shapes told and of these, which swing as the one told that takes most force.
+
+        freedom: coordinates of markers beside the rigid motion, among which the variance told is shared.
+        """
+        hasty = told.std * told.frequency**2
+        largest, k = int(hasty.argmax()), len(self.shapes)
+        share = self.spread * float(np.sqrt((hasty**2).sum() / freedom)) / told.frequency[largest] ** 2
+
+        def more(a: Array) -> Array:
+            return np.append(a, np.full(k, a[largest]))
+
+        std = np.append(told.std, np.full(k, share))
+        return Vibration(more(told.frequency), more(told.damping), std, more(told.rate), told.order)
+
+
+def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
+    """Shapes of the mass that carries no marker; None where all mass does, or its inertia is not known."""
+    inertia = markers.thin
+    if inertia.point or inertia.line is not None or not np.isfinite(inertia.tensor).all():
+        return None
+    mass, shape, unseen, spread = inertia.nodal, markers.shape, ~markers.seen, 1.0
+    if mass is None:
+        spread = min(1.0, 2 / np.sqrt(markers.seen.sum()))  # as if spread over as many nodes as carry markers
+        S = np.zeros((4, 4))
+        S[0, 0] = inertia.mass
+        S[1:, 1:] = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
+        shape = np.concatenate([shape, tetrahedron(S)])
+        mass = np.append(np.zeros(len(markers.shape)), np.full(4, inertia.mass / 4))
+        unseen = np.append(np.ones(len(markers.shape), bool), np.ones(4, bool))
+    free: Flags = np.repeat(unseen & (weight_of(mass) > 0), 3)
+    if not free.any():
+        return None
+    rigid = summation_operator(shape)
+    momentum = rigid.T * np.repeat(mass, 3) if mass.ndim == 1 else rigid.T @ mass
+    scale = np.sqrt(np.repeat([inertia.mass, np.trace(inertia.tensor) / 2], 3))
+    _, size, axes = np.linalg.svd(momentum[:, free] / scale[:, None], full_matrices=False)
+    axes = axes[size > SINGLE * size[0]]
+    raw = np.zeros((len(axes), len(free)))
+    raw[:, free] = axes
+    raw = raw.reshape(len(axes), *shape.shape)
+    alpha, shapes = split_rigid(raw, shape, mass)
+    return HiddenMass(mass, shape, shapes, -alpha.T, float(spread))
+
+
+def weight_of(mass: Array) -> Array:
+    """Mass (node,) that goes with each node."""
+    return mass if mass.ndim == 1 else np.abs(mass).reshape(len(mass) // 3, 3, -1).sum((1, 2))

@@ -1,0 +1,186 @@
+"""The prior of elastic modes: oscillators of known frequency under loads of which all modes get a like share.
+
+A load on a mode of unit modal mass is the work of the same forces that push the body as a whole, so its size
+is alike for all of them, but for where it acts. Size and smoothness are found from the spectra of what the
+frames show of the modes together, so modes that no marker tells apart, or none shows, have a prior all the
+same. Source: theory of one model; likelihood by Whittle (1953).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+from scipy.optimize import minimize
+
+from forceid.flight.channels import CHANNEL_SAMPLES, middle
+from forceid.flight.vibration import Vibration
+from forceid.kalman.building.process import matern_density
+from forceid.records import Array, Indices
+from forceid.rounding import SOLVED
+from forceid.significance import PATIENCE
+
+LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
+LEAST_DAMPING = 1e-3  # of the critical one: a mode without any would never have started
+APART = 0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of three
+DAMPING = 0.02  # of the critical one, where unknown: that of most structures, to a factor of four
+FIRST_SIZES = (0.01, 0.1, 1.0)  # of loads, over those that would move the modes as far as steady ones
+FIRST_RATES = (0.02, 0.2, 1.0)  # at which loads forget, over the lowest frequency
+FARTHEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
+OWN_BINS = 128  # lowest frequencies looked at one by one; beyond, as many together as keeps the octaves alike
+HANN = 2 / 3  # of its frequencies are as good as independent under that taper
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """Elastic modes of unit shapes: frequency (mode,) rad/s, damping (mode,) over critical, None if unknown.
+
+    size (mode,) 1/sqrt(kg): norm of the shape of unit modal mass, so mass = 1 / size^2; told (mode,): norm of
+    the shape that forces are told on.
+    """
+
+    frequency: Array
+    damping: Array | None
+    size: Array
+    told: Array
+
+    @property
+    def braking(self) -> Array:
+        """Damping b (mode,) 1/s of q'' + 2 b q' + w^2 q = f."""
+        ratio = DAMPING if self.damping is None else np.maximum(self.damping, LEAST_DAMPING)
+        return np.asarray(self.frequency * ratio)
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Cross spectra (band, channel, channel) of channels = rows q + noise of unit variance.
+
+    count (band,): frequencies in each; frequency (bin,) rad/s, band (bin,) of each; step s of the clock;
+    span s of the record.
+    """
+
+    power: Array
+    count: Array
+    frequency: Array
+    band: Indices
+    rows: Array
+    step: float
+    span: float
+
+    def over_bands(self, density: Array) -> Array:
+        """Means (band, ...) of a density (bin, ...) over the frequencies of each band."""
+        first = np.flatnonzero(np.diff(self.band, prepend=-1))
+        return np.asarray(np.add.reduceat(density, first, axis=0) / self.count[:, None])
+
+
+def spectra_of(time: Array, observed: Array, rows: Array) -> Spectra | None:
+    """Spectra of observed (time, mode) = rows q + unit noise, rows (time, mode, mode), from tapered samples.
+
+    None where fewer frames show the modes than that takes. Frames that show less
+    than the best are put on its rows; an uneven clock and gaps cost accuracy, and no interpolation.
+    """
+    part = middle(len(time), CHANNEL_SAMPLES)
+    time, observed, rows = time[part], observed[part], rows[part]
+    seen = np.isfinite(observed).any(1)
+    observed = np.nan_to_num(observed)  # where a frame has no further number its row is zero
+    if seen.sum() < 8:
+        return None
+    best = rows[seen][np.einsum("tij,tij->t", rows[seen], rows[seen]).argmax()]
+    shown = np.linalg.norm(best, axis=1) > SOLVED * np.linalg.norm(best)
+    best = best[shown]
+    t, y = time[seen], np.einsum("ij,tjk,tk->ti", best, np.linalg.pinv(rows[seen]), observed[seen])
+    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
+    taper = np.sin(np.pi * (t - time[0] + 0.5 * step) / (span + step)) ** 2
+    taper /= np.sqrt((taper**2).sum())
+    y = y - (taper @ y) / taper.sum()
+    # below, the mean that was taken out
+    w = np.arange(1, int(0.5 * span / step)) * (2 * np.pi / span)
+    if not len(w) or not len(best):
+        return None
+    Y = np.exp(-1j * np.outer(w, t - time[0])) @ (taper[:, None] * y)
+    octave = OWN_BINS * (1 + np.log(np.maximum(np.arange(len(w)) / OWN_BINS, 1.0)))
+    together = np.minimum(np.arange(len(w)), octave.astype(int))
+    band: Indices = np.unique(together, return_inverse=True)[1].astype(np.intp)
+    power = np.zeros((band[-1] + 1, len(best), len(best)))
+    np.add.at(power, band, np.einsum("fi,fj->fij", Y, Y.conj()).real)
+    count = np.bincount(band).astype(float)
+    return Spectra(power / count[:, None, None], count, np.asarray(w, float), band, best, step, span)
+
+
+def tune_elastic(time: Array, observed: Array, rows: Array, elastic: Elastic) -> Vibration | None:
+    """The most likely prior of elastic modes, of which frames show observed (time, mode) = rows q + noise.
+
+    None where too few frames show them.
+    """
+    spectra = spectra_of(time, observed, rows)
+    if spectra is None:
+        return None
+    found = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
+    best = min(value for value, _ in found.values())
+    order = max(order for order, (value, _) in found.items() if value < best + PATIENCE)
+    return prior_at(found[order][1], elastic, order)
+
+
+def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Array]:
+    """The least value of `unlikeliness` at an order, and where: logarithms of size, rate and shares."""
+    modes, lowest = len(elastic.frequency), float(elastic.frequency.min())
+    value = partial(unlikeliness, spectra, elastic, order)
+    seen = np.linalg.norm(spectra.rows, axis=0) * elastic.size / elastic.frequency**2
+    power = float(np.einsum("bii,b->", spectra.power, spectra.count))
+    still = float(np.sqrt(2 * power * spectra.step / spectra.span))
+    size = still / max(float(np.linalg.norm(seen)), np.finfo(float).tiny)
+    fastest, slowest = 0.5 * np.pi / spectra.step, 1 / spectra.span
+    starts = [
+        np.log([size * s, np.clip(rate * lowest, slowest, fastest)])
+        for s, rate in product(FIRST_SIZES, FIRST_RATES)
+    ]
+    starts = [np.concatenate([at, np.zeros(modes)]) for at in starts]
+    first = min(starts, key=lambda at: value(at)[0])
+    bounds = [
+        (first[0] - FARTHEST, first[0] + FARTHEST),
+        (np.log(slowest), np.log(fastest)),
+        *[(-4 * APART, 4 * APART)] * modes,
+    ]
+    done = minimize(value, first, jac=True, method="L-BFGS-B", bounds=bounds)
+    return float(done.fun), done.x
+
+
+def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> tuple[float, Array]:
+    """Minus the logarithm of Whittle's likelihood and of the prior of the shares, and its slope.
+
+    at (2 + mode,): logarithms of the size of the loads on unit modal mass, their rate, and the share of each
+    mode.
+    """
+    size, rate = np.exp(at[:2])
+    w, own = spectra.frequency[:, None], elastic.frequency
+    # no mode is sharper than the record shows: its width is added to what damping makes
+    width = elastic.braking + np.pi / spectra.span
+    gain = 1 / ((own**2 - w**2) ** 2 + (2 * width * w) ** 2)
+    load = (size * elastic.size * np.exp(at[2:])) ** 2
+    density = load * gain * matern_density(order, 1.0, rate, w) / spectra.step
+    p = spectra.over_bands(density)
+    D = spectra.rows
+    S = np.eye(len(D)) + np.einsum("bk,ik,jk->bij", p, D, D, optimize=True)
+    inverse = np.linalg.inv(S)
+    left = inverse @ (spectra.power @ inverse)
+    count = HANN * spectra.count
+    value = count @ (np.linalg.slogdet(S)[1] + np.einsum("bij,bji->b", inverse, spectra.power))
+    slope = count[:, None] * np.einsum("ik,bij,jk->bk", D, inverse - left, D, optimize=True)
+    by_rate = (2 * order - 1) - 2 * order * rate**2 / (rate**2 + w**2)
+    shares = 2 * (slope * p).sum(0)
+    by = [
+        shares.sum(),
+        float((slope * spectra.over_bands(density * by_rate)).sum()),
+    ]
+    apart = at[2:] / APART
+    return float(value + 0.5 * apart @ apart), np.concatenate([by, shares + apart / APART])
+
+
+def prior_at(at: Array, elastic: Elastic, order: int) -> Vibration:
+    """The prior of modes at a point of the search."""
+    size, rate = np.exp(at[:2])
+    one = np.ones_like(elastic.frequency)
+    unit = Vibration(elastic.frequency, elastic.braking, one, rate * one, order)
+    return replace(unit, std=size * elastic.size * np.exp(at[2:]) / unit.load)
