@@ -15,20 +15,25 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from forceid.flight.channels import CHANNEL_SAMPLES, middle
+from forceid.flight.channels import CHANNEL_SAMPLES, FLIGHT_SAMPLES, middle
+from forceid.flight.modes import chains
 from forceid.flight.vibration import Vibration
 from forceid.kalman.building.process import matern_density
+from forceid.kalman.engines import Engine
+from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
 from forceid.rounding import SOLVED
-from forceid.significance import PATIENCE
+from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
-LEAST_DAMPING = 1e-3  # of the critical one: a mode without any would never have started
-APART = 0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of three
-DAMPING = 0.02  # of the critical one, where unknown: that of most structures, to a factor of four
+UNEVEN = (
+    0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of three
+)
+DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)  # of the critical one, tried where unknown: those of structures
+DAMPING = 0.02  # while spectra are looked at
 FIRST_SIZES = (0.01, 0.1, 1.0)  # of loads, over those that would move the modes as far as steady ones
 FIRST_RATES = (0.02, 0.2, 1.0)  # at which loads forget, over the lowest frequency
-FARTHEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
+WIDEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
 OWN_BINS = 128  # lowest frequencies looked at one by one; beyond, as many together as keeps the octaves alike
 HANN = 2 / 3  # of its frequencies are as good as independent under that taper
 
@@ -38,19 +43,15 @@ class Elastic:
     """Elastic modes of unit shapes: frequency (mode,) rad/s, damping (mode,) over critical, None if unknown.
 
     size (mode,) 1/sqrt(kg): norm of the shape of unit modal mass, so mass = 1 / size^2; told (mode,): norm of
-    the shape that forces are told on.
+    the shape that forces are told on; detuned (mode,): about how far the logarithm of a frequency is off, as
+    the pull of a spin tightens the body.
     """
 
     frequency: Array
     damping: Array | None
     size: Array
     told: Array
-
-    @property
-    def braking(self) -> Array:
-        """Damping b (mode,) 1/s of q'' + 2 b q' + w^2 q = f."""
-        ratio = DAMPING if self.damping is None else np.maximum(self.damping, LEAST_DAMPING)
-        return np.asarray(self.frequency * ratio)
+    detuned: Array
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ class Spectra:
 def spectra_of(time: Array, observed: Array, rows: Array) -> Spectra | None:
     """Spectra of observed (time, mode) = rows q + unit noise, rows (time, mode, mode), from tapered samples.
 
-    None where fewer frames show the modes than that takes. Frames that show less
-    than the best are put on its rows; an uneven clock and gaps cost accuracy, and no interpolation.
+    None where too few frames do. Frames that show less than the best are left out: an uneven clock and gaps
+    cost accuracy, and no interpolation.
     """
     part = middle(len(time), CHANNEL_SAMPLES)
     time, observed, rows = time[part], observed[part], rows[part]
@@ -88,9 +89,9 @@ def spectra_of(time: Array, observed: Array, rows: Array) -> Spectra | None:
     if seen.sum() < 8:
         return None
     best = rows[seen][np.einsum("tij,tij->t", rows[seen], rows[seen]).argmax()]
+    seen &= np.linalg.norm(rows - best, axis=(1, 2)) < TENTH * np.linalg.norm(best)
     shown = np.linalg.norm(best, axis=1) > SOLVED * np.linalg.norm(best)
-    best = best[shown]
-    t, y = time[seen], np.einsum("ij,tjk,tk->ti", best, np.linalg.pinv(rows[seen]), observed[seen])
+    best, t, y = best[shown], time[seen], observed[seen][:, shown]
     span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
     taper = np.sin(np.pi * (t - time[0] + 0.5 * step) / (span + step)) ** 2
     taper /= np.sqrt((taper**2).sum())
@@ -109,10 +110,21 @@ def spectra_of(time: Array, observed: Array, rows: Array) -> Spectra | None:
     return Spectra(power / count[:, None, None], count, np.asarray(w, float), band, best, step, span)
 
 
-def tune_elastic(time: Array, observed: Array, rows: Array, elastic: Elastic) -> Vibration | None:
+def seen_modes(time: Array, rows: Array, prior: Vibration) -> StateSpace:
+    """Linear model of what frames say of modes beside their poses: rows q + noise of unit variance."""
+    F, Q, P0 = chains(prior, np.diff(time))
+    H = np.zeros((*rows.shape[:2], len(P0)))
+    H[:, :, :: prior.states] = rows
+    steady = not np.ptp(rows, axis=0).any()
+    return StateSpace(F, Q, H[0] if steady else H, np.eye(rows.shape[1]), np.zeros(len(P0)), P0)
+
+
+def tune_elastic(
+    time: Array, observed: Array, rows: Array, elastic: Elastic, engine: Engine
+) -> Vibration | None:
     """The most likely prior of elastic modes, of which frames show observed (time, mode) = rows q + noise.
 
-    None where too few frames show them.
+    None where too few frames show them. Damping is narrower than spectra show: the exact likelihood tells it.
     """
     spectra = spectra_of(time, observed, rows)
     if spectra is None:
@@ -120,11 +132,21 @@ def tune_elastic(time: Array, observed: Array, rows: Array, elastic: Elastic) ->
     found = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
     best = min(value for value, _ in found.values())
     order = max(order for order, (value, _) in found.items() if value < best + PATIENCE)
-    return prior_at(found[order][1], elastic, order)
+    if elastic.damping is not None:
+        return prior_at(found[order][1], elastic, order)
+    part = middle(len(time), FLIGHT_SAMPLES)
+    damped = [
+        prior_at(found[order][1], replace(elastic, damping=np.full(len(elastic.size), ratio)), order)
+        for ratio in DAMPINGS
+    ]
+    likely = [
+        engine.log_likelihood(seen_modes(time[part], rows[part], prior), observed[part]) for prior in damped
+    ]
+    return damped[int(np.argmax(likely))]
 
 
 def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Array]:
-    """The least value of `unlikeliness` at an order, and where: logarithms of size, rate and shares."""
+    """The least value of `unlikeliness` at an order, and where."""
     modes, lowest = len(elastic.frequency), float(elastic.frequency.min())
     value = partial(unlikeliness, spectra, elastic, order)
     seen = np.linalg.norm(spectra.rows, axis=0) * elastic.size / elastic.frequency**2
@@ -136,12 +158,12 @@ def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Arr
         np.log([size * s, np.clip(rate * lowest, slowest, fastest)])
         for s, rate in product(FIRST_SIZES, FIRST_RATES)
     ]
-    starts = [np.concatenate([at, np.zeros(modes)]) for at in starts]
+    starts = [np.concatenate([at, np.zeros(2 * modes)]) for at in starts]
     first = min(starts, key=lambda at: value(at)[0])
     bounds = [
-        (first[0] - FARTHEST, first[0] + FARTHEST),
+        (first[0] - WIDEST, first[0] + WIDEST),
         (np.log(slowest), np.log(fastest)),
-        *[(-4 * APART, 4 * APART)] * modes,
+        *[(-SIGMAS, SIGMAS)] * (2 * modes),
     ]
     done = minimize(value, first, jac=True, method="L-BFGS-B", bounds=bounds)
     return float(done.fun), done.x
@@ -150,15 +172,16 @@ def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Arr
 def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> tuple[float, Array]:
     """Minus the logarithm of Whittle's likelihood and of the prior of the shares, and its slope.
 
-    at (2 + mode,): logarithms of the size of the loads on unit modal mass, their rate, and the share of each
-    mode.
+    at (2 + 2 mode,): logarithms of the size of the loads on unit modal mass and of their rate; of the share
+    of each mode, and of what its frequency is off by, in standard deviations.
     """
     size, rate = np.exp(at[:2])
-    w, own = spectra.frequency[:, None], elastic.frequency
+    shares, off = at[2:].reshape(2, -1)
+    w, own = spectra.frequency[:, None], elastic.frequency * np.exp(elastic.detuned * off)
     # no mode is sharper than the record shows: its width is added to what damping makes
-    width = elastic.braking + np.pi / spectra.span
+    width = own * (DAMPING if elastic.damping is None else elastic.damping) + np.pi / spectra.span
     gain = 1 / ((own**2 - w**2) ** 2 + (2 * width * w) ** 2)
-    load = (size * elastic.size * np.exp(at[2:])) ** 2
+    load = (size * elastic.size * np.exp(UNEVEN * shares)) ** 2
     density = load * gain * matern_density(order, 1.0, rate, w) / spectra.step
     p = spectra.over_bands(density)
     D = spectra.rows
@@ -169,18 +192,25 @@ def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> t
     value = count @ (np.linalg.slogdet(S)[1] + np.einsum("bij,bji->b", inverse, spectra.power))
     slope = count[:, None] * np.einsum("ik,bij,jk->bk", D, inverse - left, D, optimize=True)
     by_rate = (2 * order - 1) - 2 * order * rate**2 / (rate**2 + w**2)
-    shares = 2 * (slope * p).sum(0)
-    by = [
-        shares.sum(),
-        float((slope * spectra.over_bands(density * by_rate)).sum()),
-    ]
-    apart = at[2:] / APART
-    return float(value + 0.5 * apart @ apart), np.concatenate([by, shares + apart / APART])
+    by_own = (
+        -4 * own * gain * (own * (own**2 - w**2) + 2 * (width - np.pi / spectra.span) * width * w**2 / own)
+    )
+    by_share = 2 * (slope * p).sum(0)
+    slopes = np.concatenate(
+        [
+            [by_share.sum(), (slope * spectra.over_bands(density * by_rate)).sum()],
+            UNEVEN * by_share + shares,
+            elastic.detuned * (slope * spectra.over_bands(density * by_own)).sum(0) + off,
+        ]
+    )
+    return float(value + 0.5 * at[2:] @ at[2:]), slopes
 
 
 def prior_at(at: Array, elastic: Elastic, order: int) -> Vibration:
     """The prior of modes at a point of the search."""
     size, rate = np.exp(at[:2])
-    one = np.ones_like(elastic.frequency)
-    unit = Vibration(elastic.frequency, elastic.braking, one, rate * one, order)
-    return replace(unit, std=size * elastic.size * np.exp(at[2:]) / unit.load)
+    shares, off = at[2:].reshape(2, -1)
+    w, one = elastic.frequency * np.exp(elastic.detuned * off), np.ones(len(off))
+    damping = w * (DAMPING if elastic.damping is None else np.maximum(elastic.damping, DAMPINGS[0]))
+    unit = Vibration(w, damping, one, rate * one, order)
+    return replace(unit, std=size * elastic.size * np.exp(UNEVEN * shares) / unit.load)

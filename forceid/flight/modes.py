@@ -77,10 +77,10 @@ class FlyingModes:
         return J, h + self.inside
 
 
-def chains(modes: FlyingModes, step: Array) -> tuple[Array, Array, Array]:
+def chains(prior: Vibration, step: Array) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chains of all modes."""
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    process = modes.prior.process
+    process = prior.process
     F, Q = discretize(replace(process, A=process.A[None], Qc=process.Qc[None]), unique[:, None])
     F, Q = (np.stack([block_diag(*each) for each in a])[which] for a in (F, Q))
     return F, Q, block_diag(*process.P0)
@@ -95,7 +95,7 @@ def bent(
     the reference.
     """
     step = np.diff(time)
-    F_q, Q_q, P_q = chains(modes, step)
+    F_q, Q_q, P_q = chains(modes.prior, step)
     n, k, T = len(model.x0), len(P_q), len(time)
     theta, own = slice(first, first + 3), slice(n, n + k)
     at_start, at_end = mode_impulses(modes, step, rotation, H, model.F[:, theta, theta])

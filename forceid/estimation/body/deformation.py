@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.flight.elastic import tune_elastic
-from forceid.flight.modes import FlyingModes, chains
+from forceid.flight.elastic import seen_modes, tune_elastic
 from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import ModeState, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
-from forceid.kalman.model import StateSpace
 from forceid.motion import Products, exp, inertia_products
 from forceid.records import Array
 
@@ -46,7 +44,7 @@ def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) ->
     """
     modes = kin.amplitude.shape[1]
     if kin.elastic is not None and kin.frames is not None and modes:
-        prior = tune_elastic(kin.time, kin.frames.observed, kin.frames.rows, kin.elastic)
+        prior = tune_elastic(kin.time, kin.frames.observed, kin.frames.rows, kin.elastic, engine)
         if prior is not None:
             return together(kin, prior, engine, causal)
     if not modes or not np.isfinite(kin.amplitude).any():
@@ -79,14 +77,8 @@ def deforming(
 def together(kin: Kinematics, prior: Vibration, engine: Engine, causal: bool) -> Deformation:
     """Amplitudes of modes smoothed together, from what every frame says of them beside its pose."""
     assert kin.frames is not None
-    rows, observed, each = kin.frames.rows, kin.frames.observed, prior.states
-    chain = FlyingModes(kin.frames, prior, products_of(kin), np.zeros((len(observed), each * len(prior.std))))
-    F, Q, P0 = chains(chain, np.diff(kin.time))
-    H = np.zeros((*rows.shape[:2], len(P0)))
-    H[:, :, ::each] = rows
-    steady = not np.ptp(rows, axis=0).any()
-    model = StateSpace(F, Q, H[0] if steady else H, np.eye(rows.shape[1]), np.zeros(len(P0)), P0)
-    found = (engine.filter if causal else engine.smooth)(model, observed)
+    model, each = seen_modes(kin.time, kin.frames.rows, prior), prior.states
+    found = (engine.filter if causal else engine.smooth)(model, kin.frames.observed)
     load = slice(ModeState.LOAD, None, each)
     var = np.diagonal(found.P, axis1=1, axis2=2)[:, ::each]
     return deforming(kin, prior, found.x, var, found.P[:, load, load])

@@ -14,15 +14,14 @@ from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.flight.channels import Channel
+from forceid.flight.elastic import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
-from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.building.lines import Line
 from forceid.motion import noise_growth
 from forceid.records import Array
 from forceid.rounding import SINGLE
-from forceid.significance import PATIENCE
-
-HALVINGS = 8  # of the size of a load that does not show, down to where it matters to no claim
+from forceid.significance import PATIENCE, SIGMAS
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
@@ -52,7 +51,7 @@ def tune_force(problem: Problem) -> Problem:
     force = tuned_beside(problem, channel, "force", problem.noise_range, problem.lines.force)
     at_limit = {problem.source: force.tuned.noise_at_limit}
     like_modes = np.full(3, np.sqrt(problem.kin.inertia.mass))
-    force = as_on_modes(problem, channel, force, like_modes)
+    force = as_on_modes(problem, force, like_modes)
     return replace(problem, priors={"force": force}, at_limit=at_limit)
 
 
@@ -61,24 +60,27 @@ def tuned_beside(
 ) -> LoadPrior:
     """The prior of the load on a channel, and the factor on its noise.
 
-    Where a pose is as uncertain as the body deforms, a load as fast as that may hide, and how smooth it is
-    extrapolates: so the order is that where little tells orders apart, unless another is e^PATIENCE likelier.
+    Beside mass that hides, a load as fast as that may hide too, and how smooth it is extrapolates: so the
+    order is that where little tells orders apart, unless another is e^PATIENCE likelier.
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
     prior = tune_channel(channel, limits, lines, engine=engine, near=near, kind=kind)
-    if problem.followed or not isinstance(prior.kernel, Matern) or prior.kernel.order <= UNTOLD_ORDER:
+    if (
+        problem.kin.hidden is None
+        or not isinstance(prior.kernel, Matern)
+        or prior.kernel.order <= UNTOLD_ORDER
+    ):
         return prior
-    fixed = (1.0, 1.0) if limits[0] == limits[1] else limits
-    untold = tune_channel(channel, fixed, lines, (UNTOLD_ORDER,), engine, kind=kind)
+    untold = tune_channel(channel, limits, lines, (UNTOLD_ORDER,), engine, kind=kind)
     return prior if untold.tuned.log_likelihood < prior.tuned.log_likelihood - PATIENCE else untold
 
 
-def as_on_modes(problem: Problem, channel: Channel, prior: LoadPrior, root: Array) -> LoadPrior:
-    """The prior, on axes where it is weak with one as strong as the loads that deform the body.
+def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
+    """The prior, on axes where it is far weaker than the loads that deform the body with one as strong.
 
-    Absence of evidence is not zero. A load moves rigid and elastic modes of unit modal mass alike: root
-    (axis,) of the mass or the inertia is what makes one the other. Of sizes that halve, the first that is not
-    e^PATIENCE less likely.
+    Absence of evidence is not zero: where a pose is as uncertain as the body deforms, it hides a load. A load
+    moves rigid and elastic modes of unit modal mass alike, but for where it acts: root (axis,) of the mass or
+    the inertia is what makes one the other.
     """
     kin, modes, kernel = problem.kin, problem.deformation.prior, prior.kernel
     if problem.followed or modes is None or not isinstance(kernel, Matern):
@@ -88,18 +90,9 @@ def as_on_modes(problem: Problem, channel: Channel, prior: LoadPrior, root: Arra
     shown = slice(len(kin.shapes))
     size = float(np.exp(np.mean(np.log(modes.load[shown] / unit)))) * root
     rate = modes.rate[0] if kin.elastic is not None else modes.frequency[modes.std.argmax()]
-
-    def with_load(share: float) -> LoadPrior:
-        weak = kernel.std < share * size
-        std, rates = np.where(weak, share * size, kernel.std), np.where(weak, rate, kernel.rate)
-        return prior.with_kernel(Matern(kernel.order, std, rates))
-
-    def value(some: LoadPrior) -> float:
-        return float(problem.engine.log_likelihood(channel_model(channel, some), channel.moved))
-
-    least = value(prior) - PATIENCE
-    tried = (with_load(0.5**k) for k in range(HALVINGS))
-    return next((some for some in tried if value(some) > least), prior)
+    weak = kernel.std < np.exp(-SIGMAS * UNEVEN) * size
+    std, rates = np.where(weak, size, kernel.std), np.where(weak, rate, kernel.rate)
+    return prior.with_kernel(Matern(kernel.order, std, rates)) if weak.any() else prior
 
 
 def settle_noise(problem: Problem) -> Problem:
@@ -146,7 +139,7 @@ def tune_moment(problem: Problem) -> Problem:
     channel = problem.channels["moment"]
     moment = tuned_beside(problem, channel, "moment", factors, problem.lines.moment)
     inertia = np.diagonal(moment.axes.T @ kin.inertia.tensor @ moment.axes)
-    moment = as_on_modes(problem, channel, moment, np.sqrt(inertia))
+    moment = as_on_modes(problem, moment, np.sqrt(inertia))
     problem = replace(problem, priors=problem.priors | {"moment": moment})
     if not measured:
         return problem

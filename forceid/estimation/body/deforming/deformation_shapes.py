@@ -15,6 +15,7 @@ from forceid.estimation.body.deforming.mode_selection import (
 from forceid.estimation.body.deforming.modes import (
     Modes,
     fit_amplitudes,
+    mean_spin,
     principal_deformations,
     split_rigid,
     strain_shapes,
@@ -22,6 +23,7 @@ from forceid.estimation.body.deforming.modes import (
 from forceid.estimation.body.deforming.shapes import rank_of
 from forceid.estimation.body.markers import MarkerSet
 from forceid.flight.elastic import Elastic
+from forceid.motion import fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices
 from forceid.rounding import SINGLE
@@ -121,7 +123,12 @@ def elastic_shapes(markers: MarkerSet, modes: Modes, compliance: Array, most: in
     told, given = np.ones(len(kept)), markers.body.mode_shape
     if given is not None:  # as they are given
         told = np.linalg.norm(split_rigid(given, markers.X, markers.weight)[1], axis=(1, 2))[which][kept]
-    elastic = Elastic(frequency, None if damping is None else damping[which][kept], size[kept], told)
+    # the pull of a spin is a stiffness of about the mass times its square
+    center, R = fit_rotation(markers.tracks, markers.shape, markers.weight)
+    seen = np.isfinite(R).all((1, 2)) & np.isfinite(center).all(1)
+    spin = float(np.trace(mean_spin(markers.time[seen], R[seen])))
+    known = None if damping is None else damping[which][kept]
+    elastic = Elastic(frequency, known, size[kept], told, spin / frequency**2)
     return Shapes(own[kept], var[kept], flat.T @ (var[beside, None] * flat), elastic)
 
 

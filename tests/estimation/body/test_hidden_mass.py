@@ -1,0 +1,80 @@
+"""What mass without markers may do: its momenta, and claims that hold on nets that other code moves."""
+
+import numpy as np
+import pytest
+
+from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score
+from evidence.drawn.records.spring_net import drawn_net
+from forceid.config import load_settings
+from forceid.estimation.body.deforming.hidden_mass import hidden_mass
+from forceid.estimation.body.kinematics import kinematics
+from forceid.principal import mass_properties, summation_operator
+from forceid.records import Body, Motion, Recording
+
+NOISE = 2e-4  # m
+SEEN = 5  # markers
+
+
+def recorded(seed, told):
+    """A net with markers on five nodes, told by its masses or as a whole."""
+    rng = np.random.default_rng([31, seed])
+    net = drawn_net(rng)
+    n = len(net.mass)
+    seen = np.sort(rng.choice(n, SEEN, replace=False))
+    x = net.x[:, seen] + NOISE * rng.standard_normal((len(net.time), SEEN, 3))
+    names = tuple(f"n{k}" for k in range(n))
+    if told == "masses":
+        body, tracks = Body(names, net.shape, net.mass), np.full(net.x.shape, np.nan)
+        tracks[:, seen] = x
+    else:
+        p = mass_properties(net.mass, net.shape)
+        body, tracks = Body(names[:SEEN], net.shape[seen], total_mass=float(p.mass), inertia=p.inertia), x
+    motion = Motion(net.time, tracks, gravity=GRAVITY, noise_std={"position": NOISE})
+    return Recording(body, motion, {"force": net.force, "moment": net.moment})
+
+
+def hidden_of(recording):
+    """The shapes of hidden mass of a recording."""
+    return hidden_mass(kinematics(recording.body, recording.motion, load_settings(model="modal")).markers)
+
+
+@pytest.mark.parametrize("told", ["masses", "whole"])
+def test_six_shapes_have_the_momenta_of_masses_that_move_independently(told):
+    hidden = hidden_of(recorded(0, told))
+    rigid = summation_operator(hidden.shape)
+    raw = hidden.shapes - (rigid @ hidden.leak).T.reshape(hidden.shapes.shape)
+    moving = np.flatnonzero(np.abs(raw).max((0, 2)) > 1e-12)
+    rows = (moving[:, None] * 3 + np.arange(3)).ravel()
+    by_node = rigid.T[:, rows] * np.repeat(hidden.mass[moving], 3)
+    by_shape = np.einsum("ji,ki->jk", rigid.T * np.repeat(hidden.mass, 3), raw.reshape(len(raw), -1))
+    np.testing.assert_allclose(by_shape @ by_shape.T, by_node @ by_node.T, rtol=1e-9, atol=1e-12)
+
+
+def test_shapes_of_hidden_mass_have_no_momentum_and_move_markers_as_one():
+    hidden = hidden_of(recorded(1, "masses"))
+    rigid, flat = summation_operator(hidden.shape), hidden.shapes.reshape(len(hidden.shapes), -1)
+    momentum = (flat * np.repeat(hidden.mass, 3)) @ rigid
+    np.testing.assert_allclose(momentum, 0.0, atol=1e-12)
+    moved, tilt = hidden.carried(hidden.shape)
+    still = np.abs(hidden.shapes - moved.swapaxes(0, 1)).max((0, 2)) < 1e-12
+    assert still.sum() >= SEEN
+    np.testing.assert_allclose(tilt[0], hidden.leak[3:].T)
+
+
+def test_a_body_known_as_a_whole_has_four_masses_that_make_it():
+    recording = recorded(2, "whole")
+    hidden = hidden_of(recording)
+    p = mass_properties(hidden.mass, hidden.shape)
+    assert p.mass == pytest.approx(recording.body.total_mass)
+    np.testing.assert_allclose(p.inertia, recording.body.inertia, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("told", ["masses", "whole"])
+def test_force_and_moment_beside_hidden_mass_are_claimed_to_a_factor_of_two(told):
+    off = []
+    for seed in range(10):
+        score = estimated_score(recorded(seed, told), internal_momentum=(0, 0, 0))
+        off.append([score.over_claim(FORCE), score.over_claim(MOMENT)])
+        assert score.verdict != "ok" or max(off[-1]) < 2
+    assert np.nanmedian(off, axis=0).max() < 2.0
