@@ -26,11 +26,9 @@ from forceid.rounding import SOLVED
 from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
-UNEVEN = (
-    0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of three
-)
+UNEVEN = 0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of 3
 DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)  # of the critical one, tried where unknown: those of structures
-DAMPING = 0.02  # while spectra are looked at
+DAMPING = 0.02  # of the critical one, while spectra are looked at
 FIRST_SIZES = (0.01, 0.1, 1.0)  # of loads, over those that would move the modes as far as steady ones
 FIRST_RATES = (0.02, 0.2, 1.0)  # at which loads forget, over the lowest frequency
 WIDEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
