@@ -53,6 +53,7 @@ from forceid.estimation.verdict.loads import (
 )
 from forceid.estimation.verdict.sensitivity import body_sensitivity
 from forceid.estimation.verdict.shape import (
+    judge_answers,
     judge_common,
     judge_modes,
     judge_reference,
@@ -285,6 +286,7 @@ def assemble(
         *solution.findings,
         *unobserved,
         *judge_modes(kin),
+        *judge_answers(kin, solution.deformation),
         *further,
     ]
     result = Estimate(

@@ -26,6 +26,7 @@ from forceid.rounding import SOLVED
 from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
+AIR = 0.1  # of a logarithm: about how far a load that answers a mode moves its frequency, where one does
 UNEVEN = 0.48  # of a logarithm, one standard deviation: of what a load at one node does to modes, chi of 3
 DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)  # of the critical one, tried where unknown: those of structures
 DAMPING = 0.02  # of the critical one, while spectra are looked at
@@ -50,6 +51,18 @@ class Elastic:
     size: Array
     told: Array
     detuned: Array
+
+
+@dataclass(frozen=True)
+class ElasticPrior:
+    """How elastic modes swing with the air around them, and what of it is the air: a load that answers them.
+
+    spring, brake (mode,) 1/s2, 1/s: such a load is -(spring q + brake q'), None where none is found.
+    """
+
+    vibration: Vibration
+    spring: Array | None = None
+    brake: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -119,28 +132,44 @@ def seen_modes(time: Array, rows: Array, prior: Vibration) -> StateSpace:
 
 def tune_elastic(
     time: Array, observed: Array, rows: Array, elastic: Elastic, engine: Engine
-) -> Vibration | None:
+) -> ElasticPrior | None:
     """The most likely prior of elastic modes, of which frames show observed (time, mode) = rows q + noise.
 
-    None where too few frames show them. Damping is narrower than spectra show: the exact likelihood tells it.
+    None where too few frames show them. Damping is narrower than spectra show: the exact likelihood tells it,
+    and whether loads answer the motion: e^PATIENCE times as likely for every mode as that they do not.
     """
     spectra = spectra_of(time, observed, rows)
     if spectra is None:
         return None
+    part = middle(len(time), FLIGHT_SAMPLES)
+
+    def best(modes: Elastic, ratios: list[Array]) -> tuple[float, Vibration]:
+        at, order = likeliest(spectra, modes)
+        priors = [prior_at(at, replace(modes, damping=ratio), order) for ratio in ratios]
+        values = [
+            float(engine.log_likelihood(seen_modes(time[part], rows[part], prior), observed[part]))
+            for prior in priors
+        ]
+        k = int(np.argmax(values))
+        return values[k], priors[k]
+
+    one = np.ones_like(elastic.frequency)
+    told = [elastic.damping] if elastic.damping is not None else [ratio * one for ratio in DAMPINGS]
+    value, alone = best(elastic, told)
+    braked = told if elastic.damping is None else [elastic.damping, *(elastic.damping + d for d in DAMPINGS)]
+    more, answering = best(replace(elastic, detuned=np.hypot(elastic.detuned, AIR)), braked)
+    if more < value + PATIENCE * len(one):
+        return ElasticPrior(alone)
+    brakes = answering.damping - alone.damping if elastic.damping is not None else 0.0 * one
+    return ElasticPrior(answering, answering.frequency**2 - elastic.frequency**2, 2 * brakes)
+
+
+def likeliest(spectra: Spectra, elastic: Elastic) -> tuple[Array, int]:
+    """The point of the search where modes and loads are likeliest, and the order of the loads."""
     found = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
     best = min(value for value, _ in found.values())
     order = max(order for order, (value, _) in found.items() if value < best + PATIENCE)
-    if elastic.damping is not None:
-        return prior_at(found[order][1], elastic, order)
-    part = middle(len(time), FLIGHT_SAMPLES)
-    damped = [
-        prior_at(found[order][1], replace(elastic, damping=np.full(len(elastic.size), ratio)), order)
-        for ratio in DAMPINGS
-    ]
-    likely = [
-        engine.log_likelihood(seen_modes(time[part], rows[part], prior), observed[part]) for prior in damped
-    ]
-    return damped[int(np.argmax(likely))]
+    return found[order][1], order
 
 
 def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Array]:

@@ -121,3 +121,28 @@ def test_markers_too_few_for_the_modes_of_a_body_tell_the_forces_on_them_as_well
     modal, whole = (estimate_recording(r, load_settings(model="modal")).modal for r in (few, recording))
     assert np.sqrt(np.mean(errors(modal, load, PINCH) ** 2)) < 1.3
     assert np.trace(modal.cov, axis1=1, axis2=2).mean() > 4 * np.trace(whole.cov, axis1=1, axis2=2).mean()
+
+
+def test_air_that_answers_the_bending_is_told_with_the_forces_and_named():
+    w2, shape = eigh(lattice(), np.diag(np.repeat(MASS, 3)))
+    w2, shape, time = w2[6:], shape[:, 6:], np.arange(600) / 500
+    rate, rng = 2 * np.pi * np.array([3.0, 7.0, 12.0, 19.0, 26.0]), np.random.default_rng(5)
+    phase, load = rng.uniform(0, 2 * np.pi, (6, 5)), rng.uniform(0.2, 1.0, (6, 5))  # N by mode and sine
+    found = {}
+    for air in (0.0, 0.3):  # of the stiffness of every mode
+        answer = load / ((1 + air) * w2[:, None] - rate**2)
+        q = np.einsum("ks,tks->tk", answer, np.sin(rate * time[:, None, None] + phase))
+        g = np.einsum("ks,tks->tk", load, np.sin(rate * time[:, None, None] + phase)) - air * w2 * q
+        x = CORNERS + (q @ shape.T).reshape(-1, 4, 3) + NOISE * rng.standard_normal((600, 4, 3))
+        motion = Motion(time, x, noise_std={"position": NOISE})
+        result = estimate_recording(
+            Recording(Body(NAMES, CORNERS, MASS, stiffness=lattice()), motion), load_settings(model="modal")
+        )
+        modal = result.modal
+        truth = g @ (MASS[0] * shape.T @ modal.shape.reshape(len(modal.shape), 12).T)
+        off = (modal.force - truth)[60:-60] / np.sqrt(np.diagonal(modal.cov, axis1=1, axis2=2))[60:-60]
+        found[air] = np.sqrt(np.mean(off**2)), "load-answers-mode" in result.verdict.codes
+    assert found[0.0][0] < 1.3
+    assert not found[0.0][1]
+    assert found[0.3][0] < 1.5
+    assert found[0.3][1]

@@ -37,7 +37,7 @@ def seen(prior, rows, rng):
 def test_size_and_rate_of_the_loads_are_found_where_markers_tell_modes_apart(seed):
     elastic, prior = modes(0.02)
     observed, rows = seen(prior, 1e4 * np.eye(3), np.random.default_rng(seed))
-    found = tune_elastic(TIME, observed, rows, elastic, engine())
+    found = tune_elastic(TIME, observed, rows, elastic, engine()).vibration
     assert np.exp(np.abs(np.mean(np.log(found.load / LOAD)))) < 1.6
     assert 0.3 < found.rate[0] / RATE < 3.0
 
@@ -48,7 +48,7 @@ def test_modes_that_no_marker_tells_apart_share_the_size_of_their_loads():
     sizes = []
     for seed in range(6):
         observed, rows = seen(prior, together, np.random.default_rng(seed))
-        sizes.append(tune_elastic(TIME, observed, rows, elastic, engine()).load)
+        sizes.append(tune_elastic(TIME, observed, rows, elastic, engine()).vibration.load)
     assert np.exp(np.abs(np.mean(np.log(np.array(sizes) / LOAD)))) < 1.5
     assert np.array(sizes).std() > 0  # each record has its own
 
@@ -58,7 +58,9 @@ def test_damping_narrower_than_a_spectrum_shows_is_told_to_a_factor_of_four():
     for damping in (0.002, 0.05):
         elastic, prior = modes(damping)
         each = [
-            tune_elastic(TIME, *seen(prior, 1e4 * np.eye(3), np.random.default_rng(seed)), elastic, engine())
+            tune_elastic(
+                TIME, *seen(prior, 1e4 * np.eye(3), np.random.default_rng(seed)), elastic, engine()
+            ).vibration
             for seed in range(4)
         ]
         found.append(np.exp(np.mean([np.log(one.damping / one.frequency).mean() for one in each])))
@@ -70,11 +72,10 @@ def test_a_frequency_that_spin_has_raised_is_found():
     elastic, prior = modes(0.005)
     told = Elastic(FREQUENCY / 1.03, None, np.ones(3), np.ones(3), np.full(3, 0.02))
     observed, rows = seen(prior, 1e5 * np.eye(3), np.random.default_rng(0))
-    found = tune_elastic(TIME, observed, rows, told, engine())
+    found = tune_elastic(TIME, observed, rows, told, engine()).vibration
     np.testing.assert_allclose(found.frequency, FREQUENCY, rtol=0.01)
-    assert tune_elastic(TIME, observed, rows, elastic, engine()).frequency[0] == pytest.approx(
-        FREQUENCY[0], rel=0.005
-    )
+    same = tune_elastic(TIME, observed, rows, elastic, engine()).vibration
+    assert same.frequency[0] == pytest.approx(FREQUENCY[0], rel=0.005)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -101,3 +102,17 @@ def test_frames_that_show_less_are_left_out_and_too_few_make_no_prior():
     assert tune_elastic(TIME, observed, rows, elastic, engine()) is not None
     observed[5:] = np.nan
     assert tune_elastic(TIME, observed, rows, elastic, engine()) is None
+
+
+def test_loads_that_answer_the_motion_are_found_where_they_act_and_nowhere_else():
+    _, prior = modes(0.02)
+    told = Elastic(FREQUENCY, np.full(3, 0.02), np.ones(3), np.ones(3), np.full(3, 1e-3))
+    moved = Vibration(1.15 * FREQUENCY, 0.06 * FREQUENCY, prior.std, prior.rate, 2)
+    for seed in range(3):
+        free = tune_elastic(TIME, *seen(prior, 1e5 * np.eye(3), np.random.default_rng(seed)), told, engine())
+        assert free.spring is None
+        answered = tune_elastic(
+            TIME, *seen(moved, 1e5 * np.eye(3), np.random.default_rng(seed)), told, engine()
+        )
+        np.testing.assert_allclose(answered.spring, (1.15**2 - 1) * FREQUENCY**2, rtol=0.5)
+        assert (answered.brake > 0).all()

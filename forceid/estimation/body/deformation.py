@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.flight.elastic import seen_modes, tune_elastic
+from forceid.flight.elastic import ElasticPrior, seen_modes, tune_elastic
 from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import ModeState, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
@@ -22,7 +22,7 @@ class Deformation:
     amplitude, rate (time, mode) m, m/s, of shapes that show; inertia (time, 3, 3) and h (time, 3) of the
     shape, body axes; path (time, state) and amplitude_var (time, mode): chains of the amplitudes under their
     prior, of those of hidden mass too, None where they were not smoothed; load_cov (time, mode, mode): of the
-    loads of elastic modes.
+    loads of elastic modes; answered: the prior of these, with the loads that answer them.
     """
 
     amplitude: Array
@@ -33,6 +33,7 @@ class Deformation:
     path: Array | None = None
     amplitude_var: Array | None = None
     load_cov: Array | None = None
+    answered: ElasticPrior | None = None
 
 
 def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) -> Deformation:
@@ -44,9 +45,9 @@ def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) ->
     """
     modes = kin.amplitude.shape[1]
     if kin.elastic is not None and kin.frames is not None and modes:
-        prior = tune_elastic(kin.time, kin.frames.observed, kin.frames.rows, kin.elastic, engine)
-        if prior is not None:
-            return together(kin, prior, engine, causal)
+        tuned = tune_elastic(kin.time, kin.frames.observed, kin.frames.rows, kin.elastic, engine)
+        if tuned is not None:
+            return together(kin, tuned, engine, causal)
     if not modes or not np.isfinite(kin.amplitude).any():
         return deforming(
             kin, None, np.zeros((len(kin.time), modes * len(ModeState))), np.zeros((len(kin.time), modes))
@@ -74,14 +75,16 @@ def deforming(
     return Deformation(amplitude[:, :shown], rate[:, :shown], J, h, prior, path, var, load_cov)
 
 
-def together(kin: Kinematics, prior: Vibration, engine: Engine, causal: bool) -> Deformation:
+def together(kin: Kinematics, tuned: ElasticPrior, engine: Engine, causal: bool) -> Deformation:
     """Amplitudes of modes smoothed together, from what every frame says of them beside its pose."""
     assert kin.frames is not None
+    prior = tuned.vibration
     model, each = seen_modes(kin.time, kin.frames.rows, prior), prior.states
     found = (engine.filter if causal else engine.smooth)(model, kin.frames.observed)
     load = slice(ModeState.LOAD, None, each)
     var = np.diagonal(found.P, axis1=1, axis2=2)[:, ::each]
-    return deforming(kin, prior, found.x, var, found.P[:, load, load])
+    smooth = deforming(kin, prior, found.x, var, found.P[:, load, load])
+    return replace(smooth, answered=tuned)
 
 
 def undeformed(kin: Kinematics, engine: Engine, causal: bool = False) -> tuple[Kinematics, Deformation]:
@@ -110,7 +113,8 @@ def as_smoothed(kin: Kinematics, deformation: Deformation, state: FlightState) -
     if state.modes is None:
         return deformation
     assert deformation.amplitude_var is not None
-    return deforming(kin, deformation.prior, state.modes, deformation.amplitude_var, state.modal_cov)
+    found = deforming(kin, deformation.prior, state.modes, deformation.amplitude_var, state.modal_cov)
+    return replace(found, answered=deformation.answered)
 
 
 def products_of(kin: Kinematics) -> Products:

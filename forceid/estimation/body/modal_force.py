@@ -36,7 +36,7 @@ def modal_forces(kin: Kinematics, state: FlightState, deformation: Deformation) 
     flat = shape.reshape(len(shape), -1)
     weighed = flat * np.repeat(nodal, 3) if nodal.ndim == 1 else flat @ nodal
     mass = np.einsum("ki,ki->k", weighed, flat)
-    load = deformation.path[:, ModeState.LOAD :: deformation.prior.states]
+    load = deformation.path[:, ModeState.LOAD :: deformation.prior.states] - answer(deformation)
     bent = np.einsum("kna,na->k", weighed.reshape(shape.shape), kin.shape - markers.X) / mass
     turning = spin_forces(
         kin, state, weighed.reshape(shape.shape), shape, deformation.amplitude + bent, deformation.rate
@@ -52,6 +52,14 @@ def modal_forces(kin: Kinematics, state: FlightState, deformation: Deformation) 
         size * (mass * (load + elastic.frequency**2 * bent) + turning),
         np.outer(size * mass, size * mass) * cov,
     )
+
+
+def answer(deformation: Deformation) -> Array:
+    """What loads take up of the motion of modes that they answer (time, mode) m/s2; zero where none do."""
+    prior = deformation.answered
+    if prior is None or prior.spring is None or prior.brake is None:
+        return np.zeros_like(deformation.amplitude)
+    return np.asarray(prior.spring * deformation.amplitude + prior.brake * deformation.rate)
 
 
 def all_mass_seen(kin: Kinematics) -> bool:

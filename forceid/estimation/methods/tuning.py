@@ -17,6 +17,7 @@ from forceid.flight.channels import Channel
 from forceid.flight.elastic import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.building.lines import Line
 from forceid.motion import noise_growth
 from forceid.records import Array
@@ -60,11 +61,13 @@ def tuned_beside(
 ) -> LoadPrior:
     """The prior of the load on a channel, and the factor on its noise.
 
-    Beside mass that hides, a load as fast as that may hide too, and how smooth it is extrapolates: so the
-    order is that where little tells orders apart, unless another is e^PATIENCE likelier.
+    Where a pose is as uncertain as the body deforms, it cannot ask for the smoothest priors. Beside mass that
+    hides, a load as fast as that may hide too, and how smooth it is extrapolates: so the order is that where
+    little tells orders apart, unless another is e^PATIENCE likelier.
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
-    prior = tune_channel(channel, limits, lines, engine=engine, near=near, kind=kind)
+    orders = ORDERS if problem.followed else tuple(order for order in ORDERS if order <= FREE)
+    prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
     if (
         problem.kin.hidden is None
         or not isinstance(prior.kernel, Matern)

@@ -619,6 +619,14 @@ AFFINE = (
         "Give the frequency of every mode, or the stiffness of the body.",
     ),
     Entry(
+        "load-answers-mode", "ok",
+        "mode {mode} swings at {found_hz:.4g} Hz, where its stiffness says {told_hz:.4g} Hz, with "
+        "{damping:.2g} of the critical damping beside: a load that answers the motion, as of air, is told "
+        "with the forces on modes; if none can act, look at the stiffness",
+        "The record is far likelier if loads depend on how the body bends, as springs and brakes do.",
+        "Nothing, where the body moves in air or water. Else check /body/stiffness and the masses.",
+    ),
+    Entry(
         "stretch-in-noise", "degraded",
         "a frame shows the stretch to {stretch:.2g} only: markers are as noisy as the body is thick, and "
         "loads may be lost in that; look at the noise of {noise_m:.2g} m, or spread the markers",

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
 
+from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
@@ -126,3 +127,15 @@ def judge_modes(kin: Kinematics) -> list[Finding]:
     """What to say where modes are given without what holds them."""
     modes = None if kin.markers is None or kin.model != "modal" else kin.markers.modes
     return [note("no-modal-force")] if modes is not None and modes.compliance is None else []
+
+
+def judge_answers(kin: Kinematics, deformation: Deformation) -> list[Finding]:
+    """Modes that swing otherwise than their stiffness says: which one by most, and at what frequency."""
+    prior, elastic = deformation.answered, kin.elastic
+    if prior is None or prior.spring is None or prior.brake is None or elastic is None:
+        return []
+    w = prior.vibration.frequency
+    k = int((np.abs(prior.spring) / w**2 * deformation.amplitude.std(0)).argmax())
+    hertz = [float(f) / (2 * np.pi) for f in (w[k], elastic.frequency[k])]
+    ratio = float(prior.brake[k] / (2 * w[k]))
+    return [note("load-answers-mode", mode=k + 1, found_hz=hertz[0], told_hz=hertz[1], damping=ratio)]
