@@ -205,12 +205,14 @@ class Loads:
 class ModalForces:
     """Forces g = shape^T f of the applied loads f, body axes, on modes of a body: force (time, mode) N.
 
-    shape (mode, node, 3): of the modes, of unit norm, body axes; cov (time, mode, mode) N2.
+    shape (mode, node, 3): of the modes, of unit norm, body axes; cov (time, mode, mode) N2; with_wrench
+    (time, 6, mode): covariance with force and moment, world axes, None where their errors share nothing.
     """
 
     shape: Array
     force: Array
     cov: Array
+    with_wrench: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,9 @@ def applied_loads(
         seen = np.einsum("kna,ltna->tkl", modal.shape, np.array(forces)) / size[:, None]
         wrench, G = np.concatenate([wrench, modal.force / size], 1), np.concatenate([G, seen], 1)
         cov = block_diagonal(cov, modal.cov / np.outer(size, size))
+        if modal.with_wrench is not None:
+            cov[:, :6, 6:] = modal.with_wrench / size
+            cov[:, 6:, :6] = cov[:, :6, 6:].swapaxes(1, 2)
     same = parallel_loads(G, gyration, names)
     if inertia.point:  # no moment acts on it: a load is told by its force
         wrench, cov, G = wrench[:, :3], cov[:, :3, :3], G[:, :3]

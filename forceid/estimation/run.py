@@ -18,7 +18,7 @@ from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.deforming.node_rotations import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
-from forceid.estimation.body.modal_force import all_mass_seen, modal_forces
+from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.joints.forces import joint_forces
@@ -258,7 +258,7 @@ def assemble(
         state,
         shape,
         wrench,
-        modal if known is None and all_mass_seen(kin) else None,
+        modal if known is None else None,
     )
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about

@@ -22,7 +22,8 @@ class Deformation:
     amplitude, rate (time, mode) m, m/s, of shapes that show; inertia (time, 3, 3) and h (time, 3) of the
     shape, body axes; path (time, state) and amplitude_var (time, mode): chains of the amplitudes under their
     prior, of those of hidden mass too, None where they were not smoothed; load_cov (time, mode, mode): of the
-    loads of elastic modes; answered: the prior of these, with the loads that answer them.
+    loads of elastic modes; answered: the prior of these, with the loads that answer them; with_wrench (time,
+    6, mode): covariance of force and moment with those loads, None where they were not smoothed together.
     """
 
     amplitude: Array
@@ -34,6 +35,7 @@ class Deformation:
     amplitude_var: Array | None = None
     load_cov: Array | None = None
     answered: ElasticPrior | None = None
+    with_wrench: Array | None = None
 
 
 def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) -> Deformation:
@@ -113,8 +115,11 @@ def as_smoothed(kin: Kinematics, deformation: Deformation, state: FlightState) -
     if state.modes is None:
         return deformation
     assert deformation.amplitude_var is not None
-    found = deforming(kin, deformation.prior, state.modes, deformation.amplitude_var, state.modal_cov)
-    return replace(found, answered=deformation.answered)
+    found = deforming(kin, deformation.prior, state.modes, deformation.amplitude_var)
+    if state.modal_cov is None:
+        return found
+    cross, cov = state.modal_cov[:, :6], state.modal_cov[:, 6:]
+    return replace(found, answered=deformation.answered, load_cov=cov, with_wrench=cross)
 
 
 def products_of(kin: Kinematics) -> Products:

@@ -51,6 +51,7 @@ def modal_forces(kin: Kinematics, state: FlightState, deformation: Deformation) 
         size[:, None, None] * shape,
         size * (mass * (load + elastic.frequency**2 * bent) + turning),
         np.outer(size * mass, size * mass) * cov,
+        None if deformation.with_wrench is None else size * mass * deformation.with_wrench,
     )
 
 
@@ -60,11 +61,6 @@ def answer(deformation: Deformation) -> Array:
     if prior is None or prior.spring is None or prior.brake is None:
         return np.zeros_like(deformation.amplitude)
     return np.asarray(prior.spring * deformation.amplitude + prior.brake * deformation.rate)
-
-
-def all_mass_seen(kin: Kinematics) -> bool:
-    """Whether every mass carries a marker, so that no mode passes for another one or for mean motion."""
-    return not bool((kin.inertia.weight[~kin.seen] > 0).any())
 
 
 def spin_forces(
