@@ -32,9 +32,13 @@ def solve(problem: Problem) -> Problem:
 
 
 def tune_on_flight(problem: Problem) -> Problem:
-    """The flight under priors by its own likelihood, where its rotations contradict those of the channels."""
+    """The flight under priors by its own likelihood, where its rotations contradict those of the channels.
+
+    Not where a pose is as uncertain as the body deforms: there loads hide, and the likeliest are too weak.
+    """
     kin, flight = problem.kin, problem.flight
-    if not kin.attitude or kin.apart or flight.sensors is not None or kin.inertia.line is not None:
+    alone = kin.apart or flight.sensors is not None or kin.inertia.line is not None
+    if not problem.followed or not kin.attitude or alone:
         return problem
     priors = by_the_flight(flight, problem.priors, problem.state, problem.engine)
     if priors["moment"] is problem.priors["moment"]:
