@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.records.bent_plate import flown
-from evidence.drawn.records.scored import judged_part
+from evidence.drawn.records.scored import FORCE, MOMENT, judged_part
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array
 
-CASES = ((2e-4, 500.0, 40), (2e-4, 500.0, 8))  # m, Hz, markers
+NOISE = ((2e-4, 500.0), (1e-4, 1000.0), (1e-3, 250.0))  # m, Hz
+CASES = tuple((*noise, markers) for noise in NOISE for markers in (40, 8))
 HELD = (0.8, 1.3)  # error over claim that counts as held
 SILENT = 2.0  # error over claim beyond which an `ok` is silently wrong
 
@@ -44,6 +45,9 @@ def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
     ]
     found = estimate_recording(recording, load_settings(model="modal", load=loads))
     row = {"ok": found.verdict.level == "ok", "modes": 0, "null": found.loads.null_space.shape[1]}
+    for name, part in (("force", FORCE), ("moment", MOMENT)):
+        off = getattr(found, name) - recording.truth[name]
+        row[name] = over_claim(off, found.wrench_cov[:, part, part])
     if found.modal is not None:
         g = np.einsum("kna,tl,lna->tk", found.modal.shape, truth, pattern)
         row |= {"modes": g.shape[1], "modal": over_claim(found.modal.force - g, found.modal.cov)}
@@ -62,14 +66,16 @@ def line(case: tuple[float, float, int], seeds: range, jobs: int) -> dict[str, s
         "records, modal level": f"{len(rows)}, {sum(r['modes'] > 0 for r in rows)}",
         "modes told": f"{np.median([r['modes'] for r in rows if r['modes']] or [0]):.0f}",
     }
-    for name in ("modal", "loads"):
+    for name in ("force", "moment", "modal", "loads"):
         ratio = np.array([r[name] for r in rows if name in r] or [np.nan])
         held = np.mean((ratio > HELD[0]) & (ratio < HELD[1]))
         said |= {
             f"{name}: error over claim": f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})",
             f"{name}: held": f"{100 * held:.0f} %, above {100 * np.mean(ratio >= HELD[1]):.0f} %",
         }
-    wrong = [max(r.get("modal", 0.0), r.get("loads", 0.0)) > SILENT and r["ok"] for r in rows]
+    wrong = [
+        max(r.get(n, 0.0) for n in ("force", "moment", "modal", "loads")) > SILENT and r["ok"] for r in rows
+    ]
     off = [100 * r["off"] for r in rows if "off" in r]
     return said | {
         "loads off by": f"{np.median(off or [np.nan]):.1f} %",
