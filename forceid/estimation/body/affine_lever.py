@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.body.deformation_residual import Beyond, principal_axes
+from forceid.estimation.body.inertia import moments_of_whole
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.records import Array, Flags
 
@@ -37,10 +38,7 @@ def second_moment_matrix(kin: Kinematics) -> Array:
     inertia, Z = kin.inertia, np.column_stack([np.ones(len(kin.shape)), kin.shape])
     if inertia.nodal is not None:
         return np.asarray(Z.T @ (inertia.weight[:, None] * Z))
-    whole = np.zeros((4, 4))
-    whole[0, 0] = inertia.mass
-    whole[1:, 1:] = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
-    return whole
+    return moments_of_whole(inertia.mass, inertia.tensor)
 
 
 def lever(X: Array, marked: Flags, moments: Array) -> float:

@@ -79,7 +79,16 @@ def affine_mass(mass: float, tensor: Array, X: Array) -> Array | None:
     shown = np.hstack([np.ones((len(X), 1)), X])
     if not np.isfinite(tensor).all() or np.linalg.matrix_rank(shown) < 4:
         return None
+    back = np.linalg.pinv(shown)
+    return np.asarray(np.kron(back.T @ moments_of_whole(mass, tensor) @ back, np.eye(3)))
+
+
+def moments_of_whole(mass: float, tensor: Array) -> Array:
+    """The sum of m Z Z over all mass (4, 4), Z = [1, X], of a body with this inertia about its mass center.
+
+    >>> moments_of_whole(2.0, np.diag([3.0, 4.0, 5.0])).diagonal().tolist()
+    [2.0, 3.0, 2.0, 1.0]
+    """
     whole = np.zeros((4, 4))
     whole[0, 0], whole[1:, 1:] = mass, 0.5 * np.trace(tensor) * np.eye(3) - tensor
-    back = np.linalg.pinv(shown)
-    return np.asarray(np.kron(back.T @ whole @ back, np.eye(3)))
+    return whole

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.deforming.modes import split_rigid
+from forceid.estimation.body.inertia import moments_of_whole
 from forceid.estimation.body.markers import MarkerSet
 from forceid.estimation.body.tetrahedron import tetrahedron
 from forceid.flight.vibration import Vibration
@@ -85,12 +86,10 @@ def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
     mass, shape, unseen, spread = inertia.nodal, markers.shape, ~markers.seen, 1.0
     if mass is None:
         spread = min(1.0, 2 / np.sqrt(markers.seen.sum()))  # as if spread over as many nodes as carry markers
-        S = np.zeros((4, 4))
-        S[0, 0] = inertia.mass
-        S[1:, 1:] = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
-        shape = np.concatenate([shape, tetrahedron(S)])
-        mass = np.append(np.zeros(len(markers.shape)), np.full(4, inertia.mass / 4))
-        unseen = np.append(np.ones(len(markers.shape), bool), np.ones(4, bool))
+        corners = tetrahedron(moments_of_whole(inertia.mass, inertia.tensor))
+        mass = np.append(np.zeros(len(shape)), np.full(4, inertia.mass / 4))
+        shape = np.concatenate([shape, corners])
+        unseen = np.ones(len(shape), bool)
     free: Flags = np.repeat(unseen & (weight_of(mass) > 0), 3)
     if not free.any():
         return None

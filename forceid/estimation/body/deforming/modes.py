@@ -210,26 +210,18 @@ def fit_amplitudes(
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
     cov = np.eye(len(rigid)) * noise if np.ndim(noise) == 0 else np.asarray(noise)
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
+    held = np.zeros((0, count)) if loose is None else np.diag(np.maximum(loose, np.finfo(float).tiny) ** -0.5)
+    held = np.pad(held, ((0, 0), (6, 0)))
+    fitted = G if loose is None else rigid
     for pattern, more, at in frames_seen_alike(residual, own):
         rows = np.repeat(pattern, 3)
-        if loose is not None:
-            if rows.sum() < 6 or np.linalg.matrix_rank(rigid[rows]) < 6:
-                continue
-            root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
-            G_w = np.linalg.solve(root, G[rows])
-            held = np.concatenate([np.zeros(6), 1 / np.maximum(loose, np.finfo(float).tiny)])
-            C = np.linalg.inv(G_w.T @ G_w + np.diag(held))
-            fit = (C @ G_w.T)[6:]
-            q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, fit.T)
-            var[at] = np.diagonal(C)[6:]
+        if rows.sum() < fitted.shape[1] or np.linalg.matrix_rank(fitted[rows], rtol=1e-6) < fitted.shape[1]:
             continue
-        if rows.sum() < 6 + count:
-            continue
-        if np.linalg.matrix_rank(G[rows], rtol=1e-6) == 6 + count:
-            root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
-            fit = np.linalg.pinv(np.linalg.solve(root, G[rows]))[6:]
-            q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, fit.T)
-            var[at] = (fit**2).sum(1)
+        root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
+        fit = np.linalg.pinv(np.concatenate([np.linalg.solve(root, G[rows]), held]))[6:]
+        told = fit[:, : rows.sum()]
+        q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, told.T)
+        var[at] = (fit**2).sum(1)
     return q, var
 
 
