@@ -34,11 +34,11 @@ def solve(problem: Problem) -> Problem:
 def tune_on_flight(problem: Problem) -> Problem:
     """The flight under priors by its own likelihood, where its rotations contradict those of the channels.
 
-    Not where a pose is as uncertain as the body deforms: there loads hide, and the likeliest are too weak.
+    Not where a deformation hides what loads do: the likeliest ones are then too weak.
     """
     kin, flight = problem.kin, problem.flight
     alone = kin.apart or flight.sensors is not None or kin.inertia.line is not None
-    if not problem.followed or not kin.attitude or alone:
+    if problem.hides or not kin.attitude or alone:
         return problem
     priors = by_the_flight(flight, problem.priors, problem.state, problem.engine)
     if priors["moment"] is problem.priors["moment"]:

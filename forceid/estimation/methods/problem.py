@@ -69,6 +69,11 @@ class Problem:
         return self.settings.method == "filter"
 
     @property
+    def hides(self) -> bool:
+        """Whether modes that no marker tells apart, or mass without markers, may hide what a load does."""
+        return not self.followed and (self.kin.elastic is not None or self.kin.hidden is not None)
+
+    @property
     def source(self) -> str:
         """The variable that shows where the body is."""
         return "position" if self.motion.position is not None else "center"

@@ -61,18 +61,15 @@ def tuned_beside(
 ) -> LoadPrior:
     """The prior of the load on a channel, and the factor on its noise.
 
-    Where a pose is as uncertain as the body deforms, it cannot ask for the smoothest priors. Beside mass that
-    hides, a load as fast as that may hide too, and how smooth it is extrapolates: so the order is that where
-    little tells orders apart, unless another is e^PATIENCE likelier.
+    Where a deformation hides what loads do, the record cannot ask for the smoothest priors. Beside mass
+    without markers, a load as fast as that may hide too, and how smooth it is extrapolates: so the order is
+    that where little tells orders apart, unless another is e^PATIENCE likelier.
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
-    orders = ORDERS if problem.followed else tuple(order for order in ORDERS if order <= FREE)
+    orders = ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
     prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
-    if (
-        problem.kin.hidden is None
-        or not isinstance(prior.kernel, Matern)
-        or prior.kernel.order <= UNTOLD_ORDER
-    ):
+    kernel, hidden = prior.kernel, problem.kin.hidden
+    if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
         return prior
     untold = tune_channel(channel, limits, lines, (UNTOLD_ORDER,), engine, kind=kind)
     return prior if untold.tuned.log_likelihood < prior.tuned.log_likelihood - PATIENCE else untold
@@ -81,12 +78,11 @@ def tuned_beside(
 def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
     """The prior, on axes where it is far weaker than the loads that deform the body with one as strong.
 
-    Absence of evidence is not zero: where a pose is as uncertain as the body deforms, it hides a load. A load
-    moves rigid and elastic modes of unit modal mass alike, but for where it acts: root (axis,) of the mass or
-    the inertia is what makes one the other.
+    Absence of evidence is not zero: a deformation hides a load. A load moves rigid and elastic modes of unit
+    modal mass alike, but for where it acts: root (axis,) of the mass or the inertia makes one the other.
     """
     kin, modes, kernel = problem.kin, problem.deformation.prior, prior.kernel
-    if problem.followed or modes is None or not isinstance(kernel, Matern):
+    if not problem.hides or modes is None or not isinstance(kernel, Matern):
         return prior
     # a shape of unit norm that nobody knows more of moves the mass of a node
     unit = np.sqrt(kin.seen.sum() / kin.inertia.mass) if kin.elastic is None else kin.elastic.size
