@@ -143,8 +143,7 @@ def tune_elastic(
         return None
     part = middle(len(time), FLIGHT_SAMPLES)
 
-    def best(modes: Elastic, ratios: list[Array]) -> tuple[float, Vibration]:
-        at, order = likeliest(spectra, modes)
+    def best(at: Array, order: int, modes: Elastic, ratios: list[Array]) -> tuple[float, Vibration]:
         priors = [prior_at(at, replace(modes, damping=ratio), order) for ratio in ratios]
         values = [
             float(engine.log_likelihood(seen_modes(time[part], rows[part], prior), observed[part]))
@@ -155,9 +154,12 @@ def tune_elastic(
 
     one = np.ones_like(elastic.frequency)
     told = [elastic.damping] if elastic.damping is not None else [ratio * one for ratio in DAMPINGS]
-    value, alone = best(elastic, told)
+    at, order = likeliest(spectra, elastic)
+    value, alone = best(at, order, elastic, told)
     braked = told if elastic.damping is None else [elastic.damping, *(elastic.damping + d for d in DAMPINGS)]
-    more, answering = best(replace(elastic, detuned=np.hypot(elastic.detuned, AIR)), braked)
+    loose = replace(elastic, detuned=np.hypot(elastic.detuned, AIR))
+    at[-len(one) :] *= elastic.detuned / loose.detuned
+    more, answering = best(searched(spectra, loose, order, at)[1], order, loose, braked)
     if more < value + PATIENCE * len(one):
         return ElasticPrior(alone)
     brakes = answering.damping - alone.damping if elastic.damping is not None else 0.0 * one
@@ -172,8 +174,10 @@ def likeliest(spectra: Spectra, elastic: Elastic) -> tuple[Array, int]:
     return found[order][1], order
 
 
-def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Array]:
-    """The least value of `unlikeliness` at an order, and where."""
+def searched(
+    spectra: Spectra, elastic: Elastic, order: int, near: Array | None = None
+) -> tuple[float, Array]:
+    """The least value of `unlikeliness` at an order, and where; near: a point not far from it, if known."""
     modes, lowest = len(elastic.frequency), float(elastic.frequency.min())
     value = partial(unlikeliness, spectra, elastic, order)
     seen = np.linalg.norm(spectra.rows, axis=0) * elastic.size / elastic.frequency**2
@@ -186,7 +190,7 @@ def searched(spectra: Spectra, elastic: Elastic, order: int) -> tuple[float, Arr
         for s, rate in product(FIRST_SIZES, FIRST_RATES)
     ]
     starts = [np.concatenate([at, np.zeros(2 * modes)]) for at in starts]
-    first = min(starts, key=lambda at: value(at)[0])
+    first = min(starts, key=lambda at: value(at)[0]) if near is None else near
     bounds = [
         (first[0] - WIDEST, first[0] + WIDEST),
         (np.log(slowest), np.log(fastest)),

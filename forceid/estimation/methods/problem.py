@@ -31,8 +31,9 @@ class Problem:
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
     stated. Learned: findings; dropped, frames taken out; lines of the loads; slow, the noise of tracks whose
     errors follow each other, None for none; near, priors that those of the same lines are near to.
-    Found: kin and deformation; noise_range, factors that the tuning may put on the noise; followed: whether
-    how smooth a pose is tells of the noise of markers; notes, findings of this pass; at_limit: by variable,
+    Found: looked, the kinematics as the markers show them, and kin, with the deformation taken out;
+    noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
+    the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
     wrench before allowances; gained: numbers of body axes; growth: of the errors claimed.
@@ -48,6 +49,7 @@ class Problem:
     lines: Lines = NO_LINES
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
+    looked: Kinematics = TO_COME
     kin: Kinematics = TO_COME
     deformation: Deformation = TO_COME
     noise_range: tuple[float, float] = (1.0, 1.0)
@@ -102,8 +104,10 @@ class Problem:
 
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
-        kin, deformation = undeformed(kin, self.engine, self.causal)
-        return replace(self, kin=kin, deformation=deformation)
+        if kin is self.looked:  # by the pass before
+            return self
+        without, deformation = undeformed(kin, self.engine, self.causal)
+        return replace(self, looked=kin, kin=without, deformation=deformation)
 
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""
