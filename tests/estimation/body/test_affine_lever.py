@@ -50,6 +50,7 @@ def test_expected_error_takes_what_chance_explains_for_none_of_the_bias():
     assert expected_error(better * [1, 1, np.nan], one, worse, both) == np.inf
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("markers", "told"), [(4, "total mass"), (3, "modes")])
 def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(markers, told):
     ratio = []

@@ -59,6 +59,7 @@ def estimate(recording, model="auto"):
     return estimate_recording(recording, load_settings(model=model))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lost", [0.0, 0.05])
 def test_no_level_mode_or_stiffness_moves_the_force(lost):
     recording, _ = swinging(1, lost)
