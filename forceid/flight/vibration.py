@@ -65,6 +65,7 @@ class Vibration:
         A[..., 1, 0], A[..., 1, 1] = -(self.frequency**2), -2 * self.damping
         A[..., 2:, 2:], Qc[..., 2:, 2:] = load.A, load.Qc
         P0 = stationary(A, Qc, self.frequency)
+        P0[..., 0, 1] = P0[..., 1, 0] = 0.0  # at rest nothing goes with its own rate: no rounding either
         scale = (self.std**2 / P0[..., 0, 0])[..., None, None]
         return Process(A, scale * Qc, scale * P0, np.eye(self.states)[0])
 
