@@ -33,11 +33,11 @@ def lattice():
     return K.reshape(12, 12)
 
 
-def pinched(gravity, **known):
-    """Four masses that fall, pinched at 7 Hz, in steady vibration; and the load (time,) N."""
+def pinched(gravity, hertz=7.0, **known):
+    """Four masses that fall, pinched at some Hz, in steady vibration; and the load (time,) N."""
     w2, shape = eigh(lattice(), np.diag(np.repeat(MASS, 3)))
     w2, shape = w2[6:], shape[:, 6:]
-    rate, load = 2 * np.pi * 7.0, np.sin(2 * np.pi * 7.0 * TIME)
+    rate, load = 2 * np.pi * hertz, np.sin(2 * np.pi * hertz * TIME)
     q = load[:, None] * (shape.T @ PINCH.ravel()) / (w2 - rate**2)
     center = 0.5 * np.outer(TIME**2, gravity)
     x = center[:, None] + CORNERS + (q @ shape.T).reshape(-1, 4, 3)
@@ -145,3 +145,18 @@ def test_air_that_answers_the_bending_is_told_with_the_forces_and_named():
     assert found[0.0][0] < 1.3
     assert found[0.3][0] < 1.5
     assert found[0.3][1]
+
+
+def test_a_force_as_fast_as_loads_that_modes_show_may_hide_and_is_named_by_frequency():
+    fast, _ = pinched(np.array([0.0, 3.0, -9.0]), hertz=30.0)
+    said = estimate_recording(fast, load_settings(model="modal")).verdict
+    hidden = next(finding for finding in said.findings if finding.code == "faster-on-modes")
+    assert said.level == "degraded"
+    assert hidden.values["frequency_hz"] >= 30.0
+    assert hidden.values["hidden"] > 3 * hidden.values["claim"]
+
+
+def test_no_force_hides_that_is_as_slow_as_the_motion_of_the_whole_body_follows():
+    slow, _ = pinched(np.array([0.0, 3.0, -9.0]), hertz=7.0)
+    said = estimate_recording(slow, load_settings(model="modal")).verdict
+    assert not any(finding.code == "faster-on-modes" for finding in said.findings)

@@ -146,6 +146,13 @@ def inertia_along(kin: Kinematics, amplitude: Array, rate: Array) -> tuple[Array
     return J, h if kin.spin is None else h + kin.spin.momentum
 
 
+def load_on_unit_mass(kin: Kinematics, modes: Vibration) -> float:
+    """How strong the loads on shapes of unit modal mass are, in N per root of a kg: their geometric mean."""
+    # a shape of unit norm that nobody knows more of moves the mass of a node
+    unit = np.sqrt(kin.seen.sum() / kin.inertia.mass) if kin.elastic is None else kin.elastic.size
+    return float(np.exp(np.mean(np.log(modes.load[: len(kin.shapes)] / unit))))
+
+
 def fixed(inertia: Array, modes: int) -> Products:
     """Products of a body whose inertia (3, 3) is known as a whole: no amplitude changes it."""
     J = np.zeros((modes + 1, modes + 1, 3, 3))

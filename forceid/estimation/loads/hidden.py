@@ -21,7 +21,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.lines import near
 from forceid.records import Array, Finding, HiddenLoad, deviation
-from forceid.significance import PATIENCE, WILD
+from forceid.significance import PATIENCE, SIGMAS, TENTH, WILD
 
 MUCH = 10.0  # times the claim, that a line is which matters
 
@@ -105,6 +105,50 @@ def lines_at_spin(
                 findings.append(
                     note("line-at-spin", load=name, hidden=hides, unit=unit, times=times, claim=claimed)
                 )
+    return findings
+
+
+def faster_on_modes(
+    channels: Mapping[str, Channel],
+    priors: Mapping[str, LoadPrior],
+    state: FlightState,
+    on_modes: Array,
+    alike: Mapping[str, Array],
+) -> list[Finding]:
+    """Force or moment that may hide a wave as fast as the loads that modes show, far beyond its claim.
+
+    And beyond a tenth of what it is, or of a load as strong as on the modes where it shows none. on_modes
+    (time, mode): smoothed loads on modes of unit mass, of which all but a tenth of the power counts; alike
+    (3,), by name: deviation of loads, world axes, as strong on the whole body as on its modes.
+    """
+    edge, clock = len(state.wrench_cov) // 8, channels["force"].time
+    claims = np.sqrt((deviation(state.wrench_cov)[edge : len(state.wrench_cov) - edge] ** 2).mean(0))
+    swing = on_modes - on_modes.mean(0)
+    power = np.cumsum((np.abs(np.fft.rfft(swing * np.hanning(len(swing))[:, None], axis=0)) ** 2).sum(1))
+    ordinate = np.fft.rfftfreq(len(swing), float(np.median(np.diff(clock))))
+    fastest = max(float(ordinate[np.searchsorted(power, (1 - TENTH) * power[-1])]), 1 / float(np.ptp(clock)))
+    findings = []
+    for name, unit, own in (("force", "N", slice(0, 3)), ("moment", "N m", slice(3, 6))):
+        if name not in channels:
+            continue
+        least, share = smallest_found(channels[name], priors[name], np.array([fastest]))
+        hides = (least * np.sqrt(np.minimum(1.0, 2 * (1 - share))))[0]
+        hides = np.minimum(hides, np.sqrt(2) * alike[name])
+        worst = int(np.nanargmax(hides / claims[own]))
+        size, claimed = length(getattr(state, name)), float(np.linalg.norm(claims[own]))
+        scale = size if size > WILD * claimed else max(size, float(np.linalg.norm(alike[name])))
+        if hides[worst] > max(SIGMAS * claims[own][worst], RESOLVED * scale):
+            claim = claims[own][worst]
+            findings.append(
+                note(
+                    "faster-on-modes",
+                    load=name,
+                    frequency_hz=fastest,
+                    hidden=hides[worst],
+                    unit=unit,
+                    claim=claim,
+                )
+            )
     return findings
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.body.deformation import as_smoothed
+from forceid.estimation.body.deformation import as_smoothed, load_on_unit_mass
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads import free_oscillation, inner_wheel
 from forceid.estimation.loads.body_axes import body_fixed_priors
-from forceid.estimation.loads.hidden import hidden_load, lines_at_spin
+from forceid.estimation.loads.hidden import faster_on_modes, hidden_load, lines_at_spin
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.order_uncertainty import growth_along_world
 from forceid.estimation.loads.whitened import whitened
@@ -20,6 +20,7 @@ from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.tracks import judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.smoother import smooth_flight
+from forceid.flight.vibration import ModeState
 from forceid.records import Array
 
 
@@ -59,7 +60,15 @@ def turn_with_body(problem: Problem) -> Problem:
         return replace(problem, priors=priors, gained=gained, state=state, plain=state.wrench_cov)
     if problem.state.reference is None or flight.sensors is not None:  # these would show what poses do not
         return problem
+    modes = problem.deformation.prior
     mass, gravity = kin.inertia.mass, problem.motion.gravity
+    if kin.elastic is not None and modes is not None and problem.deformation.path is not None:
+        on_modes = problem.deformation.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
+        size, turned = load_on_unit_mass(kin, modes), problem.state.rotation @ kin.inertia.tensor
+        inertia = np.einsum("tab,tab->ta", turned, problem.state.rotation).mean(0)
+        alike = {"force": np.full(3, size * np.sqrt(mass)), "moment": size * np.sqrt(inertia)}
+        said = faster_on_modes(problem.channels, problem.priors, problem.state, on_modes, alike)
+        problem = problem.noting(*said)
     return problem.noting(*lines_at_spin(problem.channels, problem.priors, problem.state, mass, gravity))
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.deformation_residual import noise_beyond
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.loads.channels import force_channel, tune_channel
@@ -84,10 +85,7 @@ def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
     kin, modes, kernel = problem.kin, problem.deformation.prior, prior.kernel
     if not problem.hides or modes is None or not isinstance(kernel, Matern):
         return prior
-    # a shape of unit norm that nobody knows more of moves the mass of a node
-    unit = np.sqrt(kin.seen.sum() / kin.inertia.mass) if kin.elastic is None else kin.elastic.size
-    shown = slice(len(kin.shapes))
-    size = float(np.exp(np.mean(np.log(modes.load[shown] / unit)))) * root
+    size = load_on_unit_mass(kin, modes) * root
     rate = modes.rate[0] if kin.elastic is not None else modes.frequency[modes.std.argmax()]
     weak = kernel.std < np.exp(-SIGMAS * UNEVEN) * size
     std, rates = np.where(weak, size, kernel.std), np.where(weak, rate, kernel.rate)

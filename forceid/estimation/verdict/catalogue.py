@@ -413,6 +413,14 @@ LOADS = (
         "If such a load is possible, record faster or use more markers.",
     ),
     Entry(
+        "faster-on-modes", "degraded",
+        "loads on the modes of the body swing up to {frequency_hz:.3g} Hz, where a {load} of up to "
+        "{hidden:.2g} {unit} would hide in the noise: the claim of {claim:.2g} {unit} leaves it out; record "
+        "faster, or use more markers or better ones",
+        "The deformation shows loads that are faster than what the motion of the whole body shows of them.",
+        "Trust the loads up to `band`, or record faster with less noise.",
+    ),
+    Entry(
         "free-oscillation", "degraded",
         "a free oscillation at {frequency_hz:.3g} Hz, as of a nutation, shows in the {load}; what it does "
         "to the rest of the wrench is below the noise: claimed errors allow for all that could hide there; "
