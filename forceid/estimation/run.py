@@ -151,7 +151,7 @@ def estimate_beside(
             solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
         solution = with_known_axes(solution)
     solution = replace(solution, findings=(*judge_mending(mended), *solution.findings))
-    witness = witness_of(body, motion, solution.state)
+    witness = witness_of(body, motion, solution.state, solution.kinematics.color)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     known = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.flight.color import Color
 from forceid.kalman.building.process import Process, discretize, integrate, superpose, with_mean
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
@@ -39,7 +40,8 @@ class Channel:
     """Three measured channels (world axes) that one load drives: z'' = gain * load.
 
     time (time,) s; z (time, 3), NaN = missing; gain: 1/kg for a force and a mass center; noise_cov (time,
-    3, 3) of z; drift (3, 3): covariance per second of the part of the noise that adds up.
+    3, 3) of z; drift (3, 3): covariance per second of the part of the noise that adds up; color: of the
+    noise, None for white.
     """
 
     time: Array
@@ -47,6 +49,7 @@ class Channel:
     gain: float
     noise_cov: Array
     drift: Array
+    color: Color | None = None
 
     @property
     def moved(self) -> Array:
@@ -63,12 +66,17 @@ def load_chain(load: Process, start: Start, lines: Sequence[Process] = ()) -> Pr
     return integrate(integrate(superpose(with_mean(load, start.mean), *lines), start.first), start.second)
 
 
-def driven(chain: Process, gain: float, noise_var: Array, drift: Array, step: Array) -> StateSpace:
+def driven(
+    chain: Process, gain: float, noise_var: Array, drift: Array, step: Array, color: Color | None = None
+) -> StateSpace:
     """Channels z with z'' = gain * load: one scalar model per chain in `chain`.
 
     noise_var (time, model) of z; drift (model,): variance per second of the part of the noise that adds up;
-    step (time - 1,) s.
+    step (time - 1,) s; color: of the noise, of which the least variance has the memory in all.
     """
+    if color is not None:
+        steady = np.nanmin(noise_var, axis=0)
+        chain, noise_var = superpose(chain, color.process(steady / gain**2)), noise_var - color.share * steady
     # equal steps share their matrices: a regular clock has one
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])

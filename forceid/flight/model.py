@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
 from forceid.flight.attitude import ReferenceTrajectory, between, cubics, turn_along
+from forceid.flight.color import Color, root_of
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
@@ -28,6 +29,7 @@ from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array, KnownPart
 
+CENTER, ROTATION, POSE = slice(0, 3), slice(3, 6), slice(0, 6)  # in the covariance of a pose
 COARSE = 0.5  # rad from frame to frame, beyond which differences of frames show no rates
 
 
@@ -41,7 +43,8 @@ class Flight:
     body axes and about the mass center; gravity (3,) m/s2; sensors: those on the body;
     modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
     with the deformation taken out, inertia and h those along the path of the modes. known: what known loads
-    bring beside those that are states; their path is no part of the center.
+    bring beside those that are states; their path is no part of the center; color: of the errors of poses and
+    of what frames say of the modes, None for white ones.
     """
 
     time: Array
@@ -55,6 +58,27 @@ class Flight:
     sensors: Sensors | None = None
     modes: FlyingModes | None = None
     known: KnownPart | None = None
+    color: Color | None = None
+
+    def colored(self, model: StateSpace, errors: slice) -> StateSpace:
+        """A model whose channels begin with some of (center, rotation), with the color of their errors.
+
+        Behind the poses come channels of modes, with unit errors, and what is read otherwise.
+        """
+        if self.color is None:
+            return model
+        seen = np.isfinite(self.rotation).all((1, 2), keepdims=True)
+        R = np.where(seen, np.nan_to_num(self.rotation), np.eye(3))
+        turn, poses = np.zeros((len(R), 6, 6)), errors.stop - errors.start
+        turn[:, :3, :3] = turn[:, 3:, 3:] = R
+        cov = np.broadcast_to(model.R, (len(R), *model.R.shape[-2:]))[:, :poses, :poses]
+        root = root_of(cov, turn[:, errors, errors])
+        modes = (
+            0 if self.modes is None or errors.stop < 6 or errors.start else self.modes.frames.rows.shape[1]
+        )
+        wide = np.zeros((len(R), model.R.shape[-1], poses + modes))
+        wide[:, :poses, :poses], wide[:, poses : poses + modes, poses:] = root, np.eye(modes)
+        return self.color.beside(model, wide, np.diff(self.time))
 
     def whole(self, H: Array) -> Array:
         """Angular momentum (time, 3), world axes, of all loads, from that of the unknown ones."""
@@ -178,9 +202,9 @@ def error_angle(flight: Flight, reference: Reference) -> Array:
 def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) -> tuple[StateSpace, Array]:
     """One load by itself and what is seen of it: the mass center, or the rotation about a reference."""
     if about is None:
-        return translation(flight, prior), flight.center
+        return flight.colored(translation(flight, prior), CENTER), flight.center
     wider = replace(about, chain=prior.restated(about.chain, about.moment), moment=prior)
-    return rotation_model(flight, prior, wider), error_angle(flight, about)
+    return flight.colored(rotation_model(flight, prior, wider), ROTATION), error_angle(flight, about)
 
 
 def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
@@ -218,7 +242,7 @@ def linear_flight(
                 np.concatenate([z, strain.reading], 1),
             )
     if flight.sensors is None:
-        return model, z
+        return flight.colored(model, POSE), z
     chain = np.zeros((len(z), n)) if reference.force is None else reference.force
     moved = moved_along(flight, force, replace(reference, force=chain))
     steady = steady_of(flight.sensors, reference)

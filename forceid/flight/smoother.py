@@ -20,6 +20,7 @@ from forceid.flight.model import (
     Reference,
     flexed,
     linear_flight,
+    seen_part,
     steady_of,
     trajectory_of,
     translation,
@@ -113,7 +114,12 @@ def smoothed_once_more(
 
 def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
     """`smooth_flight` of a body without modes, compiled throughout; None where only an engine's passes do."""
-    if flight.sensors is not None or force.body_axes is not None or moment.body_axes is not None:
+    if (
+        flight.sensors is not None
+        or flight.color is not None
+        or force.body_axes is not None
+        or moment.body_axes is not None
+    ):
         return None
     clock, which = classify_steps(flight.time)
     free = translation(replace(flight, time=clock), force)
@@ -239,9 +245,11 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
 
 def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False) -> FlightState:
     """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
-    path = engine.smooth(translation(flight, force), flight.center)
+    path = engine.smooth(*seen_part(flight, force))
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
+    own = slice(force.states)
+    x, P = x[:, own], P[:, own, own]
     P_world, F, _ = force.read(x)
     none = np.full((len(x), 3), np.nan)
     wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)

@@ -16,6 +16,7 @@ from forceid.flight.channels import (
     search_box,
     start_of,
 )
+from forceid.flight.color import Color
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.kalman.building.lines import Line
@@ -46,6 +47,7 @@ def tune_loads(
     lines: tuple[Line, ...] = (),
     engine: Engine | None = None,
     near: Tuned | None = None,
+    color: Color | None = None,
 ) -> Tuned:
     """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -54,7 +56,8 @@ def tune_loads(
     for all axes that do not ask for their own. Of the orders, the smoothest that no rougher one beats by
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
-    fastest, if none is given. near: a prior about where this one is, which has its order.
+    fastest, if none is given. near: a prior about where this one is, which has its order. color: of the
+    noise, None for white.
     """
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
 
@@ -71,7 +74,7 @@ def tune_loads(
         for t, y, var in runs:
             held = [line.scaled(np.abs(line.direction[axis])) for line in lines]
             chain = load_chain(matern(order, std, rate), start_of(t, y, gain), held)
-            model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t))
+            model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t), color)
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 

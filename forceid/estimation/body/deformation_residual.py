@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
+from forceid.estimation.body.tracks.noise_axes import NO_AXIS
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.recursions.passes import LOG_2PI
-from forceid.motion import ORDER as DIFFERENCES
-from forceid.motion import body_axes, fit_rotation, noise_variance
+from forceid.motion import body_axes, fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
-from forceid.significance import CHANCE, LAGS
+from forceid.significance import CHANCE, LAGS, SIGMAS
+
+TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
+KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
 
 
 @dataclass(frozen=True)
@@ -73,18 +77,42 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
     return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
-def noise_beyond(kin: Kinematics, motion: Motion) -> float:
-    """Factor on the noise of the markers: to what high-order differences show where no shape moves them.
+def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array] | None:
+    """Errors of the markers as what neither pose nor shape makes shows them; their deviations (3,), world.
 
-    One where shapes and rigid motion together move the markers in all directions, or few frames are whole.
+    None where these move the markers in all directions, or so few frames are whole that they hardly show it.
     """
     if motion.measured is None:
-        return 1.0
+        return None
     seen = beyond_rigid(motion.time, motion.measured, kin)
-    left = seen.y @ null_space(seen.of(kin.shapes), rcond=SINGLE)
-    if not left.shape[1] or seen.frames < 2 * DIFFERENCES:
-        return 1.0
-    return float(np.sqrt(noise_variance(motion.time, left) / seen.var))
+    if len(kin.shapes):
+        free = null_space(seen.of(kin.shapes), rcond=SINGLE)
+        seen = replace(seen, y=seen.y @ free, basis=seen.basis @ free)
+    found = marker_errors(motion.time, seen.y)
+    if found is None or found.relative > KNOWN or not found.alike:
+        return None
+    return found, by_axis(kin, seen, found)
+
+
+def by_axis(kin: Kinematics, seen: Beyond, errors: MarkerErrors) -> Array:
+    """Standard deviations (3,) of the errors along world axes, all alike where they may well be.
+
+    Errors with variances s along the axes show powers M s along them, by where the markers are.
+    """
+    known = np.isfinite(seen.y).all(1) & np.isfinite(kin.pose.rotation).all((1, 2))
+    R = kin.pose.rotation[known]
+    beyond = np.einsum("fni,tf,tai->tna", seen.basis.T.reshape(-1, seen.kept.sum(), 3), seen.y[known], R)
+    if not len(R):
+        return np.full(3, errors.std)
+    power, M = (beyond**2).mean(0).sum(0), np.zeros((3, 3))
+    projector = (seen.basis @ seen.basis.T).reshape(seen.kept.sum(), 3, seen.kept.sum(), 3)
+    some = np.linspace(0, len(R) - 1, TURNS).astype(int)
+    for turn in R[some]:
+        M += (np.einsum("ai,nimj,bj->namb", turn, projector, turn) ** 2).sum((0, 2)) / TURNS
+    var = np.maximum(np.linalg.solve(M, power), (NO_AXIS * errors.std) ** 2)
+    if np.ptp(var) < SIGMAS * np.sqrt(3) * errors.relative * var.max():
+        return np.full(3, errors.std)
+    return np.asarray(np.sqrt(var) * errors.std / np.sqrt(var.mean()))
 
 
 def principal_axes(y: Array, directions: Array) -> Array:
@@ -116,6 +144,21 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Arr
     white = -0.5 * np.nansum(q**2 / var + np.log(var) + LOG_2PI + 0 * q, axis=0)
     dynamic, nis = np.array([(path.log_likelihood, np.nanmean(path.nis)) for path in paths]).T
     return dynamic - white, nis
+
+
+def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:
+    """Log-likelihood of errors of markers alone over that of white ones as in `Beyond`, less what they cost.
+
+    As the evidence of a level that has no shape.
+    """
+    y, var, numbers = beyond.y, errors.std**2, 1.0
+    white, own = (-0.5 * float(np.nansum(y**2 / v + np.log(v) + LOG_2PI + 0 * y)) for v in (beyond.var, var))
+    if (color := errors.color) is not None:
+        numbers, one = 3.0, np.ones(y.shape[1])
+        rest = np.full_like(y, (1 - color.share) * var)
+        model = driven(color.process(var * one), 1.0, rest, 0 * one, np.diff(beyond.time))
+        own = float(engine.log_likelihood(model, y[..., None]).sum())
+    return own - white - 0.5 * numbers * float(np.log(beyond.frames))
 
 
 def correlation(left: Array, dof: int) -> tuple[float, bool]:

@@ -17,6 +17,7 @@ from forceid.estimation.body.mass_center import affine_center, center_of_mass, w
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
+from forceid.flight.color import Color
 from forceid.flight.elastic import Elastic
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
@@ -38,7 +39,7 @@ class Kinematics:
     rotation touches the force; markers: what this goes on from, None for a mean motion; inside (3,)
     kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion;
     elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
-    them; both None elsewhere.
+    them; both None elsewhere; color: of the errors, None for white ones.
     """
 
     time: Array
@@ -62,6 +63,7 @@ class Kinematics:
     known: KnownPart | None = None
     elastic: Elastic | None = None
     hidden: HiddenMass | None = None
+    color: Color | None = None
 
     @property
     def noise(self) -> dict[str, float]:

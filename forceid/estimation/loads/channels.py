@@ -31,7 +31,7 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
         )
     z = center - 0.5 * time[:, None] ** 2 * gravity
     cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
-    return Channel(time, z, 1 / kin.inertia.mass, cov, np.zeros((3, 3)))
+    return Channel(time, z, 1 / kin.inertia.mass, cov, np.zeros((3, 3)), kin.color)
 
 
 def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
@@ -39,7 +39,8 @@ def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
     pose = kin.pose
     known, cov = None if kin.known is None else kin.known.turned, pose.cov[:, 3:, 3:]
     ch = angular_channel(kin.time, pose.rotation, cov, deformation.inertia, deformation.h, known)
-    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, ch.drift)
+    adds_up = 1.0 if kin.color is None else kin.color.slow
+    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, adds_up * ch.drift, kin.color)
 
 
 def tune_channel(
@@ -63,7 +64,9 @@ def tune_channel(
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
     first = None if near is None else near.tuned
-    tuned = PRIORS[kind](time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first)
+    tuned = PRIORS[kind](
+        time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first, channel.color
+    )
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 
@@ -90,4 +93,5 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
         gravity,
         modes=modes,
         known=kin.known,
+        color=kin.color,
     )

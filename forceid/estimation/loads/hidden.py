@@ -174,6 +174,7 @@ def densities(
     span, seen = float(np.ptp(channel.time)), np.isfinite(channel.z).all(1)
     white = channel.var(axes)[seen].mean(0) * span / seen.sum()
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes) / w**2
+    white = white * (1.0 if channel.color is None else channel.color.density(w))
     noise = (white + drift) * w**4 / channel.gain**2
     return noise, prior.spectrum(w[:, 0], rotation), axes
 

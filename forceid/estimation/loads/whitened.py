@@ -133,7 +133,7 @@ def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array |
         also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
         filtered, states = engine.filter_and_smooth_states(turned, np.concatenate([z, also], 1))
         rows = axes.T @ prior.rows
-        v, loads = filtered.innovation, np.moveaxis(states[:, 1:] @ rows.T, 1, 2)
+        v, loads = filtered.innovation, np.moveaxis(states[:, 1:, : prior.states] @ rows.T, 1, 2)
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)
     own = np.clip(v[:, 0], -OUTLIER, OUTLIER)

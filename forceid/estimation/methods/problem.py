@@ -12,10 +12,11 @@ from forceid.estimation.body.cleaning import NONE_DROPPED, Dropped, Wild, kinema
 from forceid.estimation.body.deformation import Deformation, undeformed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
+from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
-from forceid.flight.model import Flight, Reference, translation
+from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
@@ -29,8 +30,9 @@ class Problem:
     """What is given of a recording, what passes so far have learned, and what this pass has found.
 
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
-    stated. Learned: findings; dropped, frames taken out; lines of the loads; slow, the noise of tracks whose
-    errors follow each other, None for none; near, priors that those of the same lines are near to.
+    stated. Learned: findings; dropped, frames taken out; lines of the loads; errors, of the markers as what
+    no motion makes shows them; slow, the noise of tracks whose errors follow each other, None for none; near,
+    priors that those of the same lines are near to.
     Found: looked, the kinematics as the markers show them, and kin, with the deformation taken out;
     noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
     the noise of markers; notes, findings of this pass; at_limit: by variable,
@@ -47,6 +49,7 @@ class Problem:
     findings: tuple[Finding, ...] = ()
     dropped: Dropped = NONE_DROPPED
     lines: Lines = NO_LINES
+    errors: MarkerErrors | None = None
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
     looked: Kinematics = TO_COME
@@ -107,7 +110,8 @@ class Problem:
         if kin is self.looked:  # by the pass before
             return self
         without, deformation = undeformed(kin, self.engine, self.causal)
-        return replace(self, looked=kin, kin=without, deformation=deformation)
+        color = None if self.errors is None else self.errors.color
+        return replace(self, looked=kin, kin=replace(without, color=color), deformation=deformation)
 
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""
@@ -127,6 +131,6 @@ class Problem:
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
         state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
-        beyond = self.engine.log_likelihood(translation(beside, force.plain()), beside.center)
+        beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.body.deformation import load_on_unit_mass
-from forceid.estimation.body.deformation_residual import noise_beyond
+from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
@@ -31,13 +31,16 @@ UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show:
 
 def see_motion(problem: Problem) -> Problem:
     """Poses and deformation under the noise known so far."""
-    kin, fixed = problem.look(problem.slow), problem.slow is not None
+    kin, slow, source = problem.look(problem.slow), problem.slow is not None, problem.source
     # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
-    followed, source = kin.apart or not kin.deforms, problem.source
-    if not followed and not fixed and not kin.stated[source]:
-        beyond = min(noise_beyond(kin, problem.motion), 1.0) * np.eye(3)
-        kin, fixed = problem.look(scaled_noise(kin, {source: beyond})), True
-    return replace(problem, noise_range=range_of(kin, source, fixed), followed=followed, notes=()).seeing(kin)
+    followed = kin.apart or not kin.deforms
+    seen = None if slow else errors_beyond(kin, problem.motion)
+    errors, limits = None, range_of(kin, source, slow)
+    if seen is not None and not (kin.stated[source] and seen[0].as_stated(kin.noise[source])):
+        errors, std = seen
+        kin = problem.look({source: np.diag(std)})
+        limits = STATED if followed else (1.0, 1.0)
+    return replace(problem, errors=errors, noise_range=limits, followed=followed, notes=()).seeing(kin)
 
 
 def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float, float]:
@@ -51,7 +54,7 @@ def tune_force(problem: Problem) -> Problem:
     """The prior of the force, and the noise of the mass center."""
     channel = problem.force_channel
     force = tuned_beside(problem, channel, "force", problem.noise_range, problem.lines.force)
-    at_limit = {problem.source: force.tuned.noise_at_limit}
+    at_limit = {problem.source: force.tuned.noise_at_limit} if problem.errors is None else {}
     like_modes = np.full(3, np.sqrt(problem.kin.inertia.mass))
     force = as_on_modes(problem, force, like_modes)
     return replace(problem, priors={"force": force}, at_limit=at_limit)
@@ -108,7 +111,9 @@ def find_slow_errors(problem: Problem) -> Problem:
         beyond = noise_beyond_motion(force_channel(kin, problem.motion.gravity), stated)
         slow = scaled_noise(kin, {source: beyond * np.eye(3)})
         apart = {load: prior for load, prior in problem.near.items() if load != "force"}
-        problem = replace(problem, slow=slow, noise_range=range_of(kin, source, known=True), near=apart)
+        problem = replace(
+            problem, slow=slow, errors=None, noise_range=range_of(kin, source, known=True), near=apart
+        )
         problem = problem.seeing(problem.look(slow))
         problem = tune_force(problem)
     if problem.slow is None:
@@ -121,7 +126,7 @@ def find_slow_errors(problem: Problem) -> Problem:
 def follow_each_other(problem: Problem) -> bool:
     """Whether errors of the mass center do."""
     kin, force = problem.kin, problem.priors["force"]
-    if kin.stated[problem.source]:
+    if kin.stated[problem.source] or problem.errors is not None:
         return errors_shared(kin, force, problem.motion.gravity, problem.engine)
     return force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
 

@@ -20,8 +20,14 @@ from scipy.special import chdtri
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.affine_lever import speaks_for_mass
-from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid, principal_axes
+from forceid.estimation.body.deformation_residual import (
+    Beyond,
+    beyond_rigid,
+    errors_gain,
+    principal_axes,
+)
 from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
+from forceid.estimation.body.tracks.marker_errors import marker_errors
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.levels import (
     LevelCandidate,
@@ -97,6 +103,13 @@ def choose_level(
     ):
         return without_shapes("no deformation stands out of the noise")
     steps = weigh(beyond, candidates, free_shapes(markers.body, most), all(most.stated.values()), engine)
+    errors = marker_errors(beyond.time, beyond.y)
+    if (
+        errors is not None
+        and errors.alike
+        and errors_gain(beyond, errors, engine) > max(s.evidence for s in steps[1:])
+    ):
+        return without_shapes("errors of the markers, alike in all that no motion makes, explain it better")
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
     best = len(candidates) - 1 if own_modes else explaining(steps)
     return descend(motion, candidates, steps, best, engine, solve)

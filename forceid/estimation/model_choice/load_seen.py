@@ -46,10 +46,10 @@ def load_seen(channel: Channel, engine: Engine) -> Seen:
     prior = tune_channel(channel, (1.0, 1.0), (), engine=engine)
     model = channel_model(channel, prior)
     path = engine.smooth(model, channel.moved)
-    rows = prior.rows
-    var = np.einsum("ai,tij,aj->ta", rows, path.P, rows)
+    rows, own = prior.rows, slice(prior.states)
+    var = np.einsum("ai,tij,aj->ta", rows, path.P[:, own, own], rows)
     likelihood = path.filtered.log_likelihood
-    return Seen(channel, prior, path.x @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
+    return Seen(channel, prior, path.x[:, own] @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     """How far the load of another channel is under the prior of the one seen; whether that fits as well."""
     model = channel_model(channel, top.prior)
     states = engine.smooth_states(model, channel.moved)
-    load = states @ top.prior.rows.T
+    load = states[:, : top.prior.states] @ top.prior.rows.T
     change = distance(at_times(channel, top.channel, load), top.load, top.std)
     return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
 

@@ -26,6 +26,7 @@ from forceid.estimation.loads.plain_cut import (
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.witness.plain_route import PlainChannel, plain_route
+from forceid.flight.color import Color
 from forceid.flight.smoother import FlightState
 from forceid.motion import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
@@ -39,10 +40,10 @@ COMPARED = ("band", "apart", "difference", "limit")
 UNITS = {"force": "N", "moment": "N m"}
 
 
-def witness_of(body: Body, motion: Motion, state: FlightState) -> Witness | None:
+def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | None = None) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 
-    Positions that were filled in count as gaps.
+    Positions that were filled in count as gaps. color: of the errors of markers, None for white ones.
     """
     time, route = motion.time, plain_route(body, as_measured(motion))
     std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
@@ -57,9 +58,9 @@ def witness_of(body: Body, motion: Motion, state: FlightState) -> Witness | None
         numbers = {key: np.full(3, np.nan) for key in ("cutoff", *COMPARED)}
         if channel is not None:
             spectrum, cuts = spectrum_and_cuts(channel)
-            values, deviations = low_passed(time, channel, cuts)
+            values, deviations = low_passed(time, channel, cuts, color)
             numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
-            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim)
+            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim, color)
         found |= {name: values, f"{name}_std": deviations}
         found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)
@@ -79,13 +80,28 @@ def spectrum_and_cuts(channel: PlainChannel) -> tuple[MotionSpectrum, list[Cut]]
     return spectrum, plain_cuts(spectrum)
 
 
-def low_passed(time: Array, channel: PlainChannel, cuts: list[Cut]) -> tuple[Array, Array]:
+def louder(color: Color | None, cut: Cut, frequency: Array) -> Array:
+    """Errors at frequencies (bin,) Hz over those in the octave above a cut, which show them; one if white."""
+    if color is None:
+        return np.ones(len(frequency))
+    above = color.density(2 * np.pi * np.array([2 * cut.frequency]))
+    return np.asarray(np.maximum(color.density(2 * np.pi * frequency) / above, 1.0))
+
+
+def low_passed(
+    time: Array, channel: PlainChannel, cuts: list[Cut], color: Color | None = None
+) -> tuple[Array, Array]:
     """The load that a channel shows below its cuts, and its standard deviation, (time, 3) each."""
     at, values, std = channel.frame, np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
     for cutoff in {cut.frequency for cut in cuts}:
         spline = SmoothingSpline(channel.time, cutoff)
         axes = np.flatnonzero([cut.frequency == cutoff for cut in cuts])
-        noise = np.array([cuts[a].noise for a in axes]) * (1 + ADDED * (channel.corner[axes] / cutoff) ** 2)
+        loud = [float(louder(color, cuts[a], np.array([cutoff]))[0]) for a in axes]
+        noise = (
+            np.array([cuts[a].noise for a in axes])
+            * np.array(loud)
+            * (1 + ADDED * (channel.corner[axes] / cutoff) ** 2)
+        )
         left = spline.second(channel.residual)[central(channel.time)] if channel.lever else np.zeros(1)
         values[np.ix_(at, axes)] = spline.second(channel.z[:, axes])
         var = BIASED * np.outer(spline.gain(), noise) + off_by_fit(channel, np.full(1, np.mean(left**2)))
@@ -94,7 +110,13 @@ def low_passed(time: Array, channel: PlainChannel, cuts: list[Cut]) -> tuple[Arr
 
 
 def apart_in_bands(
-    channel: PlainChannel, found: MotionSpectrum, cuts: list[Cut], time: Array, load: Array, claim: Array
+    channel: PlainChannel,
+    found: MotionSpectrum,
+    cuts: list[Cut],
+    time: Array,
+    load: Array,
+    claim: Array,
+    color: Color | None = None,
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
@@ -126,7 +148,8 @@ def apart_in_bands(
             continue
         known = seen[:, a]
         claimed = float(weight[known] @ claim[known, a] ** 2 / weight[known].sum())
-        noise = np.concatenate([[0.0], cut.noise * found.moved[:, a]])
+        noise = cut.noise * louder(color, cut, found.frequency) * found.moved[:, a]
+        noise = np.concatenate([[0.0], noise])
         carried = np.concatenate([[0.0], found.power[:, a] * found.moved[:, a]]) * inexact
         own, carried, bent, size = (
             np.cumsum(whole * v)[ends - 1] for v in (noise, carried, fits, apart[:, a])

@@ -22,6 +22,7 @@ from scipy.optimize import Bounds, minimize
 from scipy.special import ive
 
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
+from forceid.flight.color import Color
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import AT_LIMIT, ORDERS, PROBE, tune_loads
 from forceid.kalman.building.lines import AT_ONCE, COHERENT, Line, winsorized
@@ -233,6 +234,7 @@ def tune_periodic(
     lines: tuple[Line, ...] = (),
     engine: Engine | None = None,
     near: Tuned | None = None,
+    color: Color | None = None,
 ) -> Tuned:
     """Quasi-periodic prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -242,7 +244,7 @@ def tune_periodic(
     if near is not None and isinstance(near.kernel, Periodic):
         start = near
     else:
-        start = tune_loads(time, z, gain, noise_var, drift, noise_range, orders, lines, engine, near)
+        start = tune_loads(time, z, gain, noise_var, drift, noise_range, orders, lines, engine, near, color)
     search = BeatSearch(runs_of(time, z, noise_var), gain, drift, lines, start, for_tuning(engine))
     if isinstance(known := start.kernel, Periodic):
         sizes = np.log([known.length, *known.std])

@@ -17,6 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from forceid.flight.channels import Channel, Start, load_chain
+from forceid.flight.color import root_of
 from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.lines import Line
@@ -248,4 +249,5 @@ def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = N
     Q[:, :3, :3] += step[:, None, None] * (prior.axes.T @ channel.drift @ prior.axes)
     H = np.zeros((3, len(P0)))
     H[:, :3] = channel.gain * prior.axes
-    return StateSpace(F, Q, H, channel.noise_cov, np.zeros(len(P0)), P0)
+    model = StateSpace(F, Q, H, channel.noise_cov, np.zeros(len(P0)), P0)
+    return model if channel.color is None else channel.color.beside(model, root_of(channel.noise_cov), step)

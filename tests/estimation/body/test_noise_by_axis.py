@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.body.deformation_residual import noise_beyond
+from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.motion.pose import fit_pose, log, through_fit
@@ -90,9 +90,7 @@ def test_noise_of_a_body_that_bends_is_found_where_no_shape_moves_it():
         by_markers = kinematics(recording.body, recording.motion, load_settings(model="modal"))
         assert by_markers.deforms
         assert not by_markers.apart
-        assert noise_beyond(by_markers, recording.motion) * by_markers.noise["position"] == pytest.approx(
-            sigma, rel=0.2
-        )
+        assert errors_beyond(by_markers, recording.motion)[0].std == pytest.approx(sigma, rel=0.2)
         found = estimate_recording(recording, load_settings(model="modal", lines="none"))
         assert found.tuned["noise_std_position"] == pytest.approx(sigma, rel=0.2)
 

@@ -1,0 +1,139 @@
+"""The errors of markers as what no motion of the body makes shows them: their size and their color.
+
+n markers have 3n - 6 - m numbers a sample that neither the pose nor m shapes move. Errors alike and
+independent between markers have one spectrum in all of these numbers, and in every coordinate of a marker.
+Source: theory of one model, section 3; the likelihood of Whittle (1953).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import digamma
+
+from forceid.flight.color import Color, autocorrelation
+from forceid.records import Array, Flags
+from forceid.significance import PATIENCE, SIGMAS, TENTH, WILD
+
+COLORS = (1, 2, 4)  # orders of errors with a memory: walks, and tracks smoothed at the source
+RATES = 24  # of memory, from one over the record to half a turn a sample
+WHITE = np.geomspace(
+    TENTH**2, 1.0, 17
+)  # shares of the variance that are white: nothing is known to less than a tenth
+FINER = 1.5  # from one to the next of both, within which a second look is taken
+HANN = 2 / 3  # of its frequencies are as good as independent under that taper
+UNEVEN = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.27
+FEWEST = 16  # samples in a row from which a spectrum can be told
+
+
+@dataclass(frozen=True)
+class MarkerErrors:
+    """Errors of a coordinate of a marker: standard deviation m, color (None: white), and how they are known.
+
+    relative: standard error of their density where many frequencies show it, as a part of it; uneven: one
+    where they are as large in all of the numbers, in the octave in which they differ most.
+    """
+
+    std: float
+    color: Color | None
+    relative: float
+    uneven: float
+
+    @property
+    def alike(self) -> bool:
+        """Whether they may be errors of markers, and are no motion that is larger in some of the numbers."""
+        return self.uneven < UNEVEN
+
+    def as_stated(self, std: float) -> bool:
+        """Whether they may well be white ones of a stated standard deviation."""
+        return self.color is None and abs(self.std**2 / std**2 - 1) < SIGMAS * self.relative
+
+
+def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
+    """Errors from the numbers y (time, freedom) m that no motion makes, NaN in frames that are not whole.
+
+    None where too few samples in a row show them.
+    """
+    run = longest(np.asarray(np.isfinite(y).all(1)))
+    y = y[run]
+    if not y.shape[1] or len(y) < FEWEST:
+        return None
+    n, step = len(y), float(np.ptp(time[run])) / (len(y) - 1)
+    y = y - np.median(y, 0)
+    usual = max(float(np.quantile(np.abs(y), 0.9)) / 1.645, np.finfo(float).tiny)  # as of a normal deviate
+    y = np.clip(y, -WILD * usual, WILD * usual)
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
+    taper /= np.sqrt((taper**2).sum())
+    waves = np.fft.rfft((y - taper @ y / taper.sum()) * taper[:, None], axis=0)[2:-1]
+    count, mean = HANN * y.shape[1], (np.abs(waves) ** 2).mean(1)
+
+    def likelihood(shape: Array) -> tuple[Array, Array]:
+        """Log-likelihood (...) of errors whose spectra have a shape (..., bin), and their variance."""
+        size = (mean / shape).mean(-1)
+        return -count * (np.log(shape).sum(-1) + len(mean) * (np.log(size) + 1)), size
+
+    white, size = likelihood(np.ones(len(mean)))
+    found, best, std, spectrum = None, float(white) + PATIENCE, float(np.sqrt(size)), np.ones(len(mean))
+    lag, shown = np.asarray(step * np.arange(n), float), window(taper)
+    for order in COLORS:
+        rates, whites = np.geomspace(1 / (n * step), np.pi / step, RATES), WHITE
+        for _ in range(2):  # the second time about the best of the first
+            colored = tapered_spectrum(autocorrelation(order, rates[:, None], lag), shown)[:, 2:-1]
+            value, size = likelihood(whites[:, None, None] + (1 - whites[:, None, None]) * colored)
+            i, j = np.unravel_index(int(value.argmax()), value.shape)
+            top, var_found, rate, part = (
+                float(value[i, j]),
+                float(size[i, j]),
+                float(rates[j]),
+                float(whites[i]),
+            )
+            shape = (1 - part) * colored[j] + part
+            rates = rate * FINER ** np.linspace(-1, 1, 9)
+            whites = np.clip(part * FINER ** np.linspace(-1, 1, 9), WHITE[0], 1.0)
+        if top > best:
+            best, std, spectrum = top, float(np.sqrt(var_found)), shape
+            found = Color(order, rate, 1 - part, step)
+    alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
+    octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
+    uneven = max(unevenness(alike[first:last]) for first, last in pairwise((0, *octaves.tolist())))
+    return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven)
+
+
+def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
+    """Arithmetic over geometric mean of the variances along the axes of waves (bin, freedom), over chance's.
+
+    One for errors that are alike. Source: the test of sphericity, Mauchly (1940).
+    """
+    m, dof = waves.shape[1], 2 * HANN * len(waves)
+    size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
+    if dof <= m or size[0] <= 0:
+        return np.inf
+    chance = float(np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof))
+    return float(np.exp(np.log(size.mean()) - np.log(size).mean() + chance))
+
+
+def tapered_spectrum(correlation: Array, shown: Array) -> Array:
+    """Expected spectrum (..., bin) of tapered samples with correlations (..., lag); shown (lag,): by it."""
+    g = correlation * shown
+    g = g + np.concatenate([np.zeros((*g.shape[:-1], 1)), g[..., :0:-1]], -1)
+    return np.maximum(np.fft.rfft(g, axis=-1).real, np.finfo(float).eps)
+
+
+def window(taper: Array) -> Array:
+    """What a taper (time,) shows of covariances (lag,): the sums of its products at each lag."""
+    n = len(taper)
+    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(taper, 2 * n)) ** 2, 2 * n)[:n])
+
+
+def longest(seen: Flags) -> slice:
+    """The longest run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
+    if not len(edges):
+        return slice(0, 0)
+    first, last = edges[::2], edges[1::2]
+    k = int((last - first).argmax())
+    return slice(int(first[k]), int(last[k]))

@@ -1,0 +1,80 @@
+"""Errors that follow themselves: a share of their variance with a memory, white the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.special import gamma, kv
+
+from forceid.kalman.building.process import Process, matern, matern_density
+from forceid.kalman.building.sensors import append
+from forceid.kalman.model import StateSpace
+from forceid.records import Array
+
+
+@dataclass(frozen=True)
+class Color:
+    """Errors of which a share of the variance is a Matern process of an order and rate 1/s; white the rest.
+
+    step s: of the samples that the white part belongs to.
+    """
+
+    order: int
+    rate: float
+    share: float
+    step: float
+
+    def density(self, w: Array) -> Array:
+        """Spectral density at w (...) rad/s over that of white errors of the same variance.
+
+        >>> Color(1, 5.0, 0.5, 0.01).density(np.array([0.0, 1e9])).round(3).tolist()
+        [20.5, 0.5]
+        """
+        return 1 - self.share + self.share * matern_density(self.order, 1.0, self.rate, w) / self.step
+
+    @cached_property
+    def slow(self) -> float:
+        """By how much the errors add up, over white ones of the same variance."""
+        return float(self.density(np.zeros(1))[0])
+
+    def process(self, var: Array) -> Process:
+        """The errors with a memory of channels whose errors have variances var (...)."""
+        return matern(self.order, np.sqrt(self.share * var), np.full(np.shape(var), self.rate))
+
+    def beside(self, model: StateSpace, root: Array, step: Array) -> StateSpace:
+        """A model of which the errors of covariance root root^T, root (time, channel, error), are colored so.
+
+        R of the model is left what is white of them; the states of the errors follow its own.
+        """
+        one = matern(self.order, 1.0, self.rate)
+        errors = root.shape[-1]
+        A, Qc, P0 = (np.asarray(np.kron(np.eye(errors), a), float) for a in (one.A, one.Qc, one.P0))
+        joint = Process(A, Qc, P0, np.ones(errors))
+        C = np.zeros((*root.shape[:-1], errors * self.order))
+        C[..., :: self.order] = np.sqrt(self.share) * root
+        wide = replace(model, H=np.broadcast_to(model.H, (len(root), *model.H.shape[-2:])))
+        return replace(append(wide, joint, C, step), R=model.R - self.share * root @ root.mT)
+
+
+def root_of(cov: Array, turn: Array | None = None) -> Array:
+    """Symmetric roots (time, n, n) of covariances, zero where they are not known.
+
+    turn (time, n, n): to axes in which they stand still, so that their roots do.
+    """
+    known = np.where(np.isfinite(cov), cov, 0.0)
+    still = known if turn is None else turn.mT @ known @ turn
+    size, axes = np.linalg.eigh(0.5 * (still + still.mT))
+    root = (axes * np.sqrt(np.maximum(size, 0.0))[:, None]) @ axes.mT
+    return np.asarray(root if turn is None else turn @ root)
+
+
+def autocorrelation(order: int, rate: Array, lag: Array) -> Array:
+    """Of Matern processes of some order and rate (...) 1/s, at lags (...) s.
+
+    >>> autocorrelation(1, np.array(2.0), np.array([0.0, 0.5])).round(6).tolist()
+    [1.0, 0.367879]
+    """
+    nu, x = order - 0.5, np.maximum(rate * lag, np.finfo(float).eps)
+    return np.asarray(2 ** (1 - nu) / gamma(nu) * x**nu * kv(nu, np.minimum(x, 600.0)))  # beyond, zero

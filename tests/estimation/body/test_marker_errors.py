@@ -1,0 +1,78 @@
+"""Errors of markers from what no motion makes, and estimates of bodies whose markers have such errors."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from forceid.config import load_settings
+from forceid.estimation.body.tracks.marker_errors import marker_errors
+from forceid.estimation.run import estimate_recording
+from forceid.records import Body, Motion, Recording
+
+STEP = 0.004
+
+
+def following(rng, samples, numbers, r):
+    """Errors of unit variance that follow themselves by r a sample."""
+    e = rng.standard_normal((samples + 300, numbers))
+    return lfilter([np.sqrt(1 - r**2)], [1.0, -r], e, axis=0)[300:]
+
+
+@pytest.mark.parametrize("r", [0.0, 0.3, 0.6, 0.9])
+def test_size_and_memory_are_found_within_their_errors(r):
+    size, forgets = [], []
+    for seed in range(12):
+        rng = np.random.default_rng([7, seed])
+        found = marker_errors(STEP * np.arange(500), 2.0 * following(rng, 500, 9, r))
+        assert found.alike
+        size.append(found.std / 2.0)
+        forgets.append(1.0 if found.color is None else found.color.slow)
+    assert np.mean(size) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(forgets) == pytest.approx((1 + r) / (1 - r), rel=0.25)
+
+
+def test_white_errors_are_hardly_ever_said_to_have_a_memory():
+    said = 0
+    for seed in range(60):
+        rng = np.random.default_rng([8, seed])
+        said += marker_errors(STEP * np.arange(200), rng.standard_normal((200, 6))).color is not None
+    assert said <= 1
+
+
+def test_a_motion_in_one_of_the_numbers_is_no_error_of_markers():
+    rng = np.random.default_rng(9)
+    y = rng.standard_normal((400, 9))
+    y[:, 3] += 5 * np.sin(2 * np.pi * 6 * STEP * np.arange(400))
+    assert not marker_errors(STEP * np.arange(400), y).alike
+
+
+def test_gaps_leave_the_longest_run():
+    rng = np.random.default_rng(10)
+    y = following(rng, 600, 6, 0.8)
+    y[::100] = np.nan
+    y[101:300] = np.nan
+    assert marker_errors(STEP * np.arange(600), y).std == pytest.approx(1.0, rel=0.35)
+    assert marker_errors(STEP * np.arange(10), y[:10]) is None
+
+
+@pytest.mark.parametrize("r", [0.4, 0.9])
+def test_force_and_moment_beside_errors_with_a_memory_are_known_as_claimed(r):
+    """A body in free fall under a slow force; 8 records, told nothing of the errors."""
+    time, mass, J = STEP * np.arange(300), 2.0, np.diag([0.02, 0.03, 0.04])
+    inside, said, over = [], [], []
+    for seed in range(8):
+        rng = np.random.default_rng([11, seed])
+        X = rng.uniform(-0.2, 0.2, (7, 3))
+        rate, size, phase = rng.uniform(4, 12, 3), rng.uniform(1, 5, 3), rng.uniform(0, 6, 3)
+        force = size * np.cos(rate * time[:, None] + phase)
+        center = -force / mass / rate**2
+        x = center[:, None] + X + 5e-4 * following(rng, 300, 21, r).reshape(-1, 7, 3)
+        body = Body(tuple("abcdefg"), X, total_mass=mass, mass_center=np.zeros(3), inertia=J)
+        found = estimate_recording(Recording(body, Motion(time, x, gravity=np.zeros(3))), load_settings())
+        off = (found.force - force)[40:-40]
+        over.append(np.sqrt(np.mean(off**2) / np.mean(found.force_std[40:-40] ** 2)))
+        inside.append(np.mean(np.abs(off) < 1.96 * found.force_std[40:-40]))
+        said.append(found.verdict.level)
+    assert 0.5 < np.median(over) < 1.3
+    assert np.mean(inside) > 0.9
+    assert said.count("ok") >= 6
