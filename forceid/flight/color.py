@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.special import gamma, kv
 
-from forceid.kalman.building.process import Process, matern, matern_density
-from forceid.kalman.building.sensors import append
+from forceid.kalman.building.process import Process, block_diagonal, discretize, matern, matern_density
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 
@@ -48,14 +47,24 @@ class Color:
 
         R of the model is left what is white of them; the states of the errors follow its own.
         """
-        one = matern(self.order, 1.0, self.rate)
-        errors = root.shape[-1]
-        A, Qc, P0 = (np.asarray(np.kron(np.eye(errors), a), float) for a in (one.A, one.Qc, one.P0))
-        joint = Process(A, Qc, P0, np.ones(errors))
-        C = np.zeros((*root.shape[:-1], errors * self.order))
-        C[..., :: self.order] = np.sqrt(self.share) * root
-        wide = replace(model, H=np.broadcast_to(model.H, (len(root), *model.H.shape[-2:])))
-        return replace(append(wide, joint, C, step), R=model.R - self.share * root @ root.mT)
+        one, errors, T = matern(self.order, 1.0, self.rate), root.shape[-1], len(root)
+        unique, which = np.unique(np.round(step, 12), return_inverse=True)
+        each = discretize(Process(one.A[None], one.Qc[None], one.P0, one.output), unique)
+        F, Q = (np.asarray(np.kron(np.eye(errors), a)[which], float) for a in each)
+        H = np.zeros((*root.shape[:-1], errors * self.order))
+        H[..., :: self.order] = np.sqrt(self.share) * root
+        more = F.shape[-1]
+
+        def beyond(own: Array, further: Array) -> Array:
+            return block_diagonal(np.broadcast_to(own, (T - 1, *own.shape[-2:])), further)
+
+        return StateSpace(
+            beyond(model.F, F), beyond(model.Q, Q),
+            np.concatenate([np.broadcast_to(model.H, (T, *model.H.shape[-2:])), H], -1),
+            model.R - self.share * root @ root.mT, np.pad(model.x0, (0, more)),
+            block_diagonal(model.P0, np.asarray(np.kron(np.eye(errors), one.P0), float)),
+            None if model.u is None else np.pad(model.u, ((0, 0), (0, more))),
+        )  # fmt: skip
 
 
 def root_of(cov: Array, turn: Array | None = None) -> Array:

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
-from forceid.estimation.body.tracks.noise_axes import NO_AXIS
+from forceid.estimation.body.tracks.noise_axes import NO_AXIS, uneven
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
@@ -80,9 +80,10 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
 def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array] | None:
     """Errors of the markers as what neither pose nor shape makes shows them; their deviations (3,), world.
 
-    None where these move the markers in all directions, or so few frames are whole that they hardly show it.
+    None where these move the markers in all directions, so few frames are whole that they hardly show it, or
+    the errors are known to differ by axis.
     """
-    if motion.measured is None:
+    if motion.measured is None or uneven(kin.noise_root["position"]) is not None:
         return None
     seen = beyond_rigid(motion.time, motion.measured, kin)
     if len(kin.shapes):
@@ -109,6 +110,8 @@ def by_axis(kin: Kinematics, seen: Beyond, errors: MarkerErrors) -> Array:
     some = np.linspace(0, len(R) - 1, TURNS).astype(int)
     for turn in R[some]:
         M += (np.einsum("ai,nimj,bj->namb", turn, projector, turn) ** 2).sum((0, 2)) / TURNS
+    if np.linalg.cond(M) * errors.relative > KNOWN:
+        return np.full(3, errors.std)
     var = np.maximum(np.linalg.solve(M, power), (NO_AXIS * errors.std) ** 2)
     if np.ptp(var) < SIGMAS * np.sqrt(3) * errors.relative * var.max():
         return np.full(3, errors.std)

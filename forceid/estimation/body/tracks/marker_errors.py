@@ -20,14 +20,14 @@ from forceid.records import Array, Flags
 from forceid.significance import PATIENCE, SIGMAS, TENTH, WILD
 
 COLORS = (1, 2, 4)  # orders of errors with a memory: walks, and tracks smoothed at the source
-RATES = 24  # of memory, from one over the record to half a turn a sample
+MEMORIES = 24  # of memory, from one over the record to half a turn a sample
 WHITE = np.geomspace(
     TENTH**2, 1.0, 17
 )  # shares of the variance that are white: nothing is known to less than a tenth
 FINER = 1.5  # from one to the next of both, within which a second look is taken
 HANN = 2 / 3  # of its frequencies are as good as independent under that taper
-UNEVEN = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.27
-FEWEST = 16  # samples in a row from which a spectrum can be told
+NOT_ALIKE = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.27
+SPECTRAL = 16  # samples in a row from which a spectrum can be told
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class MarkerErrors:
     @property
     def alike(self) -> bool:
         """Whether they may be errors of markers, and are no motion that is larger in some of the numbers."""
-        return self.uneven < UNEVEN
+        return self.uneven < NOT_ALIKE
 
     def as_stated(self, std: float) -> bool:
         """Whether they may well be white ones of a stated standard deviation."""
@@ -60,7 +60,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     """
     run = longest(np.asarray(np.isfinite(y).all(1)))
     y = y[run]
-    if not y.shape[1] or len(y) < FEWEST:
+    if not y.shape[1] or len(y) < SPECTRAL:
         return None
     n, step = len(y), float(np.ptp(time[run])) / (len(y) - 1)
     y = y - np.median(y, 0)
@@ -80,7 +80,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     found, best, std, spectrum = None, float(white) + PATIENCE, float(np.sqrt(size)), np.ones(len(mean))
     lag, shown = np.asarray(step * np.arange(n), float), window(taper)
     for order in COLORS:
-        rates, whites = np.geomspace(1 / (n * step), np.pi / step, RATES), WHITE
+        rates, whites = np.geomspace(1 / (n * step), np.pi / step, MEMORIES), WHITE
         for _ in range(2):  # the second time about the best of the first
             colored = tapered_spectrum(autocorrelation(order, rates[:, None], lag), shown)[:, 2:-1]
             value, size = likelihood(whites[:, None, None] + (1 - whites[:, None, None]) * colored)
