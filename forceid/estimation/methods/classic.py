@@ -39,8 +39,9 @@ def estimate_classic(
     """Wrench and motion by differentiating twice; the method is settings.method, and it needs no engine.
 
     Force and moment are second derivatives of m c and of the integrated angular momentum (principal
-    equations 2.4), each under the window that it calls for. There are no innovations. kin: kinematics of the
-    motion at the level of the settings, where they are known already.
+    equations 2.4), each under the window that it calls for. What the window leaves of a measured center, over
+    what noise alone would leave, stands for innovations. kin: kinematics of the motion at the level of the
+    settings, where they are known already.
     """
     kin = kinematics(body, motion, settings) if kin is None else kin
     errors, std, said = measured_errors(kin, motion)
@@ -54,7 +55,10 @@ def estimate_classic(
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
-    shared = errors is None and kin.stated[next(iter(kin.noise))] and slow_and_small(left, mean_square(left))
+    if motion.position is not None:  # markers show by themselves what their noise is
+        left = np.zeros((len(time), 0))
+    nis = mean_square(left) if left.size else np.full(len(time), np.nan)
+    shared = bool(left.size) and kin.stated[next(iter(kin.noise))] and slow_and_small(left, nis)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
     cov = np.full((len(time), 6, 6), np.nan)
@@ -77,7 +81,7 @@ def estimate_classic(
             amplitude, rate = np.nan_to_num(smooth.value), np.nan_to_num(smooth.first)
     state = FlightState(
         path.value, path.first, rotation, H, omega, force.target, moment, cov, kin.pose.cov,
-        np.zeros((len(time), 0)), np.full(len(time), np.nan), np.nan,
+        left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
     found = (*said, note("slow-errors")) if shared else said
@@ -106,7 +110,9 @@ def measured_angular_channel(kin: Kinematics) -> AngularChannel:
     return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h, known)
 
 
-def choose_moment(channel: AngularChannel, candidates: list[Window], color: Color | None) -> WindowChoice:
+def choose_moment(
+    channel: AngularChannel, candidates: list[Window], color: Color | None = None
+) -> WindowChoice:
     """Moment about the mass center under the window that the moment calls for."""
 
     def estimate(window: Window) -> tuple[Array, Array]:
