@@ -18,14 +18,16 @@ from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
+FEWEST = 5  # frames: start, speed and a constant load take three of them, its noise another
+
 
 def force_channel(kin: Kinematics, gravity: Array) -> Channel:
     """The mass center with the fall removed: a channel that the force drives."""
     center, time = kin.pose.center, kin.time - kin.time[0]
     seen = np.isfinite(center).all(1)
-    if seen.sum() < 5:
+    if seen.sum() < FEWEST:
         raise EstimationError(
-            f"shows the mass center in {seen.sum()} frames, fewer than the 5 that a force needs",
+            f"shows the mass center in {seen.sum()} frames, fewer than the {FEWEST} that a force needs",
             "the recording",
             "restore the markers, or give the center of a longer record",
         )
@@ -37,6 +39,13 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
 def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
     """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
     pose = kin.pose
+    turns = int(np.isfinite(pose.rotation).all((1, 2)).sum())
+    if turns < FEWEST:
+        raise EstimationError(
+            f"shows the rotation in {turns} frames, fewer than the {FEWEST} that a moment needs",
+            "the recording",
+            "restore the markers, or give a longer record",
+        )
     known, cov = None if kin.known is None else kin.known.turned, pose.cov[:, 3:, 3:]
     ch = angular_channel(kin.time, pose.rotation, cov, deformation.inertia, deformation.h, known)
     adds_up = 1.0 if kin.color is None else kin.color.slow
