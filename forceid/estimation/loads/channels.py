@@ -18,16 +18,16 @@ from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
-FEWEST = 5  # frames: start, speed and a constant load take three of them, its noise another
+LEAST_FRAMES = 5  # frames: start, speed and a constant load take three of them, its noise another
 
 
 def force_channel(kin: Kinematics, gravity: Array) -> Channel:
     """The mass center with the fall removed: a channel that the force drives."""
     center, time = kin.pose.center, kin.time - kin.time[0]
     seen = np.isfinite(center).all(1)
-    if seen.sum() < FEWEST:
+    if seen.sum() < LEAST_FRAMES:
         raise EstimationError(
-            f"shows the mass center in {seen.sum()} frames, fewer than the {FEWEST} that a force needs",
+            f"shows the mass center in {seen.sum()} frames, fewer than the {LEAST_FRAMES} that a force needs",
             "the recording",
             "restore the markers, or give the center of a longer record",
         )
@@ -40,9 +40,9 @@ def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
     """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
     pose = kin.pose
     turns = int(np.isfinite(pose.rotation).all((1, 2)).sum())
-    if turns < FEWEST:
+    if turns < LEAST_FRAMES:
         raise EstimationError(
-            f"shows the rotation in {turns} frames, fewer than the {FEWEST} that a moment needs",
+            f"shows the rotation in {turns} frames, fewer than the {LEAST_FRAMES} that a moment needs",
             "the recording",
             "restore the markers, or give a longer record",
         )
