@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -431,3 +431,31 @@ class Estimate:
     def moment_std(self) -> Array:
         """Standard deviation of the moment (time, 3) N m."""
         return deviation(self.wrench_cov)[..., 3:]
+
+
+class Frame(NamedTuple):
+    """One frame of markers as it comes in: time s and position (node, 3) m, world axes, NaN where not seen."""
+
+    time: float
+    position: Array
+
+
+@dataclass(frozen=True)
+class LiveWrench:
+    """The wrench at one frame, told a lag later: world axes, weight excluded, moment about the mass center.
+
+    time s; force (3,) N and moment (3,) N m with force_std and moment_std (3,), NaN where the markers do not
+    show it; reasons: why it is less sure than the frames around it, none where nothing is wrong.
+    """
+
+    time: float
+    force: Array
+    moment: Array
+    force_std: Array
+    moment_std: Array
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def flag(self) -> Level:
+        """`ok`, or `degraded` where there are reasons."""
+        return "degraded" if self.reasons else "ok"

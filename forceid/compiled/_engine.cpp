@@ -71,4 +71,5 @@ PYBIND11_MODULE(_engine, module) {
   def("polar", bodies.polar);
   def("bipolar", bodies.bipolar);
   def("steps", bodies.steps);
+  def("follow", chosen.lags.follow);
 }

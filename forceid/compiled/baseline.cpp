@@ -7,10 +7,12 @@
 #include "../kalman/lanes.hpp"
 #include "../kalman/strips.hpp"
 #include "../kalman/passes.hpp"
+#include "../kalman/fixed_lag.hpp"
 #include "../flight/flight.hpp"
 #include "../motion/poses.hpp"
 #include "../pseudorigid/polar.hpp"
 #include "../pseudorigid/splitting.hpp"
 
 const Kernels baseline_kernels = {
-    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps}};
+    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
+    {fixed_lag::follow}};

@@ -13,6 +13,7 @@ using Four = std::tuple<Out, Out, Out, Out>;
 using Poses = std::tuple<Out, Out, Out, Out, Out, Out>;
 using Runs = std::tuple<Tensor<Size>, Out, Out, Out, Out, Size>;
 using Later = std::tuple<Tensor<Size>, Out, Size>;
+using Followed = std::tuple<Out, Out, Out, Out, Out, Out, double>;
 using Smoothed = std::tuple<const char *, Out, Out, Out, Out, double, Out, Out, double>;
 
 // kalman/passes.hpp
@@ -47,10 +48,17 @@ struct Bodies {
                 double a, double b, double c, double d, bool volumetric, Array over);
 };
 
+// kalman/fixed_lag.hpp
+struct Lags {
+  Followed (*follow)(Array P, Array gain, Array R, Array y, Array C, Array var, Array F, Array Q, Array x, Array rows,
+                     Array z, Array noise, double most);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
   Bodies bodies;
+  Lags lags;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from forceid.motion.derivative import Derivatives as Derivatives
 from forceid.motion.derivative import derivatives as derivatives
+from forceid.motion.frame_fit import FrameFit as FrameFit
+from forceid.motion.frame_fit import fit_one as fit_one
+from forceid.motion.frame_fit import frame_fit as frame_fit
 from forceid.motion.frames import Frames as Frames
 from forceid.motion.frames import fit_frames as fit_frames
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN

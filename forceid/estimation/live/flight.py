@@ -1,0 +1,137 @@
+"""A flight that goes on: one frame after the other, and the wrench at those that have waited for the lag."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from forceid.estimation.live.loads import TICKS, begun_force, begun_moment, next_force, next_moment
+from forceid.estimation.live.model import LiveModel
+from forceid.estimation.live.sight import Seen, Swing, look, moved
+from forceid.flight.model import COARSE
+from forceid.kalman.recursions.fixed_lag import Course, without_first
+from forceid.records import Array, Frame, LiveWrench
+
+GAP = 1.5  # steps of the clock: a longer one has lost a frame
+SPARED = 50  # frames from one that is left out to the next that may be: 2 %, as of a recording
+UNTOLD = (np.full(3, np.nan), np.full(3, np.nan))  # of what no marker shows
+APART = 1e-6  # of a step: a frame that is due is not late by rounding
+
+
+class LiveFlight(NamedTuple):
+    """A flight behind a frame: its time s, the two loads, the rotation, the amplitudes, and what is pending.
+
+    origin (3,) m: from where places are counted; rotation None before the first pose; pending: time of each
+    frame whose wrench is not told yet, and the reasons against it; until s, why: up to when frames are
+    degraded by what was lost before; spared: frames since one was left out.
+    """
+
+    time: float
+    origin: Array
+    force: Course
+    moment: Course | None
+    rotation: Array | None
+    swing: Swing
+    pending: tuple[tuple[float, tuple[str, ...]], ...]
+    until: float
+    why: str
+    spared: int
+
+
+def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str = "") -> LiveFlight | None:
+    """A flight at its first frame; None where that shows no pose.
+
+    momentum (3,): a guess of the angular momentum, world axes; why: what the frames of the first lag suffer.
+    """
+    states = 0 if model.swings is None else len(model.swings.F)
+    seen, swing, lacking = look(model, frame.position, moved(model, np.zeros(states)), 0)
+    if seen is None:
+        return None
+    force, _ = next_force(model, begun_force(model), 0, seen, seen.center, False)
+    moment = None
+    if model.moment is not None:
+        course = begun_moment(model, momentum)
+        moment, _, _ = next_moment(model, course, seen.rotation, (0.0, 0), seen, (swing, swing), False)
+    reasons = (*missing(model, lacking), *([why] if why else []))
+    until = frame.time + lag if why else -np.inf
+    return LiveFlight(
+        frame.time, seen.center, force, moment, seen.rotation, swing, ((frame.time, reasons),), until, why,
+        SPARED,
+    )  # fmt: skip
+
+
+def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> LiveFlight | None:
+    """The flight behind one frame more; None where too long without a frame has lost it."""
+    step = frame.time - flight.time
+    ticks = max(1, round(step / model.step * TICKS))
+    seen, swing, lacking = look(model, frame.position, flight.swing, max(1, round(step / model.step)))
+    pending, until, why = flight.pending, flight.until, flight.why
+    if step > GAP * model.step:
+        pending, until, why = lost(flight, frame.time, lag, f"no frames for {step:.3g} s")
+    wild = flight.spared >= SPARED
+    force, off = next_force(model, flight.force, ticks, seen, flight.origin, wild)
+    spoiled = ["place"] if not len(force.gain) and seen is not None else []
+    moment, R = flight.moment, flight.rotation
+    if moment is not None and R is not None:
+        swings = (flight.swing, swing)
+        moment, R, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
+        if step > GAP * model.step and np.diagonal(moment.P)[:3].max() > COARSE**2 and len(pending) > 1:
+            return None
+        spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
+    reasons = missing(model, lacking)
+    if seen is None:
+        pending, until, why = lost(flight, frame.time, lag, "frames without a pose")
+        reasons = (f"{reasons[0]}: no pose",) if reasons else ("no pose",)
+    if spoiled:
+        reasons = (*reasons, f"its {' and '.join(spoiled)} left out: far off what is expected")
+    if frame.time <= until and why not in reasons:
+        reasons = (*reasons, why)
+    pending = (*pending, (frame.time, reasons))
+    spared = 0 if spoiled else flight.spared + 1
+    return LiveFlight(
+        frame.time, flight.origin, force, moment, R, swing, pending, until, why, spared
+    )
+
+
+def lost(flight: LiveFlight, time: float, lag: float, why: str) -> tuple[tuple, float, str]:
+    """What is pending with a reason against all of it, up to when the reason holds, and the reason."""
+    marked = tuple((t, r if why in r else (*r, why)) for t, r in flight.pending)
+    return marked, time + lag, why
+
+
+def missing(model: LiveModel, lacking: int) -> tuple[str, ...]:
+    """What is wrong with a frame that lacks markers."""
+    return (f"{lacking} of {int(model.seen.sum())} markers missing",) if lacking else ()
+
+
+def told(
+    model: LiveModel, flight: LiveFlight, up_to: float
+) -> tuple[LiveFlight, tuple[LiveWrench, ...]]:
+    """The wrenches at the pending frames up to a time, and the flight without them."""
+    n = 0
+    for time, _ in flight.pending:
+        if time > up_to + APART * model.step:
+            break
+        n += 1
+    if not n:
+        return flight, ()
+    found = tuple(wrench_at(model, flight, i) for i in range(n))
+    moment = None if flight.moment is None else without_first(flight.moment, n)
+    rest = flight._replace(
+        force=without_first(flight.force, n), moment=moment, pending=flight.pending[n:]
+    )
+    return rest, found
+
+
+def wrench_at(model: LiveModel, flight: LiveFlight, i: int) -> LiveWrench:
+    """The wrench at a pending frame."""
+    own, (time, reasons) = slice(3 * i, 3 * i + 3), flight.pending[i]
+    var = np.zeros(6)
+    var[:3] = flight.force.var[own]
+    if flight.moment is not None:
+        var[3:] = flight.moment.var[own]
+    std = np.sqrt(np.maximum(model.spread @ var, 0.0) + model.allowance)
+    if flight.moment is None:
+        return LiveWrench(time, flight.force.y[own].copy(), UNTOLD[0], std[:3], UNTOLD[1], reasons)
+    return LiveWrench(time, flight.force.y[own].copy(), flight.moment.y[own].copy(), std[:3], std[3:], reasons)

@@ -1,0 +1,156 @@
+"""The two loads of a flight from frame to frame: force on the mass center, moment on the rotation.
+
+The states are those of `forceid.flight.model`, each load along the axes of its prior. The rotation is
+linearized about where the filter expects the next frame, which is as near as a frame behind allows.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from forceid.compiled import engine as compiled
+from forceid.estimation.live.model import LiveModel
+from forceid.estimation.live.sight import Seen, Swing
+from forceid.flight.attitude import ReferenceTrajectory, between, turn_along, turned
+from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.kalman.recursions.fixed_lag import NO_FRAME, OBSERVED, Course, begun, followed
+from forceid.motion import SUBSTEP
+from forceid.records import Array
+from forceid.significance import WILD
+
+TICKS = 1024  # parts of a step of the clock that steps are rounded to: 10 um at 20 m/s and 1 kHz
+CLOCKS = 512  # lengths of a step that are remembered, 7 kB each: a clock with more of them costs time
+BOTH = slice(0, 6)  # the two integrals of a load
+FIRST = np.zeros(1, np.intp)  # the kind of a step that is the only one
+
+
+@lru_cache(CLOCKS)
+def transition(model: LiveModel, load: str, ticks: int) -> tuple[Array, Array, Array]:
+    """F, Q (state, state) and what weight adds (state,) over a step of so many ticks, of one of the loads."""
+    prior: LoadPrior = getattr(model, load)
+    if not ticks:
+        n = prior.states
+        return np.eye(n), np.zeros((n, n)), np.zeros(n)
+    step = ticks * model.step / TICKS
+    (F,), (Q,), _ = prior.chain(np.array([step]))
+    u = np.zeros(len(F))
+    if load == "force":
+        scale = np.ones(len(F))
+        scale[OBSERVED] = 1 / model.mass  # the chain holds m c
+        F, Q = F * scale[:, None] / scale, Q * np.outer(scale, scale)
+        gravity = model.gravity @ prior.axes
+        u[OBSERVED], u[MOMENTUM] = 0.5 * step**2 * gravity, model.mass * step * gravity
+    return F, Q, u
+
+
+@lru_cache(8)
+def rows_of(model: LiveModel, load: str) -> Array:
+    """Rows (3, state) that read a load, world axes."""
+    return np.ascontiguousarray(getattr(model, load).rows)
+
+
+def begun_force(model: LiveModel) -> Course:
+    """The force before its first frame, from where places are counted."""
+    _, _, P = model.force.chain(np.array([model.step]))
+    scale = np.ones(len(P))
+    scale[OBSERVED] = 1 / model.mass
+    return begun(np.zeros(len(P)), P * np.outer(scale, scale))
+
+
+def begun_moment(model: LiveModel, momentum: Array) -> Course:
+    """The moment before its first frame, at an angular momentum (3,) in world axes that is a guess."""
+    assert model.moment is not None
+    _, _, P = model.moment.chain(np.array([model.step]))
+    P[OBSERVED, OBSERVED] = np.eye(3)  # rad2: as good as unknown
+    x = np.zeros(len(P))
+    x[MOMENTUM] = momentum @ model.moment.axes
+    return begun(x, P)
+
+
+def next_force(
+    model: LiveModel, course: Course, ticks: int, seen: Seen | None, origin: Array, wild: bool
+) -> tuple[Course, float]:
+    """The force behind a frame, so many ticks after the one before, 0 for the first; and how far it is off.
+
+    wild: whether a frame that is far off what is expected may be left out.
+    """
+    prior, z, R = model.force, NO_FRAME, course.R
+    F, Q, u = transition(model, "force", ticks)
+    if seen is not None:
+        turn = prior.axes.T @ seen.rotation
+        z, R = (seen.center - origin) @ prior.axes, turn @ seen.cov[:3, :3] @ turn.T
+    most = WILD**2 if wild else np.inf
+    return followed(course, F @ course.x + u, F, Q, rows_of(model, "force"), z, R, most)
+
+
+def next_moment(
+    model: LiveModel, course: Course, R: Array, step: tuple[float, int], seen: Seen | None,
+    swings: tuple[Swing, Swing], wild: bool,
+) -> tuple[Course, Array, float]:  # fmt: skip
+    """The moment and the rotation R (3, 3) behind a frame, and how far off that is.
+
+    step: since the one before, in s and in ticks; swings: before the step and after it.
+    """
+    prior = model.moment
+    assert prior is not None
+    x, (F, Q, _) = course.x, transition(model, "moment", step[1])
+    if step[1]:
+        R, x, F, Q = turning(model, x, R, step[0], swings, F, Q)
+    z, cov = NO_FRAME, course.R
+    if seen is not None:
+        z, cov = between(seen.rotation[None], R[None])[0], seen.rotation @ seen.cov[3:, 3:] @ seen.rotation.T
+    after, off = followed(course, x, F, Q, rows_of(model, "moment"), z, cov, WILD**2 if wild else np.inf)
+    if not len(after.gain):
+        return after, R, off
+    theta = after.x[OBSERVED].copy()
+    after.x[OBSERVED] = 0.0  # the reference takes the error
+    return after, turned(theta[None], R[None])[0], off
+
+
+def turning(
+    model: LiveModel, x: Array, R: Array, step: float, swings: tuple[Swing, Swing], F: Array, Q: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Where a step leads from R and the states x: rotation and states, F and Q with the rotation error."""
+    prior, (now, then) = model.moment, swings
+    assert prior is not None
+    axes, away = prior.axes, F @ x
+    H0, Y, H = axes @ x[MOMENTUM], axes @ (F[INTEGRAL, LOAD] @ x[LOAD]), axes @ (away[MOMENTUM] - x[MOMENTUM])
+    T, dT = 6 * Y / step**2 - 2 * H / step, 6 * H / step**2 - 12 * Y / step**3
+    J, h = np.zeros((4, 1, 3, 3)), np.zeros((4, 1, 3))
+    J[3, 0], h[3, 0] = now.J, now.h
+    if then is not now:
+        J[2, 0], h[2, 0] = (then.J - now.J) / step, (then.h - now.h) / step
+    fastest = (abs(H0[0]) + abs(H0[1]) + abs(H0[2])) / model.least
+    two = np.zeros((5, 2, 3))
+    two[0], two[1], two[2] = H0, T, dT
+    path = ReferenceTrajectory(
+        np.array([step]), np.array([R, R]), two[0], two[1], two[2], J, h, 1 + int(fastest * step / SUBSTEP)
+    )
+    away[OBSERVED] = 0.0
+    if compiled is None:
+        R_next, top, noise = turned_in_numpy(path, axes, F, Q)
+    else:
+        resting = np.zeros((2, len(x)))
+        (top,), (noise,), by = compiled.rotation_rows(*path.parts, F[None], Q[None], FIRST, axes, resting)
+        R_next = compiled.turned(by, R[None])[0]
+    F, Q = F.copy(), Q.copy()
+    F[OBSERVED] = top
+    Q[OBSERVED], Q[:, OBSERVED] = noise, noise.T
+    return R_next, away, F, Q
+
+
+def turned_in_numpy(
+    path: ReferenceTrajectory, axes: Array, F: Array, Q: Array
+) -> tuple[Array, Array, Array]:
+    """Where a step turns, and the rows (3, state) of the rotation error in F and in Q, world axes."""
+    (R,), (by_theta,), by_H = turn_along(path)
+    step, (start, first, second) = path.step[0], by_H[:, 0] @ axes
+    by_both = np.concatenate(
+        [6 * (first - second / step) / step**2, (3 * second / step - 2 * first) / step], 1
+    )
+    top, noise = by_both @ F[BOTH], by_both @ Q[BOTH]
+    top[:, OBSERVED], top[:, MOMENTUM] = by_theta, start
+    noise[:, OBSERVED] = noise[:, BOTH] @ by_both.T
+    return R, top, noise

@@ -1,0 +1,182 @@
+"""What a stretch of frames tells of all frames to come: shape, deformation, noise, and priors of the loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.errors import EstimationError
+from forceid.estimation.body.deformation import products_of
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.methods.solution import Solution
+from forceid.estimation.run import estimate_whole
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman.building.process import discretize
+from forceid.motion import Products
+from forceid.records import Array, Body, Finding, Flags, Frame, Motion, Recording
+from forceid.rounding import SINGLE
+
+INSIDE = 8  # parts of a stretch, of which the first and the last are left out of a mean: claims rise there
+DOUBLINGS = 30  # of the steps of a filter until it rests, at most: a billion
+
+
+@dataclass(frozen=True, eq=False)
+class Swings:
+    """The amplitudes of shapes (mode, node, 3) as states (q, q', load) of each, as their filter settles.
+
+    F (state, state) over one step of the clock; each: states of a mode; P (state, state): covariance before a
+    frame that shows all markers; lasting (mode,) m2: variance of q behind it, times the frames for which an
+    error of a mode lasts.
+    """
+
+    shapes: Array
+    each: int
+    F: Array
+    P: Array
+    lasting: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LiveModel:
+    """A body in flight as frames to come are read with it.
+
+    step s of the clock; shape (node, 3) m about the mass center, body axes; weight (node,) of the rotation
+    fit; noise (dof, dof) m2: covariance of a frame, body axes; share (node,): of the mass that each node
+    carries, None where the mean of the nodes is not the mass center; noise_var m2 of a coordinate; swings:
+    None of a body that does not deform; mass kg; products: what amplitudes do to the inertia; inside (3,)
+    kg m2/s; gravity (3,); force, moment: priors, no moment where markers show none; momentum (3,): angular
+    momentum at the first frame, world axes; spread (6, 6): what claimed variances are times, allowance (6,): what is added; slow:
+    factor on the variance of errors that follow each other; least kg m2: the smallest moment of inertia;
+    findings of the stretch.
+    """
+
+    step: float
+    shape: Array
+    weight: Array
+    seen: Flags
+    noise: Array
+    share: Array | None
+    noise_var: float
+    swings: Swings | None
+    mass: float
+    products: Products
+    inside: Array
+    gravity: Array
+    force: LoadPrior
+    moment: LoadPrior | None
+    momentum: Array
+    spread: Array
+    allowance: Array
+    slow: float
+    least: float
+    level: str
+    tuned: dict[str, float]
+    findings: tuple[Finding, ...]
+
+
+def tuned_on(
+    frames: list[Frame], body: Body, gravity: Array, noise_std: dict[str, float], settings: Settings
+) -> LiveModel:
+    """The model of a stretch of frames, by the estimate of that stretch.
+
+    Raises EstimationError where the stretch shows no force.
+    """
+    time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
+    motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
+    found, solution = estimate_whole(Recording(body, motion), settings)
+    if solution is None or "force" not in solution.priors or solution.kinematics.markers is None:
+        why = "; ".join(found.verdict.reasons) or "the plain route alone stands, which has no prior"
+        raise EstimationError(f"cannot be tuned on: {why}", f"the stretch up to {time[-1]:g} s")
+    return model_of(solution, gravity, found.verdict.findings)
+
+
+def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) -> LiveModel:
+    """The model that a solved stretch leaves."""
+    kin, markers = solution.kinematics, solution.kinematics.markers
+    assert markers is not None
+    step = float(np.median(np.diff(kin.time)))
+    swings = swings_of(solution, step)
+    white = markers.noise_std**2 * np.eye(kin.shape.size)
+    beside = np.zeros_like(white) if kin.beside is None else kin.beside
+    if swings is None and len(kin.shapes):  # shapes that are not followed are noise of every frame
+        flat = kin.shapes.reshape(len(kin.shapes), -1)
+        var = np.nanmean(kin.amplitude**2, 0)
+        beside = beside + markers.period * flat.T @ (var[:, None] * flat)
+    weight = kin.inertia.weight
+    whole = kin.apart and markers.mean is not None
+    n, state = len(kin.time) // INSIDE, solution.state
+    inner = slice(n, len(kin.time) - n)
+    extra, J = np.zeros(6), solution.deformation.inertia
+    if solution.smoothing is not None:
+        extra = np.nan_to_num(np.diagonal(solution.smoothing.allowance, axis1=1, axis2=2)[inner].mean(0))
+    turning = kin.attitude and kin.inertia.line is None and "moment" in solution.priors
+    return LiveModel(
+        step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=white + beside,
+        share=weight / weight.sum() if whole else None, noise_var=markers.noise_std**2, swings=swings,
+        mass=kin.inertia.mass, products=products_of(kin) if swings is not None else still(kin),
+        inside=kin.inside, gravity=gravity, force=without_turning(solution.priors["force"]),
+        moment=without_turning(solution.priors["moment"]) if turning else None,
+        momentum=np.nan_to_num(state.H[0]),
+        spread=np.eye(6) if solution.growth is None else solution.growth**2, allowance=np.maximum(extra, 0.0),
+        least=float(np.linalg.eigvalsh(J)[:, 0].min()),
+        slow=1.0 if kin.color is None else kin.color.slow, level=kin.model, tuned=solution.tuned,
+        findings=findings,
+    )  # fmt: skip
+
+
+def still(kin: Kinematics) -> Products:
+    """Products of the mean shape alone."""
+    inertia = products_of(kin).inertia[:1, :1]
+    return Products(inertia, np.zeros((1, 0, 3)))
+
+
+def without_turning(prior: LoadPrior) -> LoadPrior:
+    """The prior with those of its lines that stand still in the world."""
+    lines = tuple(line for line in prior.lines if not line.turns)
+    return LoadPrior(prior.tuned, prior.axes, prior.start, lines)
+
+
+def swings_of(solution: Solution, step: float) -> Swings | None:
+    """How the shapes of a stretch swing; None where there are none, or mass without markers swings beside."""
+    kin, prior = solution.kinematics, solution.deformation.prior
+    if prior is None or kin.frames is None or kin.hidden is not None:
+        return None
+    m, each = len(prior.std), prior.states
+    F, Q = (in_blocks(a) for a in discretize(prior.process, np.full(m, step)))
+    rows = kin.frames.rows[np.argmax((kin.frames.rows**2).sum((1, 2)))]
+    read = np.zeros((len(rows), m * each))
+    read[:, ::each] = rows
+    P = settled_covariance(F, Q, read.T @ read)
+    PH = P @ read.T
+    after = P - PH @ np.linalg.solve(read @ PH + np.eye(len(read)), PH.T)
+    often = np.clip(2 * np.pi / (prior.frequency * step), 1.0, len(kin.time))
+    return Swings(kin.shapes, each, F, P, often * np.diagonal(after)[::each])
+
+
+def in_blocks(a: Array) -> Array:
+    """Matrices (mode, state, state) as one of all modes."""
+    m, n, _ = a.shape
+    wide = np.zeros((m, n, m, n))
+    wide[np.arange(m), :, np.arange(m)] = a
+    return wide.reshape(m * n, m * n)
+
+
+def settled_covariance(F: Array, Q: Array, information: Array) -> Array:
+    """Covariance (state, state) before a frame at which a filter comes to rest, by doubling its steps.
+
+    information (state, state): what a frame tells. Source: Anderson and Moore (1979) 6.7.
+
+    >>> settled_covariance(np.eye(1), np.eye(1), np.eye(1)).round(6).tolist()
+    [[1.618034]]
+    """
+    one, A, G, P = np.eye(len(F)), F.T, information, Q
+    for _ in range(DOUBLINGS):
+        through = np.linalg.solve(one + G @ P, A)
+        P_next = P + A.T @ P @ through
+        G = G + A @ np.linalg.solve(one + G @ P, G) @ A.T
+        A, before, P = A @ through, P, 0.5 * (P_next + P_next.T)
+        if np.abs(P - before).max() <= SINGLE * np.abs(P).max():
+            break
+    return P

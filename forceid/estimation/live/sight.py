@@ -1,0 +1,132 @@
+"""What one frame shows: mass center, rotation and amplitudes, from the markers that are seen in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from forceid.estimation.live.model import LiveModel
+from forceid.flight.attitude import turned
+from forceid.motion import FrameFit, fit_one, frame_fit
+from forceid.principal import summation_operator
+from forceid.records import Array, Flags
+from forceid.rounding import SOLVED
+
+PATTERNS = 256  # sets of markers that are remembered: what a frame with another one costs is paid again
+STEPS_AHEAD = 512  # of the clock, at most, that an amplitude swings on unseen: by then it has been forgotten
+
+
+class Seen(NamedTuple):
+    """What a frame shows: center (3,), rotation (3, 3), body to world, and covariance (6, 6), body axes."""
+
+    center: Array
+    rotation: Array
+    cov: Array
+
+
+class Swing(NamedTuple):
+    """States of all amplitudes after a frame, with the inertia J (3, 3) and momentum h (3,) they make."""
+
+    x: Array
+    J: Array
+    h: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What the frames that see one set of markers take: prepared once.
+
+    fit: of the pose; share (node,): of the mean that is the mass center, None where not all mass is seen;
+    cov (6, 6): of the pose with the amplitudes taken out, body axes; raw (number, channel): reads what the
+    residual tells of the amplitudes, rows (number, mode) of them with unit noise; gain (state, number): on
+    these; leak (6, mode): what amplitudes do to the pose.
+    """
+
+    fit: FrameFit
+    share: Array | None
+    cov: Array
+    raw: Array
+    rows: Array
+    gain: Array
+    leak: Array
+
+
+@lru_cache(PATTERNS)
+def sight(model: LiveModel, pattern: bytes) -> Sight | None:
+    """How frames that see a pattern of markers (node,) of bytes are read; None where they fix no pose."""
+    flags: Flags = np.frombuffer(pattern, bool)
+    fit = frame_fit(model.shape, model.weight, flags, model.noise)
+    if fit is None:
+        return None
+    share = model.share
+    if share is not None and not flags[share != 0].all():
+        share = None
+    cov, swings, m = fit.cov * model.slow, model.swings, 0
+    leak = raw = rows = gain = np.zeros((0, 0))
+    if swings is not None:
+        channels, m = np.repeat(flags, 3), len(swings.shapes)
+        flat = swings.shapes.reshape(m, -1).T[channels]
+        K, _, V_inv = fit.gain
+        leak, weighed = K @ flat, flat.T @ V_inv
+        information = weighed @ (flat - summation_operator(model.shape)[channels] @ leak)
+        size, axes = np.linalg.eigh(0.5 * (information + information.T))
+        known = size > SOLVED * size.max(initial=0.0)
+        root = np.sqrt(size[known])
+        rows, raw = (axes[:, known] * root).T, (axes[:, known] / root).T @ weighed
+        PH = swings.P[:, :: swings.each] @ rows.T
+        gain = np.linalg.solve(rows @ PH[:: swings.each] + np.eye(len(rows)), PH.T).T
+        spread = leak * np.sqrt(swings.lasting)
+        cov = cov + spread @ spread.T
+    if share is not None:
+        cov[:3], cov[:, :3] = 0.0, 0.0
+        cov[:3, :3] = model.slow * model.noise_var * (share**2).sum() * np.eye(3)
+    return Sight(fit, share, cov, raw, rows, gain, leak)
+
+
+def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[Seen | None, Swing, int]:
+    """What a frame (node, 3) shows, the amplitudes after it, and how many markers it lacks.
+
+    ticks: steps of the clock since the frame before.
+    """
+    finite = np.isfinite(position)
+    if finite.all():
+        flags, lacking = model.seen, 0
+    else:
+        flags = finite.all(1) & model.seen
+        lacking = int(model.seen.sum() - flags.sum())
+    s, swings, x = sight(model, flags.tobytes()), model.swings, swing.x
+    if swings is not None:
+        for _ in range(min(ticks, STEPS_AHEAD)):
+            x = swings.F @ x
+    if s is None:
+        return None, moved(model, x), lacking
+    center, R, residual = fit_one(s.fit, position)
+    mean = None
+    if s.share is not None:
+        mean = s.share @ position if not lacking else s.share[flags] @ position[flags]
+    if swings is None:
+        return Seen(center if mean is None else mean, R, s.cov), swing, lacking
+    left, each = residual.ravel() if not lacking else residual[flags].ravel(), swings.each
+    x = x + s.gain @ (s.raw @ left - s.rows @ x[::each])
+    off = s.leak @ x[::each]
+    if mean is None:
+        mean = center - R @ off[:3]
+    R = turned((R @ -off[3:])[None], R[None])[0]
+    return Seen(mean, R, s.cov), moved(model, x), lacking
+
+
+def moved(model: LiveModel, x: Array) -> Swing:
+    """The states of the amplitudes with the inertia and the momentum that they make."""
+    p, swings = model.products, model.swings
+    if swings is None:
+        return Swing(x, p.inertia[0, 0], model.inside)
+    each, m = swings.each, len(swings.shapes)
+    a = np.empty(m + 1)
+    a[0], a[1:] = 1.0, x[::each]
+    k = p.inertia.shape[0]
+    J = (np.outer(a, a).ravel() @ p.inertia.reshape(k * k, 9)).reshape(3, 3)
+    h = np.outer(a, x[1::each]).ravel() @ p.momentum.reshape(-1, 3) + model.inside
+    return Swing(x, J, h)

@@ -1,0 +1,143 @@
+// One step of a filter with the fixed-point smoothers of the frames that are pending: written in numpy in
+// recursions/fixed_lag.py, step for step the same. Row-major doubles.
+
+namespace {
+namespace fixed_lag {
+
+using namespace lanes;
+
+constexpr Size TILE = 2 * LANES; // columns that two registers hold
+
+INLINE Size padded(Size n) { return (n + TILE - 1) / TILE * TILE; }
+
+typedef double Loose __attribute__((vector_size(LANES * 8), may_alias, aligned(8))); // wherever it begins
+
+// ROWS rows of y = x a, all of `wide` columns, a multiple of TILE: a tile of y stays in registers
+template <int ROWS>
+INLINE void multiply_rows(const double *x, Size x_apart, const double *a, double *y, Size m, Size wide) {
+  for (Size j = 0; j < wide; j += TILE) {
+    Lanes left[ROWS], right[ROWS];
+#pragma GCC unroll 4
+    for (int i = 0; i < ROWS; ++i) left[i] = right[i] = Lanes{};
+    const double *from = x;
+    for (const double *row = a + j, *end = row + m * wide; row != end; row += wide, ++from) {
+      const Lanes first = *reinterpret_cast<const Loose *>(row);
+      const Lanes second = *reinterpret_cast<const Loose *>(row + LANES);
+#pragma GCC unroll 4
+      for (int i = 0; i < ROWS; ++i) {
+        const Lanes f = all(from[i * x_apart]);
+        left[i] += f * first;
+        right[i] += f * second;
+      }
+    }
+#pragma GCC unroll 4
+    for (int i = 0; i < ROWS; ++i) {
+      *reinterpret_cast<Loose *>(y + i * wide + j) = left[i];
+      *reinterpret_cast<Loose *>(y + i * wide + j + LANES) = right[i];
+    }
+  }
+}
+
+// y (rows, wide) = x (rows, m), rows x_apart from each other, times a (m, wide)
+INLINE void multiply(const double *x, Size x_apart, const double *a, double *y, Size rows, Size m, Size wide) {
+  Size i = 0;
+  for (; i + 4 <= rows; i += 4) multiply_rows<4>(x + i * x_apart, x_apart, a, y + i * wide, m, wide);
+  for (; i < rows; ++i) multiply_rows<1>(x + i * x_apart, x_apart, a, y + i * wide, m, wide);
+}
+
+// Inverse of a symmetric 3 by 3 matrix.
+INLINE void invert(const double *a, double *z) {
+  z[0] = a[4] * a[8] - a[5] * a[7], z[1] = a[2] * a[7] - a[1] * a[8], z[2] = a[1] * a[5] - a[2] * a[4];
+  z[3] = a[5] * a[6] - a[3] * a[8], z[4] = a[0] * a[8] - a[2] * a[6], z[5] = a[2] * a[3] - a[0] * a[5];
+  z[6] = a[3] * a[7] - a[4] * a[6], z[7] = a[1] * a[6] - a[0] * a[7], z[8] = a[0] * a[4] - a[1] * a[3];
+  const double d = 1.0 / (a[0] * z[0] + a[1] * z[3] + a[2] * z[6]);
+  for (int i = 0; i < 9; ++i) z[i] *= d;
+}
+
+Followed follow(Array P_, Array gain_, Array R_, Array y_, Array C_, Array var_, Array F_, Array Q_, Array x_,
+                Array rows_, Array z_, Array noise_, double most) {
+  const Size n = x_.shape(0), m = rows_.shape(0), p = y_.size();
+  const bool closed_loop = gain_.size() > 0, seen = z_.size() > 0;
+  Out P2({n, n}), C2({p + m, n}), y2({p + m}), var2({p + m}), x2({n});
+  Out none({0, 3});
+  // F, closed by the gain of the frame before; all matrices with rows of `wide`, zero beyond n
+  const Size wide = padded(n);
+  static thread_local Buffer memory;
+  memory.resize((3 * n + std::max(p, n)) * wide + 6 * n);
+  double *closed = memory.data(), *turned = closed + n * wide, *through = turned + n * wide;
+  double *spread = through + 3 * n, *work = spread + 3 * n, *further = work + n * wide;
+  std::fill(closed, work, 0.0);
+  const double *F = F_.data(), *Q = Q_.data(), *K_before = gain_.data();
+  for (Size i = 0; i < n; ++i) {
+    std::copy(F + i * n, F + i * n + n, closed + i * wide);
+    if (!closed_loop) continue;
+    for (Size k = 0; k < n; ++k)
+      for (int l = 0; l < 3; ++l) through[3 * i + l] += F[i * n + k] * K_before[3 * k + l];
+    for (int l = 0; l < 3; ++l) closed[i * wide + l] -= through[3 * i + l];
+    for (int l = 0; l < 3; ++l)
+      for (int k = 0; k < 3; ++k) spread[3 * i + l] += through[3 * i + k] * R_.data()[3 * k + l];
+  }
+  for (Size i = 0; i < n; ++i)
+    for (Size j = 0; j < n; ++j) turned[j * wide + i] = closed[i * wide + j];
+  // P: of the state before the frame
+  double *P = P2.data();
+  multiply(P_.data(), n, turned, work, n, n, wide);
+  multiply(closed, wide, work, further, n, n, wide);
+  for (Size i = 0; i < n; ++i)
+    for (Size j = 0; j <= i; ++j) {
+      double sum = 0.5 * (further[i * wide + j] + further[j * wide + i]) + Q[i * n + j];
+      for (int l = 0; l < 3; ++l) sum += spread[3 * i + l] * through[3 * j + l];
+      P[i * n + j] = P[j * n + i] = sum;
+    }
+  // what is pending, and the frame itself
+  double *C = C2.data(), *y = y2.data(), *var = var2.data(), *x = x2.data();
+  const double *rows = rows_.data();
+  multiply(C_.data(), n, turned, further, p, n, wide);
+  for (Size i = 0; i < p; ++i) std::copy(further + i * wide, further + i * wide + n, C + i * n);
+  for (Size i = 0; i < m; ++i)
+    for (Size j = 0; j < n; ++j) {
+      double sum = 0.0;
+      for (Size k = 0; k < n; ++k) sum += rows[i * n + k] * P[k * n + j];
+      C[(p + i) * n + j] = sum;
+    }
+  std::copy(y_.data(), y_.data() + p, y);
+  std::copy(var_.data(), var_.data() + p, var);
+  std::copy(x_.data(), x_.data() + n, x);
+  for (Size i = 0; i < m; ++i) {
+    y[p + i] = var[p + i] = 0.0;
+    for (Size j = 0; j < n; ++j) {
+      y[p + i] += rows[i * n + j] * x[j];
+      var[p + i] += rows[i * n + j] * C[(p + i) * n + j];
+    }
+  }
+  if (!seen) return std::make_tuple(x2, P2, none, y2, C2, var2, 0.0);
+  double S[9], inverse[9], nu[3], weighed[3], off = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    nu[i] = z_.data()[i] - x[i];
+    for (int j = 0; j < 3; ++j) S[3 * i + j] = P[i * n + j] + noise_.data()[3 * i + j];
+  }
+  invert(S, inverse);
+  for (int i = 0; i < 3; ++i) {
+    weighed[i] = inverse[3 * i] * nu[0] + inverse[3 * i + 1] * nu[1] + inverse[3 * i + 2] * nu[2];
+    off += nu[i] * weighed[i];
+  }
+  if (!(off < most)) return std::make_tuple(x2, P2, none, y2, C2, var2, off);
+  Out gain({n, 3});
+  double *K = gain.data();
+  for (Size i = 0; i < p + m; ++i) {
+    const double *c = C + i * n;
+    y[i] += c[0] * weighed[0] + c[1] * weighed[1] + c[2] * weighed[2];
+    for (int a = 0; a < 3; ++a)
+      var[i] -= c[a] * (inverse[3 * a] * c[0] + inverse[3 * a + 1] * c[1] + inverse[3 * a + 2] * c[2]);
+  }
+  for (Size i = 0; i < n; ++i) {
+    const double *row = P + i * n;
+    x[i] += row[0] * weighed[0] + row[1] * weighed[1] + row[2] * weighed[2];
+    for (int a = 0; a < 3; ++a)
+      K[3 * i + a] = row[0] * inverse[a] + row[1] * inverse[3 + a] + row[2] * inverse[6 + a];
+  }
+  return std::make_tuple(x2, P2, gain, y2, C2, var2, off);
+}
+
+} // namespace fixed_lag
+} // namespace
