@@ -18,6 +18,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "open_motion": "forceid.files.tree",
     "estimate": "forceid.estimation.run",
+    "live": "forceid.estimation.live.run",
     "summation_operator": "forceid.principal.operator",
     "mass_properties": "forceid.principal.mass",
     "resultant": "forceid.principal.wrench",
@@ -29,6 +30,7 @@ _PUBLIC = {
 __all__ = ["__version__", *_PUBLIC]
 
 if TYPE_CHECKING:
+    from forceid.estimation.live.run import live as live
     from forceid.estimation.run import estimate as estimate
     from forceid.files.tree import open_motion as open_motion
     from forceid.principal.loads import distribute as distribute

@@ -434,7 +434,7 @@ class Estimate:
 
 
 class Frame(NamedTuple):
-    """One frame of markers as it comes in: time s and position (node, 3) m, world axes, NaN where not seen."""
+    """A frame of markers: time s and position (node, 3) m, world axes, NaN where not seen."""
 
     time: float
     position: Array

@@ -21,6 +21,7 @@ MODULES = {
     "inspect": "inspect",
     "estimate": "estimate",
     "identify": "identify",
+    "live": "live",
     "batch": "batch",
     "report": "report",
     "settings": "settings",

@@ -11,6 +11,8 @@ from forceid.face import on_first_use
 
 _HOMES = {
     "estimate": "forceid.estimation.run",
+    "followed_live": "forceid.estimation.live.run",
+    "live_pace": "forceid.estimation.live.run",
     "estimate_source": "forceid.estimation.long.out_of_core",
     "read_recording": "forceid.estimation.long.out_of_core",
     "inspect_recording": "forceid.estimation.inspection",
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from forceid.estimation.joints.null_space import listed as listed
     from forceid.estimation.joints.null_space import trading_joints as trading_joints
     from forceid.estimation.joints.null_space import undetermined_components as undetermined_components
+    from forceid.estimation.live.run import followed_live as followed_live
+    from forceid.estimation.live.run import live_pace as live_pace
     from forceid.estimation.long.out_of_core import estimate_source as estimate_source
     from forceid.estimation.long.out_of_core import read_recording as read_recording
     from forceid.estimation.long.windows import Progress as Progress

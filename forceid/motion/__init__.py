@@ -7,9 +7,6 @@ from __future__ import annotations
 
 from forceid.motion.derivative import Derivatives as Derivatives
 from forceid.motion.derivative import derivatives as derivatives
-from forceid.motion.frame_fit import FrameFit as FrameFit
-from forceid.motion.frame_fit import fit_one as fit_one
-from forceid.motion.frame_fit import frame_fit as frame_fit
 from forceid.motion.frames import Frames as Frames
 from forceid.motion.frames import fit_frames as fit_frames
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN
@@ -20,6 +17,9 @@ from forceid.motion.free_rotation import free_turn as free_turn
 from forceid.motion.free_rotation import largest_turn as largest_turn
 from forceid.motion.free_rotation import momentum_between as momentum_between
 from forceid.motion.free_rotation import rotation_vector_rate as rotation_vector_rate
+from forceid.motion.one_frame import FrameFit as FrameFit
+from forceid.motion.one_frame import fit_one as fit_one
+from forceid.motion.one_frame import frame_fit as frame_fit
 from forceid.motion.pose import Pose as Pose
 from forceid.motion.pose import body_axes as body_axes
 from forceid.motion.pose import exp as exp

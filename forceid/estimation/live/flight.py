@@ -8,15 +8,22 @@ import numpy as np
 
 from forceid.estimation.live.loads import TICKS, begun_force, begun_moment, next_force, next_moment
 from forceid.estimation.live.model import LiveModel
-from forceid.estimation.live.sight import Seen, Swing, look, moved
+from forceid.estimation.live.sight import Swing, look, moved
 from forceid.flight.model import COARSE
 from forceid.kalman.recursions.fixed_lag import Course, without_first
 from forceid.records import Array, Frame, LiveWrench
 
 GAP = 1.5  # steps of the clock: a longer one has lost a frame
 SPARED = 50  # frames from one that is left out to the next that may be: 2 %, as of a recording
-UNTOLD = (np.full(3, np.nan), np.full(3, np.nan))  # of what no marker shows
+UNTOLD = np.full(3, np.nan)  # of what no marker shows
+MEMORY = 50  # frames over which the misfit is averaged: it is known to 6 %
+MISFIT = 2.0  # mean squared innovation, in units of what is expected: one if the tuning fits
+ASTRAY = 100.0  # the same, of a filter that is lost: ten standard deviations for many frames
+YOUNG = 8  # frames after which a rotation that is uncertain has been lost, and not just begun
 APART = 1e-6  # of a step: a frame that is due is not late by rounding
+
+
+Pending = tuple[tuple[float, tuple[str, ...]], ...]
 
 
 class LiveFlight(NamedTuple):
@@ -24,7 +31,8 @@ class LiveFlight(NamedTuple):
 
     origin (3,) m: from where places are counted; rotation None before the first pose; pending: time of each
     frame whose wrench is not told yet, and the reasons against it; until s, why: up to when frames are
-    degraded by what was lost before; spared: frames since one was left out.
+    degraded by what was lost before; spared: frames since one was left out; misfit: mean squared innovation of
+    late, one where the tuning fits; age: frames so far.
     """
 
     time: float
@@ -33,10 +41,12 @@ class LiveFlight(NamedTuple):
     moment: Course | None
     rotation: Array | None
     swing: Swing
-    pending: tuple[tuple[float, tuple[str, ...]], ...]
+    pending: Pending
     until: float
     why: str
     spared: int
+    misfit: float
+    age: int
 
 
 def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str = "") -> LiveFlight | None:
@@ -57,12 +67,12 @@ def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str 
     until = frame.time + lag if why else -np.inf
     return LiveFlight(
         frame.time, seen.center, force, moment, seen.rotation, swing, ((frame.time, reasons),), until, why,
-        SPARED,
+        SPARED, 1.0, 1,
     )  # fmt: skip
 
 
 def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> LiveFlight | None:
-    """The flight behind one frame more; None where too long without a frame has lost it."""
+    """The flight behind one frame more; None where it is lost: too long unseen, or nowhere near the frames."""
     step = frame.time - flight.time
     ticks = max(1, round(step / model.step * TICKS))
     seen, swing, lacking = look(model, frame.position, flight.swing, max(1, round(step / model.step)))
@@ -70,15 +80,16 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     if step > GAP * model.step:
         pending, until, why = lost(flight, frame.time, lag, f"no frames for {step:.3g} s")
     wild = flight.spared >= SPARED
-    force, off = next_force(model, flight.force, ticks, seen, flight.origin, wild)
+    force, far = next_force(model, flight.force, ticks, seen, flight.origin, wild)
     spoiled = ["place"] if not len(force.gain) and seen is not None else []
     moment, R = flight.moment, flight.rotation
     if moment is not None and R is not None:
         swings = (flight.swing, swing)
         moment, R, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
-        if step > GAP * model.step and np.diagonal(moment.P)[:3].max() > COARSE**2 and len(pending) > 1:
+        if seen is not None and flight.age > YOUNG and np.diagonal(moment.P)[:3].max() > COARSE**2:
             return None
         spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
+        far = 0.5 * (far + off)
     reasons = missing(model, lacking)
     if seen is None:
         pending, until, why = lost(flight, frame.time, lag, "frames without a pose")
@@ -87,14 +98,20 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
         reasons = (*reasons, f"its {' and '.join(spoiled)} left out: far off what is expected")
     if frame.time <= until and why not in reasons:
         reasons = (*reasons, why)
+    misfit = flight.misfit if seen is None else flight.misfit + (far / 3 - flight.misfit) / MEMORY
+    if misfit > MISFIT:
+        reasons = (*reasons, "late frames are far off what is expected: the tuning does not fit")
+    if misfit > ASTRAY:
+        return None
     pending = (*pending, (frame.time, reasons))
     spared = 0 if spoiled else flight.spared + 1
     return LiveFlight(
-        frame.time, flight.origin, force, moment, R, swing, pending, until, why, spared
-    )
+        frame.time, flight.origin, force, moment, R, swing, pending, until, why, spared, misfit,
+        flight.age + 1,
+    )  # fmt: skip
 
 
-def lost(flight: LiveFlight, time: float, lag: float, why: str) -> tuple[tuple, float, str]:
+def lost(flight: LiveFlight, time: float, lag: float, why: str) -> tuple[Pending, float, str]:
     """What is pending with a reason against all of it, up to when the reason holds, and the reason."""
     marked = tuple((t, r if why in r else (*r, why)) for t, r in flight.pending)
     return marked, time + lag, why
@@ -105,9 +122,7 @@ def missing(model: LiveModel, lacking: int) -> tuple[str, ...]:
     return (f"{lacking} of {int(model.seen.sum())} markers missing",) if lacking else ()
 
 
-def told(
-    model: LiveModel, flight: LiveFlight, up_to: float
-) -> tuple[LiveFlight, tuple[LiveWrench, ...]]:
+def told(model: LiveModel, flight: LiveFlight, up_to: float) -> tuple[LiveFlight, tuple[LiveWrench, ...]]:
     """The wrenches at the pending frames up to a time, and the flight without them."""
     n = 0
     for time, _ in flight.pending:
@@ -118,9 +133,7 @@ def told(
         return flight, ()
     found = tuple(wrench_at(model, flight, i) for i in range(n))
     moment = None if flight.moment is None else without_first(flight.moment, n)
-    rest = flight._replace(
-        force=without_first(flight.force, n), moment=moment, pending=flight.pending[n:]
-    )
+    rest = flight._replace(force=without_first(flight.force, n), moment=moment, pending=flight.pending[n:])
     return rest, found
 
 
@@ -131,7 +144,7 @@ def wrench_at(model: LiveModel, flight: LiveFlight, i: int) -> LiveWrench:
     var[:3] = flight.force.var[own]
     if flight.moment is not None:
         var[3:] = flight.moment.var[own]
-    std = np.sqrt(np.maximum(model.spread @ var, 0.0) + model.allowance)
+    std, force = np.sqrt(np.maximum(model.spread @ var, 0.0) + model.allowance), flight.force.y[own].copy()
     if flight.moment is None:
-        return LiveWrench(time, flight.force.y[own].copy(), UNTOLD[0], std[:3], UNTOLD[1], reasons)
-    return LiveWrench(time, flight.force.y[own].copy(), flight.moment.y[own].copy(), std[:3], std[3:], reasons)
+        return LiveWrench(time, force, UNTOLD, std[:3], UNTOLD, reasons)
+    return LiveWrench(time, force, flight.moment.y[own].copy(), std[:3], std[3:], reasons)

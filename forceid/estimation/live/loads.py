@@ -141,9 +141,7 @@ def turning(
     return R_next, away, F, Q
 
 
-def turned_in_numpy(
-    path: ReferenceTrajectory, axes: Array, F: Array, Q: Array
-) -> tuple[Array, Array, Array]:
+def turned_in_numpy(path: ReferenceTrajectory, axes: Array, F: Array, Q: Array) -> tuple[Array, Array, Array]:
     """Where a step turns, and the rows (3, state) of the rotation error in F and in Q, world axes."""
     (R,), (by_theta,), by_H = turn_along(path)
     step, (start, first, second) = path.step[0], by_H[:, 0] @ axes

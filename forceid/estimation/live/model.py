@@ -1,4 +1,4 @@
-"""What a stretch of frames tells of all frames to come: shape, deformation, noise, and priors of the loads."""
+"""What a stretch of frames tells of all to come: shape, deformation, noise, and priors of the loads."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from forceid.records import Array, Body, Finding, Flags, Frame, Motion, Recordin
 from forceid.rounding import SINGLE
 
 INSIDE = 8  # parts of a stretch, of which the first and the last are left out of a mean: claims rise there
+SLOW = {"slow-errors-allowed", "noise-hidden"}  # findings whose allowance holds for frames to come as well
 DOUBLINGS = 30  # of the steps of a filter until it rests, at most: a billion
 
 
@@ -47,9 +48,10 @@ class LiveModel:
     carries, None where the mean of the nodes is not the mass center; noise_var m2 of a coordinate; swings:
     None of a body that does not deform; mass kg; products: what amplitudes do to the inertia; inside (3,)
     kg m2/s; gravity (3,); force, moment: priors, no moment where markers show none; momentum (3,): angular
-    momentum at the first frame, world axes; spread (6, 6): what claimed variances are times, allowance (6,): what is added; slow:
-    factor on the variance of errors that follow each other; least kg m2: the smallest moment of inertia;
-    findings of the stretch.
+    momentum at the first frame, world axes; spread (6, 6): what claimed variances are times, allowance (6,):
+    what is added to them; at_first (frame, 6): the same at the frames of the stretch itself; slow: factor on
+    the variance of errors that follow each other; least kg m2: the smallest moment of inertia; findings of
+    the stretch.
     """
 
     step: float
@@ -69,6 +71,7 @@ class LiveModel:
     momentum: Array
     spread: Array
     allowance: Array
+    at_first: Array
     slow: float
     least: float
     level: str
@@ -106,11 +109,12 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         beside = beside + markers.period * flat.T @ (var[:, None] * flat)
     weight = kin.inertia.weight
     whole = kin.apart and markers.mean is not None
-    n, state = len(kin.time) // INSIDE, solution.state
-    inner = slice(n, len(kin.time) - n)
-    extra, J = np.zeros(6), solution.deformation.inertia
+    n, T, state = len(kin.time) // INSIDE, len(kin.time), solution.state
+    extra, J = np.zeros((T, 6)), solution.deformation.inertia
     if solution.smoothing is not None:
-        extra = np.nan_to_num(np.diagonal(solution.smoothing.allowance, axis1=1, axis2=2)[inner].mean(0))
+        extra = np.diagonal(solution.smoothing.allowance, axis1=1, axis2=2)
+        extra = np.maximum(np.nan_to_num(extra), 0.0)
+    lasts = bool(SLOW & {finding.code for finding in findings})
     turning = kin.attitude and kin.inertia.line is None and "moment" in solution.priors
     return LiveModel(
         step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=white + beside,
@@ -119,7 +123,8 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         inside=kin.inside, gravity=gravity, force=without_turning(solution.priors["force"]),
         moment=without_turning(solution.priors["moment"]) if turning else None,
         momentum=np.nan_to_num(state.H[0]),
-        spread=np.eye(6) if solution.growth is None else solution.growth**2, allowance=np.maximum(extra, 0.0),
+        spread=np.eye(6) if solution.growth is None else solution.growth**2,
+        allowance=extra[n : T - n].mean(0) * lasts, at_first=extra * (not lasts),
         least=float(np.linalg.eigvalsh(J)[:, 0].min()),
         slow=1.0 if kin.color is None else kin.color.slow, level=kin.model, tuned=solution.tuned,
         findings=findings,

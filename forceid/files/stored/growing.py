@@ -1,0 +1,119 @@
+"""A result file that grows while others read it: HDF5 with a single writer and many readers (SWMR)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import h5py
+import numpy as np
+
+from forceid.errors import ConfigError
+from forceid.records import LiveWrench
+
+EVERY = 0.2  # s, at least, from one write to the next: five a second are as many as a reader follows
+AT_ONCE = 1024  # frames that are held back at most: a chunk of the file
+REASON = 160  # bytes of the reasons of a frame: those of three things that go wrong at once
+NOTE = 480  # bytes of a note: six lines of a terminal
+VECTORS = {
+    "force": ("N", "applied force, world axes, weight excluded"),
+    "moment": ("N m", "applied moment about the mass center, world axes"),
+    "force_std": ("N", "standard deviation of the force"),
+    "moment_std": ("N m", "standard deviation of the moment"),
+}
+
+
+@dataclass
+class GrowingFile:
+    """An open file with what waits to be written to it: wrenches, and notes with the time they came at."""
+
+    group: Any
+    waiting: list[LiveWrench] = field(default_factory=list)
+    written: float = 0.0
+
+    def add(self, wrench: LiveWrench) -> None:
+        """Write a wrench, or hold it back for a while with those before it."""
+        self.waiting.append(wrench)
+        if len(self.waiting) >= AT_ONCE or monotonic() - self.written >= EVERY:
+            self.write()
+
+    def note(self, text: str) -> None:
+        """Write a line of text beside, with the number of wrenches so far."""
+        for name, value in (("note", text.encode()[:NOTE]), ("note_at", self.frames + len(self.waiting))):
+            data = self.group[name]
+            data.resize((len(data) + 1,))
+            data[-1] = value
+            data.flush()
+
+    @property
+    def frames(self) -> int:
+        """Wrenches that are written."""
+        return len(self.group["time"])
+
+    def write(self) -> None:
+        """Write what waits; time last, so that whoever reads up to its length finds all the rest."""
+        new, self.waiting, self.written = self.waiting, [], monotonic()
+        if not new:
+            return
+        first, end = self.frames, self.frames + len(new)
+        columns = {name: [getattr(w, name) for w in new] for name in VECTORS}
+        columns |= {
+            "degraded": [bool(w.reasons) for w in new],
+            "reasons": [", ".join(w.reasons).encode()[:REASON] for w in new],
+            "time": [w.time for w in new],
+        }
+        for name, values in columns.items():
+            data = self.group[name]
+            data.resize((end, *data.shape[1:]))
+            data[first:end] = values
+            data.flush()
+
+
+@contextmanager
+def growing_file(path: Path, about: Mapping[str, str | float]) -> Iterator[GrowingFile]:
+    """A file with the group /live, open for wrenches to come and for readers at the same time.
+
+    about: attributes of the group. ConfigError: it cannot be written.
+    """
+    try:
+        file = h5py.File(path, "w", libver="latest")
+    except OSError as e:
+        raise ConfigError(
+            f"cannot be written ({' '.join(str(e).split())[:120]})", str(path), "give another place"
+        ) from e
+    with file:
+        file.attrs["Conventions"] = "CF-1.11"
+        group = file.create_group("live")
+        for name, value in about.items():
+            group.attrs[name] = value
+        time = group.create_dataset("time", (0,), float, maxshape=(None,), chunks=(AT_ONCE,))
+        time.attrs["units"], time.attrs["long_name"] = "s", "time of the frame"
+        time.make_scale("time")
+        axis = group.create_dataset("axis", data=np.array([b"x", b"y", b"z"]))
+        axis.make_scale("axis")
+        for name, (units, long_name) in VECTORS.items():
+            data = group.create_dataset(name, (0, 3), float, maxshape=(None, 3), chunks=(AT_ONCE, 3))
+            data.attrs["units"], data.attrs["long_name"] = units, long_name
+            data.dims[0].attach_scale(time)
+            data.dims[1].attach_scale(axis)
+        flag = group.create_dataset("degraded", (0,), np.uint8, maxshape=(None,), chunks=(AT_ONCE,))
+        flag.attrs["long_name"] = "1 where there are reasons against a frame, 0 where there are none"
+        words = group.create_dataset(
+            "reasons", (0,), f"S{REASON}", maxshape=(None,), chunks=(AT_ONCE,), compression="gzip"
+        )
+        words.attrs["long_name"] = "why a frame is degraded, empty where it is not"
+        for data in (flag, words):
+            data.dims[0].attach_scale(time)
+        group.create_dataset("note", (0,), f"S{NOTE}", maxshape=(None,), chunks=(16,))
+        at = group.create_dataset("note_at", (0,), np.int64, maxshape=(None,), chunks=(16,))
+        at.attrs["long_name"] = "number of frames told before the note"
+        file.swmr_mode = True  # from here on nothing new is made, all may be read
+        growing = GrowingFile(group)
+        try:
+            yield growing
+        finally:
+            growing.write()
