@@ -31,8 +31,8 @@ class LiveFlight(NamedTuple):
 
     origin (3,) m: from where places are counted; rotation None before the first pose; pending: time of each
     frame whose wrench is not told yet, and the reasons against it; until s, why: up to when frames are
-    degraded by what was lost before; spared: frames since one was left out; misfit: mean squared innovation of
-    late, one where the tuning fits; age: frames so far.
+    degraded by what was lost before; spared: frames since one was left out; misfit: mean squared innovation
+    of late, one where the tuning fits; age: frames so far.
     """
 
     time: float
@@ -72,7 +72,7 @@ def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str 
 
 
 def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> LiveFlight | None:
-    """The flight behind one frame more; None where it is lost: too long unseen, or nowhere near the frames."""
+    """The flight behind one frame more; None where it is lost: unseen for long, or nowhere near them."""
     step = frame.time - flight.time
     ticks = max(1, round(step / model.step * TICKS))
     seen, swing, lacking = look(model, frame.position, flight.swing, max(1, round(step / model.step)))
