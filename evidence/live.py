@@ -165,7 +165,7 @@ def lasting(frames: int) -> list[dict[str, str]]:
                     "over claim": f"{np.sqrt(((off / numbers[:, 4:]) ** 2).mean()):.2f}",
                     "tunings so far": str(sum("tuned on" in text for text in said)),
                     "CPU a frame, tuning in it (us)": f"{1e6 * spent / len(error):.0f}",
-                }  # fmt: skip
+                }
             )
             error, began = [], process_time()
     return rows
@@ -234,8 +234,8 @@ def main() -> None:
 
 
 LONG = (
-    "A rigid body of four markers at 1000 Hz that tumbles and is shaken, {frames} frames, tuned anew every 60 s "
-    "on the last 1024 frames, in the same process; a line a minute."
+    "A rigid body of four markers at 1000 Hz that tumbles and is shaken, {frames} frames, tuned anew every "
+    "60 s on the last 1024 frames, in the same process; a line a minute."
 )
 
 if __name__ == "__main__":

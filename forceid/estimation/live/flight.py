@@ -86,7 +86,7 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     if moment is not None and R is not None:
         swings = (flight.swing, swing)
         moment, R, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
-        if seen is not None and flight.age > YOUNG and np.diagonal(moment.P)[:3].max() > COARSE**2:
+        if seen is not None and flight.age > YOUNG and np.trace(moment.P[:3, :3]) > COARSE**2:
             return None
         spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
         far = 0.5 * (far + off)
@@ -98,7 +98,9 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
         reasons = (*reasons, f"its {' and '.join(spoiled)} left out: far off what is expected")
     if frame.time <= until and why not in reasons:
         reasons = (*reasons, why)
-    misfit = flight.misfit if seen is None else flight.misfit + (far / 3 - flight.misfit) / MEMORY
+    misfit = flight.misfit
+    if seen is not None and not spoiled:
+        misfit += (far / 3 - misfit) / MEMORY
     if misfit > MISFIT:
         reasons = (*reasons, "late frames are far off what is expected: the tuning does not fit")
     if misfit > ASTRAY:

@@ -6,6 +6,7 @@ linearized about where the filter expects the next frame, which is as near as a 
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -14,7 +15,7 @@ from forceid.compiled import engine as compiled
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Seen, Swing
 from forceid.flight.attitude import ReferenceTrajectory, between, turn_along, turned
-from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.flight.priors.protocol import INTEGRAL, MOMENTUM, LoadPrior
 from forceid.kalman.recursions.fixed_lag import NO_FRAME, OBSERVED, Course, begun, followed
 from forceid.motion import SUBSTEP
 from forceid.records import Array
@@ -79,8 +80,10 @@ def next_force(
     prior, z, R = model.force, NO_FRAME, course.R
     F, Q, u = transition(model, "force", ticks)
     if seen is not None:
-        turn = prior.axes.T @ seen.rotation
-        z, R = (seen.center - origin) @ prior.axes, turn @ seen.cov[:3, :3] @ turn.T
+        z, R = (seen.center - origin) @ prior.axes, seen.sight.cov[:3, :3]
+        if seen.sight.share is None:  # else it is alike along all axes
+            turn = prior.axes.T @ seen.rotation
+            R = turn @ R @ turn.T
     most = WILD**2 if wild else np.inf
     return followed(course, F @ course.x + u, F, Q, rows_of(model, "force"), z, R, most)
 
@@ -100,7 +103,10 @@ def next_moment(
         R, x, F, Q = turning(model, x, R, step[0], swings, F, Q)
     z, cov = NO_FRAME, course.R
     if seen is not None:
-        z, cov = between(seen.rotation[None], R[None])[0], seen.rotation @ seen.cov[3:, 3:] @ seen.rotation.T
+        z, cov = (
+            between(seen.rotation[None], R[None])[0],
+            seen.rotation @ seen.sight.cov[3:, 3:] @ seen.rotation.T,
+        )
     after, off = followed(course, x, F, Q, rows_of(model, "moment"), z, cov, WILD**2 if wild else np.inf)
     if not len(after.gain):
         return after, R, off
@@ -115,25 +121,33 @@ def turning(
     """Where a step leads from R and the states x: rotation and states, F and Q with the rotation error."""
     prior, (now, then) = model.moment, swings
     assert prior is not None
-    axes, away = prior.axes, F @ x
-    H0, Y, H = axes @ x[MOMENTUM], axes @ (F[INTEGRAL, LOAD] @ x[LOAD]), axes @ (away[MOMENTUM] - x[MOMENTUM])
-    T, dT = 6 * Y / step**2 - 2 * H / step, 6 * H / step**2 - 12 * Y / step**3
+    axes, away, H0 = prior.axes, F @ x, x[MOMENTUM]
+    three = np.array([H0, away[INTEGRAL] - step * H0, away[MOMENTUM] - H0]) @ axes.T
+    # the moment and its rate over the step that do as much to the two integrals
+    over = np.array([[1, 0, 0], [0, 6 / step**2, -2 / step], [0, -12 / step**3, 6 / step**2]]) @ three
+    H0, T, dT = np.repeat(over[:, None], 2, 1)
     J, h = np.zeros((4, 1, 3, 3)), np.zeros((4, 1, 3))
-    J[3, 0], h[3, 0] = now.J, now.h
+    J[3], h[3] = now.J, now.h
     if then is not now:
-        J[2, 0], h[2, 0] = (then.J - now.J) / step, (then.h - now.h) / step
-    fastest = (abs(H0[0]) + abs(H0[1]) + abs(H0[2])) / model.least
-    two = np.zeros((5, 2, 3))
-    two[0], two[1], two[2] = H0, T, dT
-    path = ReferenceTrajectory(
-        np.array([step]), np.array([R, R]), two[0], two[1], two[2], J, h, 1 + int(fastest * step / SUBSTEP)
+        J[2], h[2] = (then.J - now.J) / step, (then.h - now.h) / step
+    size = math.hypot(*H0[0].tolist()) + math.hypot(*now.h.tolist())
+    parts = (
+        np.array([step]),
+        np.array([R, R]),
+        H0,
+        T,
+        dT,
+        J,
+        h,
+        1 + int(size / model.least * step / SUBSTEP),
     )
     away[OBSERVED] = 0.0
     if compiled is None:
-        R_next, top, noise = turned_in_numpy(path, axes, F, Q)
+        R_next, top, noise = turned_in_numpy(ReferenceTrajectory(*parts), axes, F, Q)
     else:
-        resting = np.zeros((2, len(x)))
-        (top,), (noise,), by = compiled.rotation_rows(*path.parts, F[None], Q[None], FIRST, axes, resting)
+        (top,), (noise,), by = compiled.rotation_rows(
+            *parts, F[None], Q[None], FIRST, axes, np.zeros((2, len(x)))
+        )
         R_next = compiled.turned(by, R[None])[0]
     F, Q = F.copy(), Q.copy()
     F[OBSERVED] = top

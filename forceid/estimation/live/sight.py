@@ -15,16 +15,9 @@ from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 from forceid.rounding import SOLVED
 
+ONE = np.ones(1)
 PATTERNS = 256  # sets of markers that are remembered: what a frame with another one costs is paid again
 STEPS_AHEAD = 512  # of the clock, at most, that an amplitude swings on unseen: by then it has been forgotten
-
-
-class Seen(NamedTuple):
-    """What a frame shows: center (3,), rotation (3, 3), body to world, and covariance (6, 6), body axes."""
-
-    center: Array
-    rotation: Array
-    cov: Array
 
 
 class Swing(NamedTuple):
@@ -40,18 +33,25 @@ class Sight:
     """What the frames that see one set of markers take: prepared once.
 
     fit: of the pose; share (node,): of the mean that is the mass center, None where not all mass is seen;
-    cov (6, 6): of the pose with the amplitudes taken out, body axes; raw (number, channel): reads what the
-    residual tells of the amplitudes, rows (number, mode) of them with unit noise; gain (state, number): on
-    these; leak (6, mode): what amplitudes do to the pose.
+    cov (6, 6): of the pose with the amplitudes taken out, body axes; of the states of the amplitudes, onward
+    (state, state): what becomes of those before a frame one step of the clock later, gain (state, channel):
+    what its residual adds; leak (6, state): what they take off the pose.
     """
 
     fit: FrameFit
     share: Array | None
     cov: Array
-    raw: Array
-    rows: Array
+    onward: Array
     gain: Array
     leak: Array
+
+
+class Seen(NamedTuple):
+    """What a frame shows: center (3,), rotation (3, 3), body to world, and how such frames are read."""
+
+    center: Array
+    rotation: Array
+    sight: Sight
 
 
 @lru_cache(PATTERNS)
@@ -64,8 +64,8 @@ def sight(model: LiveModel, pattern: bytes) -> Sight | None:
     share = model.share
     if share is not None and not flags[share != 0].all():
         share = None
-    cov, swings, m = fit.cov * model.slow, model.swings, 0
-    leak = raw = rows = gain = np.zeros((0, 0))
+    cov, swings = fit.cov * model.slow, model.swings
+    back = onward = gain = np.zeros((0, 0))
     if swings is not None:
         channels, m = np.repeat(flags, 3), len(swings.shapes)
         flat = swings.shapes.reshape(m, -1).T[channels]
@@ -77,13 +77,16 @@ def sight(model: LiveModel, pattern: bytes) -> Sight | None:
         root = np.sqrt(size[known])
         rows, raw = (axes[:, known] * root).T, (axes[:, known] / root).T @ weighed
         PH = swings.P[:, :: swings.each] @ rows.T
-        gain = np.linalg.solve(rows @ PH[:: swings.each] + np.eye(len(rows)), PH.T).T
+        K_q = np.linalg.solve(rows @ PH[:: swings.each] + np.eye(len(rows)), PH.T).T
+        back, wide = np.zeros((6, len(swings.F))), np.zeros((len(rows), len(swings.F)))
+        back[:, :: swings.each], wide[:, :: swings.each] = -leak, rows
+        onward, gain = swings.F - K_q @ (wide @ swings.F), K_q @ raw
         spread = leak * np.sqrt(swings.lasting)
         cov = cov + spread @ spread.T
     if share is not None:
         cov[:3], cov[:, :3] = 0.0, 0.0
         cov[:3, :3] = model.slow * model.noise_var * (share**2).sum() * np.eye(3)
-    return Sight(fit, share, cov, raw, rows, gain, leak)
+    return Sight(fit, share, cov, onward, gain, back)
 
 
 def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[Seen | None, Swing, int]:
@@ -98,8 +101,8 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
         flags = finite.all(1) & model.seen
         lacking = int(model.seen.sum() - flags.sum())
     s, swings, x = sight(model, flags.tobytes()), model.swings, swing.x
-    if swings is not None:
-        for _ in range(min(ticks, STEPS_AHEAD)):
+    if swings is not None and (s is None or ticks > 1):
+        for _ in range(min(ticks if s is None else ticks - 1, STEPS_AHEAD)):
             x = swings.F @ x
     if s is None:
         return None, moved(model, x), lacking
@@ -108,25 +111,22 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
     if s.share is not None:
         mean = s.share @ position if not lacking else s.share[flags] @ position[flags]
     if swings is None:
-        return Seen(center if mean is None else mean, R, s.cov), swing, lacking
-    left, each = residual.ravel() if not lacking else residual[flags].ravel(), swings.each
-    x = x + s.gain @ (s.raw @ left - s.rows @ x[::each])
-    off = s.leak @ x[::each]
+        return Seen(center if mean is None else mean, R, s), swing, lacking
+    x = s.onward @ x + s.gain @ (residual if not lacking else residual[flags]).ravel()
+    off = s.leak @ x
     if mean is None:
-        mean = center - R @ off[:3]
-    R = turned((R @ -off[3:])[None], R[None])[0]
-    return Seen(mean, R, s.cov), moved(model, x), lacking
+        mean = center + R @ off[:3]
+    R = turned((R @ off[3:])[None], R[None])[0]
+    return Seen(mean, R, s), moved(model, x), lacking
 
 
 def moved(model: LiveModel, x: Array) -> Swing:
     """The states of the amplitudes with the inertia and the momentum that they make."""
-    p, swings = model.products, model.swings
+    swings = model.swings
     if swings is None:
-        return Swing(x, p.inertia[0, 0], model.inside)
-    each, m = swings.each, len(swings.shapes)
-    a = np.empty(m + 1)
-    a[0], a[1:] = 1.0, x[::each]
-    k = p.inertia.shape[0]
-    J = (np.outer(a, a).ravel() @ p.inertia.reshape(k * k, 9)).reshape(3, 3)
-    h = np.outer(a, x[1::each]).ravel() @ p.momentum.reshape(-1, 3) + model.inside
-    return Swing(x, J, h)
+        return Swing(x, model.products.inertia[0, 0], model.inside)
+    each = swings.each
+    a = np.concatenate([ONE, x[::each]])
+    wide = a[:, None]
+    J = ((wide * a).ravel() @ model.products.inertia.reshape(-1, 9)).reshape(3, 3)
+    return Swing(x, J, (wide * x[1::each]).ravel() @ model.products.momentum.reshape(-1, 3) + model.inside)

@@ -12,7 +12,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError, ForceIdError
-from forceid.estimation.live.flight import LiveFlight, begun, behind, told
+from forceid.estimation.live.flight import LiveFlight, begun, behind, lost, told
 from forceid.estimation.live.model import LiveModel, tuned_on
 from forceid.flight.priors.protocol import MOMENTUM
 from forceid.records import Array, Body, Frame, LiveWrench
@@ -211,7 +211,9 @@ def onward(
         later = behind(model, flight, frame, lag)
         if later is not None:
             return later, ()
-        out, why = told(model, flight, FOREVER)[1], "begun anew: lost before"
+        why = f"lost at {frame.time:g} s and begun anew"
+        ended = flight._replace(pending=lost(flight, frame.time, lag, why)[0])
+        out = told(model, ended, FOREVER)[1]
     new = begun(model, frame, lag, momentum, why)
     return new, out if new is not None else (*out, unseen(frame))
 
