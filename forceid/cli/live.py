@@ -23,7 +23,7 @@ HEADER = "time,fx,fy,fz,mx,my,mz,fx_std,fy_std,fz_std,mx_std,my_std,mz_std,flag,
 def run(
     body: Annotated[Path, typer.Argument(metavar="BODY.h5", help="Motion file of the body.")],
     frames: Annotated[
-        str, typer.Argument(metavar="[FRAMES.csv|-]", help="Frames as lines; - is standard input (default).")
+        str, typer.Argument(metavar="FRAMES.csv|-", help="Frames as lines; - is standard input.")
     ] = "-",
     config: Config = None,
     output: Annotated[

@@ -20,7 +20,7 @@ MEMORY = 50  # frames over which the misfit is averaged: it is known to 6 %
 MISFIT = 2.0  # mean squared innovation, in units of what is expected: one if the tuning fits
 ASTRAY = 100.0  # the same, of a filter that is lost: ten standard deviations for many frames
 YOUNG = 8  # frames after which a rotation that is uncertain has been lost, and not just begun
-APART = 1e-6  # of a step: a frame that is due is not late by rounding
+IN_TIME = 1e-6  # of a step: a frame that is due is not late by rounding
 
 
 Pending = tuple[tuple[float, tuple[str, ...]], ...]
@@ -128,7 +128,7 @@ def told(model: LiveModel, flight: LiveFlight, up_to: float) -> tuple[LiveFlight
     """The wrenches at the pending frames up to a time, and the flight without them."""
     n = 0
     for time, _ in flight.pending:
-        if time > up_to + APART * model.step:
+        if time > up_to + IN_TIME * model.step:
             break
         n += 1
     if not n:

@@ -24,7 +24,7 @@ from forceid.significance import WILD
 TICKS = 1024  # parts of a step of the clock that steps are rounded to: 10 um at 20 m/s and 1 kHz
 CLOCKS = 512  # lengths of a step that are remembered, 7 kB each: a clock with more of them costs time
 BOTH = slice(0, 6)  # the two integrals of a load
-FIRST = np.zeros(1, np.intp)  # the kind of a step that is the only one
+ONE_KIND = np.zeros(1, np.intp)  # the kind of a step that is the only one
 
 
 @lru_cache(CLOCKS)
@@ -146,7 +146,7 @@ def turning(
         R_next, top, noise = turned_in_numpy(ReferenceTrajectory(*parts), axes, F, Q)
     else:
         (top,), (noise,), by = compiled.rotation_rows(
-            *parts, F[None], Q[None], FIRST, axes, np.zeros((2, len(x)))
+            *parts, F[None], Q[None], ONE_KIND, axes, np.zeros((2, len(x)))
         )
         R_next = compiled.turned(by, R[None])[0]
     F, Q = F.copy(), Q.copy()

@@ -9,7 +9,7 @@ import numpy as np
 
 from forceid.config import Settings, load_settings
 from forceid.errors import ConfigError, DataError
-from forceid.estimation.live.stream import FIRST, LAG, RETUNE, Pace, Tell, wrenches
+from forceid.estimation.live.stream import LIVE_FIRST, LIVE_LAG, LIVE_RETUNE, Pace, Tell, wrenches
 from forceid.records import Frame, LiveWrench, Recording
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ def live(
     tree: xarray.DataTree,
     config: Any = None,
     *,
-    lag: float = LAG,
-    first: float = FIRST,
-    retune: float = RETUNE,
+    lag: float = LIVE_LAG,
+    first: float = LIVE_FIRST,
+    retune: float = LIVE_RETUNE,
     tuned_on_file: bool = False,
     tell: Tell | None = None,
     **settings: Any,
@@ -91,7 +91,9 @@ def followed_live(
 def live_pace(lag: float | None, first: float | None, retune: float | None) -> Pace:
     """A pace from what is given, else as it is by default."""
     return Pace(
-        LAG if lag is None else lag, FIRST if first is None else first, RETUNE if retune is None else retune
+        LIVE_LAG if lag is None else lag,
+        LIVE_FIRST if first is None else first,
+        LIVE_RETUNE if retune is None else retune,
     )
 
 

@@ -15,7 +15,7 @@ from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 from forceid.rounding import SOLVED
 
-ONE = np.ones(1)
+ONE = np.ones(1)  # the amplitude of the mean shape
 PATTERNS = 256  # sets of markers that are remembered: what a frame with another one costs is paid again
 STEPS_AHEAD = 512  # of the clock, at most, that an amplitude swings on unseen: by then it has been forgotten
 

@@ -17,11 +17,11 @@ from forceid.estimation.live.model import LiveModel, tuned_on
 from forceid.flight.priors.protocol import MOMENTUM
 from forceid.records import Array, Body, Frame, LiveWrench
 
-LAG = 0.05  # s: the period of 20 Hz, which is half of the band in which hands and air push
-FIRST = 0.25  # s that are tuned on: some periods of a load of 20 Hz
-RETUNE = 60.0  # s from tuning to tuning: it costs seconds, so it takes some percent of the time
-FIRST_FRAMES = 256  # a first stretch has at least so many: its noise is known to 5 %, its band to 10 %
-LAST_FRAMES = 1024  # a stretch has at most so many: tuning takes seconds, and no number gets better
+LIVE_LAG = 0.05  # s: the boomerang errs by 1.05 of the smoother there, by 1.5 at 10 ms (evidence.live)
+LIVE_FIRST = 0.25  # s that are tuned on at least: five periods of a load of 20 Hz
+LIVE_RETUNE = 60.0  # s from tuning to tuning: one costs seconds, so that is some percent of a core
+LEAST_FRAMES = 256  # a first stretch has at least so many: its noise is known to 5 %, its band to 10 %
+MOST_FRAMES = 1024  # a stretch has at most so many: tuning takes seconds, and no number gets better
 TUNING_TIME = 5.0  # s of frames from which a stretch is tuned on to where that counts: it takes less
 FOREVER = float("inf")
 
@@ -57,9 +57,9 @@ def wrenches(
     """
     tuning = partial(tuned_on, body=body, gravity=motion[0], noise_std=motion[1], settings=settings)
     rest = in_order(frames, tell)
-    kept: deque[Frame] = deque(maxlen=LAST_FRAMES)
+    kept: deque[Frame] = deque(maxlen=MOST_FRAMES)
     if before:
-        model = tuning(before[-LAST_FRAMES:])
+        model = tuning(before[-MOST_FRAMES:])
         tell(words(model, before))
     else:
         found = first_stretch(rest, pace.first, tuning, kept, tell)
@@ -146,13 +146,13 @@ def first_stretch(
 
     A stretch that shows no force is made longer. EstimationError where all frames show none.
     """
-    count = FIRST_FRAMES
+    count = LEAST_FRAMES
     for frame in rest:
-        if len(kept) == LAST_FRAMES:
+        if len(kept) == MOST_FRAMES:
             tell(f"the frame at {kept[0].time:g} s has no wrench: nothing could be tuned on so far")
         kept.append(frame)
-        if len(kept) >= min(count, LAST_FRAMES) and (
-            frame.time - kept[0].time >= first or len(kept) == LAST_FRAMES
+        if len(kept) >= min(count, MOST_FRAMES) and (
+            frame.time - kept[0].time >= first or len(kept) == MOST_FRAMES
         ):
             try:
                 return said(tuning(list(kept)), kept, tell)

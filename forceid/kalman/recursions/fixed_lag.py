@@ -19,7 +19,7 @@ from forceid.records import Array
 OBSERVED = slice(0, 3)  # states that a frame shows
 NO_FRAME = np.zeros(0)  # that it shows nothing
 UNSEEN = np.zeros((0, 3))  # gain of a frame that shows nothing
-EACH = np.ones(3)
+EACH = np.ones(3)  # sums over what a frame shows
 
 
 class Course(NamedTuple):

@@ -57,7 +57,7 @@ def test_the_same_frames_make_the_same_wrenches_tuned_anew_or_not():
 
 def test_it_is_tuned_anew_as_it_goes_and_says_so(monkeypatch):
     monkeypatch.setattr(stream, "TUNING_TIME", 0.5)
-    monkeypatch.setattr(stream, "LAST_FRAMES", 256)
+    monkeypatch.setattr(stream, "MOST_FRAMES", 256)
     said = []
     t, x = frames(900)
     found = followed(t, x, said.append, on_file=False, retune=1.0)
