@@ -94,10 +94,8 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
 
     ticks: steps of the clock since the frame before.
     """
-    finite = np.isfinite(position)
-    if finite.all():
-        flags, lacking = model.seen, 0
-    else:
+    finite, flags, lacking = np.isfinite(position), model.seen, 0
+    if not finite.all():
         flags = finite.all(1) & model.seen
         lacking = int(model.seen.sum() - flags.sum())
     s, swings, x = sight(model, flags.tobytes()), model.swings, swing.x
@@ -109,10 +107,11 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
     center, R, residual = fit_one(s.fit, position)
     mean = None
     if s.share is not None:
-        mean = s.share @ position if not lacking else s.share[flags] @ position[flags]
+        mean = s.share @ position if finite.all() else s.share[flags] @ position[flags]
     if swings is None:
         return Seen(center if mean is None else mean, R, s), swing, lacking
-    x = s.onward @ x + s.gain @ (residual if not lacking else residual[flags]).ravel()
+    left = residual if len(s.fit.nodes) == len(residual) else residual[s.fit.nodes]
+    x = s.onward @ x + s.gain @ left.ravel()
     off = s.leak @ x
     if mean is None:
         mean = center + R @ off[:3]

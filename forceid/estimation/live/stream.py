@@ -12,7 +12,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError, ForceIdError
-from forceid.estimation.live.flight import LiveFlight, begun, behind, lost, told
+from forceid.estimation.live.flight import MISFIT, LiveFlight, begun, behind, lost, told
 from forceid.estimation.live.model import LiveModel, tuned_on
 from forceid.flight.priors.protocol import MOMENTUM
 from forceid.records import Array, Body, Frame, LiveWrench
@@ -83,20 +83,24 @@ def followed(
     """The wrenches of a flight that goes on, tuned anew on the frames kept beside what comes in meanwhile.
 
     What a tuning finds counts `TUNING_TIME` of frames later, whenever it is done: the same frames make the
-    same wrenches.
+    same wrenches. One that does not fit is not waited for: the next begins at once, that long after it at
+    the earliest.
     """
     job: Future[LiveModel] | None = None
+    tuned_at = kept[-1].time if kept else FOREVER
     due = kept[-1].time + pace.retune if kept else -FOREVER
     with ThreadPoolExecutor(1) as tuner:
         for frame in rest:
             if due == -FOREVER:
-                due = frame.time + pace.retune
+                due, tuned_at = frame.time + pace.retune, frame.time
             kept.append(frame)
             flight, out = onward(model, flight, frame, pace.lag, momentum_of(model, flight))
             yield from out
             if flight is not None:
                 flight, out = told(model, flight, frame.time - pace.lag)
                 yield from out
+            if flight is not None and flight.misfit > MISFIT and job is None:
+                due = min(due, tuned_at + TUNING_TIME)
             if frame.time < due:
                 continue
             if job is None:
@@ -110,7 +114,7 @@ def followed(
                 again, _ = flown(tuned, list(kept), pace.lag, momentum_of(model, flight))
                 if again is not None and flight is not None:
                     model, flight = tuned, told(tuned, again, flight.pending[0][0] - model.step / 2)[0]
-            job, due = None, frame.time + pace.retune
+            job, due, tuned_at = None, frame.time + pace.retune, frame.time
     if flight is not None:
         yield from told(model, flight, FOREVER)[1]
 

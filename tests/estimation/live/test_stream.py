@@ -243,3 +243,50 @@ def test_the_noise_that_is_claimed_follows_from_that_of_the_markers():
     t, x = frames(300)
     _, claim = off(followed(t, x)[100:200])
     assert 1e-2 * NOISE < np.median(claim) < 1.0
+
+
+def test_a_tuning_that_does_not_fit_is_replaced_before_its_time(monkeypatch):
+    monkeypatch.setattr(stream, "TUNING_TIME", 0.3)
+    monkeypatch.setattr(stream, "MOST_FRAMES", 256)
+    t, x = frames(900)
+    x[400:] += (0.02 * np.sin(40 * (t[400:] - t[400])))[:, None, None]  # 2.6 N that nothing foretold
+    said = []
+    found = followed(t, x, said.append, on_file=False, retune=1e6)
+    assert any("does not fit" in reason for w in found[400:460] for reason in w.reasons)
+    assert sum("tuned on 256 frames" in text for text in said) > 1
+    assert not found[-30].reasons
+
+
+def test_nodes_without_a_marker_are_not_missing():
+    from shaken import BODY, TIPS, WEIGHT, body_file
+
+    from forceid.config import load_settings
+    from forceid.estimation.live.run import followed_live, live_pace
+    from forceid.records import Motion, Recording
+
+    t, x = frames(300)
+    x[:, 3] = np.nan
+    recording = Recording(BODY, Motion(t, x, gravity=WEIGHT, noise_std={"position": NOISE}))
+    assert body_file() is not recording
+    pace = live_pace(None, None, np.inf)
+    stream_of = zip(t.tolist(), x, strict=True)
+    found = list(followed_live(stream_of, recording, load_settings(), pace, True, lambda _: None))
+    assert not any(w.reasons for w in found)
+    assert len(TIPS) == 4
+
+
+def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
+    from forceid.estimation.live import loads
+    from forceid.flight import attitude
+    from forceid.kalman.recursions import fixed_lag
+    from forceid.motion import one_frame, pose
+
+    t, x = frames(150)
+    compiled = followed(t, x)
+    monkeypatch.setattr(fixed_lag, "FOLLOW", None)
+    for module in (loads, attitude, one_frame, pose):
+        monkeypatch.setattr(module, "compiled", None)
+    plain = followed(t, x)
+    for name in ("force", "moment", "force_std", "moment_std"):
+        one, other = (np.array([getattr(w, name) for w in found[20:]]) for found in (compiled, plain))
+        np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4 * np.abs(other).max())
