@@ -67,6 +67,7 @@ PYBIND11_MODULE(_engine, module) {
   def("smooth", flights.smooth);
   def("between", flights.between);
   def("turned", flights.turned);
+  def("lead", flights.lead);
   def("fitted", bodies.fitted);
   def("polar", bodies.polar);
   def("bipolar", bodies.bipolar);

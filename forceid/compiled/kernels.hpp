@@ -37,6 +37,8 @@ struct Flights {
                      Array z, Array read, int theta, Array P0, Array x0, Size first, Size warm, bool cut, int mode);
   Out (*between)(Array A, Array B);
   Out (*turned)(Array phi, Array R);
+  Four (*lead)(Array x, Array R, Array F, Array Q, Array axes, Array J, Array h, double step, double least,
+               double substep);
 };
 
 // motion/poses.hpp, pseudorigid/polar.hpp and splitting.hpp

@@ -23,16 +23,16 @@ YOUNG = 8  # frames after which a rotation that is uncertain has been lost, and 
 IN_TIME = 1e-6  # of a step: a frame that is due is not late by rounding
 
 
-Pending = tuple[tuple[float, tuple[str, ...]], ...]
+Pending = tuple[tuple[float, tuple[str, ...], float], ...]
 
 
 class LiveFlight(NamedTuple):
     """A flight behind a frame: its time s, the two loads, the rotation, the amplitudes, and what is pending.
 
-    origin (3,) m: from where places are counted; rotation None before the first pose; pending: time of each
-    frame whose wrench is not told yet, and the reasons against it; until s, why: up to when frames are
-    degraded by what was lost before; spared: frames since one was left out; misfit: mean squared innovation
-    of late, one where the tuning fits; age: frames so far.
+    origin (3,) m: from where places are counted; rotation None before the first pose; pending: of each frame
+    whose wrench is not told yet the time, the reasons against it, and what its claimed variance is times;
+    until s, why: up to when frames are degraded by what was lost before; spared: frames since one was left
+    out; misfit: mean squared innovation of late, one where the tuning fits; age: frames so far.
     """
 
     time: float
@@ -66,8 +66,8 @@ def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str 
     reasons = (*missing(model, lacking), *([why] if why else []))
     until = frame.time + lag if why else -np.inf
     return LiveFlight(
-        frame.time, seen.center, force, moment, seen.rotation, swing, ((frame.time, reasons),), until, why,
-        SPARED, 1.0, 1,
+        frame.time, seen.center, force, moment, seen.rotation, swing, ((frame.time, reasons, 1.0),), until,
+        why, SPARED, 1.0, 1,
     )  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
         reasons = (*reasons, "late frames are far off what is expected: the tuning does not fit")
     if misfit > ASTRAY:
         return None
-    pending = (*pending, (frame.time, reasons))
+    pending = (*pending, (frame.time, reasons, misfit if misfit > MISFIT else 1.0))
     spared = 0 if spoiled else flight.spared + 1
     return LiveFlight(
         frame.time, flight.origin, force, moment, R, swing, pending, until, why, spared, misfit,
@@ -115,7 +115,7 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
 
 def lost(flight: LiveFlight, time: float, lag: float, why: str) -> tuple[Pending, float, str]:
     """What is pending with a reason against all of it, up to when the reason holds, and the reason."""
-    marked = tuple((t, r if why in r else (*r, why)) for t, r in flight.pending)
+    marked = tuple((t, r if why in r else (*r, why), times) for t, r, times in flight.pending)
     return marked, time + lag, why
 
 
@@ -127,7 +127,7 @@ def missing(model: LiveModel, lacking: int) -> tuple[str, ...]:
 def told(model: LiveModel, flight: LiveFlight, up_to: float) -> tuple[LiveFlight, tuple[LiveWrench, ...]]:
     """The wrenches at the pending frames up to a time, and the flight without them."""
     n = 0
-    for time, _ in flight.pending:
+    for time, _, _ in flight.pending:
         if time > up_to + IN_TIME * model.step:
             break
         n += 1
@@ -141,12 +141,15 @@ def told(model: LiveModel, flight: LiveFlight, up_to: float) -> tuple[LiveFlight
 
 def wrench_at(model: LiveModel, flight: LiveFlight, i: int) -> LiveWrench:
     """The wrench at a pending frame."""
-    own, (time, reasons) = slice(3 * i, 3 * i + 3), flight.pending[i]
+    own, (time, reasons, times) = slice(3 * i, 3 * i + 3), flight.pending[i]
     var = np.zeros(6)
     var[:3] = flight.force.var[own]
     if flight.moment is not None:
         var[3:] = flight.moment.var[own]
-    std, force = np.sqrt(np.maximum(model.spread @ var, 0.0) + model.allowance), flight.force.y[own].copy()
+    std, force = (
+        np.sqrt(times * (np.maximum(model.spread @ var, 0.0) + model.allowance)),
+        flight.force.y[own].copy(),
+    )
     if flight.moment is None:
         return LiveWrench(time, force, UNTOLD, std[:3], UNTOLD, reasons)
     return LiveWrench(time, force, flight.moment.y[own].copy(), std[:3], std[3:], reasons)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from forceid.significance import WILD
 TICKS = 1024  # parts of a step of the clock that steps are rounded to: 10 um at 20 m/s and 1 kHz
 CLOCKS = 512  # lengths of a step that are remembered, 7 kB each: a clock with more of them costs time
 BOTH = slice(0, 6)  # the two integrals of a load
-ONE_KIND = np.zeros(1, np.intp)  # the kind of a step that is the only one
 
 
 @lru_cache(CLOCKS)
@@ -100,7 +100,7 @@ def next_moment(
     assert prior is not None
     x, (F, Q, _) = course.x, transition(model, "moment", step[1])
     if step[1]:
-        R, x, F, Q = turning(model, x, R, step[0], swings, F, Q)
+        x, R, F, Q = turning(model, x, R, step[0], swings, F, Q)
     z, cov = NO_FRAME, course.R
     if seen is not None:
         z, cov = (
@@ -118,51 +118,42 @@ def next_moment(
 def turning(
     model: LiveModel, x: Array, R: Array, step: float, swings: tuple[Swing, Swing], F: Array, Q: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Where a step leads from R and the states x: rotation and states, F and Q with the rotation error."""
-    prior, (now, then) = model.moment, swings
-    assert prior is not None
-    axes, away, H0 = prior.axes, F @ x, x[MOMENTUM]
-    three = np.array([H0, away[INTEGRAL] - step * H0, away[MOMENTUM] - H0]) @ axes.T
+    """Where a step leads from the states x and R: states and rotation, F and Q with the rotation error."""
+    assert model.moment is not None
+    axes, (now, then) = model.moment.axes, swings
+    J, h = np.array([now.J, then.J]), np.array([now.h, then.h])
+    if LEAD is None:
+        return turning_in_numpy(x, R, F, Q, axes, J, h, step, model.least)
+    x, R, F, Q = LEAD(x, R, F, Q, axes, J, h, step, model.least, SUBSTEP)
+    return x, R[0], F, Q
+
+
+def turning_in_numpy(
+    x: Array, R: Array, F: Array, Q: Array, axes: Array, J: Array, h: Array, step: float, least: float
+) -> tuple[Array, Array, Array, Array]:
+    """`turning`, step for step; J (2, 3, 3) and h (2, 3): before the step and after it."""
+    away, H = F @ x, x[MOMENTUM]
+    three = np.array([H, away[INTEGRAL] - step * H, away[MOMENTUM] - H]) @ axes.T
     # the moment and its rate over the step that do as much to the two integrals
     over = np.array([[1, 0, 0], [0, 6 / step**2, -2 / step], [0, -12 / step**3, 6 / step**2]]) @ three
+    size = math.hypot(*over[0].tolist()) + math.hypot(*h[0].tolist())
+    J, h = (np.stack([0 * a[0], 0 * a[0], (a[1] - a[0]) / step, a[0]])[:, None] for a in (J, h))
     H0, T, dT = np.repeat(over[:, None], 2, 1)
-    J, h = np.zeros((4, 1, 3, 3)), np.zeros((4, 1, 3))
-    J[3], h[3] = now.J, now.h
-    if then is not now:
-        J[2], h[2] = (then.J - now.J) / step, (then.h - now.h) / step
-    size = math.hypot(*H0[0].tolist()) + math.hypot(*now.h.tolist())
-    parts = (
-        np.array([step]),
-        np.array([R, R]),
-        H0,
-        T,
-        dT,
-        J,
-        h,
-        1 + int(size / model.least * step / SUBSTEP),
-    )
-    away[OBSERVED] = 0.0
-    if compiled is None:
-        R_next, top, noise = turned_in_numpy(ReferenceTrajectory(*parts), axes, F, Q)
-    else:
-        (top,), (noise,), by = compiled.rotation_rows(
-            *parts, F[None], Q[None], ONE_KIND, axes, np.zeros((2, len(x)))
-        )
-        R_next = compiled.turned(by, R[None])[0]
-    F, Q = F.copy(), Q.copy()
-    F[OBSERVED] = top
-    Q[OBSERVED], Q[:, OBSERVED] = noise, noise.T
-    return R_next, away, F, Q
-
-
-def turned_in_numpy(path: ReferenceTrajectory, axes: Array, F: Array, Q: Array) -> tuple[Array, Array, Array]:
-    """Where a step turns, and the rows (3, state) of the rotation error in F and in Q, world axes."""
-    (R,), (by_theta,), by_H = turn_along(path)
-    step, (start, first, second) = path.step[0], by_H[:, 0] @ axes
+    substeps = 1 + int(size / least * step / SUBSTEP)
+    path = ReferenceTrajectory(np.array([step]), np.array([R, R]), H0, T, dT, J, h, substeps)
+    (R_next,), (by_theta,), by_H = turn_along(path)
+    start, first, second = by_H[:, 0] @ axes
     by_both = np.concatenate(
         [6 * (first - second / step) / step**2, (3 * second / step - 2 * first) / step], 1
     )
     top, noise = by_both @ F[BOTH], by_both @ Q[BOTH]
     top[:, OBSERVED], top[:, MOMENTUM] = by_theta, start
     noise[:, OBSERVED] = noise[:, BOTH] @ by_both.T
-    return R, top, noise
+    away[OBSERVED] = 0.0
+    F, Q = F.copy(), Q.copy()
+    F[OBSERVED] = top
+    Q[OBSERVED], Q[:, OBSERVED] = noise, noise.T
+    return away, R_next, F, Q
+
+
+LEAD: Any = getattr(compiled, "lead", None)  # None where nothing was compiled, or before it was there

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from shaken import NOISE, RATE, followed, frames, off
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.estimation.live import stream
+from forceid.estimation.live import loads, stream
 
 
 def rms(error):
@@ -276,7 +277,6 @@ def test_nodes_without_a_marker_are_not_missing():
 
 
 def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
-    from forceid.estimation.live import loads
     from forceid.flight import attitude
     from forceid.kalman.recursions import fixed_lag
     from forceid.motion import one_frame, pose
@@ -284,9 +284,27 @@ def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
     t, x = frames(150)
     compiled = followed(t, x)
     monkeypatch.setattr(fixed_lag, "FOLLOW", None)
-    for module in (loads, attitude, one_frame, pose):
+    monkeypatch.setattr(loads, "LEAD", None)
+    for module in (attitude, one_frame, pose):
         monkeypatch.setattr(module, "compiled", None)
     plain = followed(t, x)
     for name in ("force", "moment", "force_std", "moment_std"):
         one, other = (np.array([getattr(w, name) for w in found[20:]]) for found in (compiled, plain))
-        np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4 * np.abs(other).max())
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(other).max())
+
+
+@pytest.mark.skipif(loads.LEAD is None, reason="nothing was compiled")
+@pytest.mark.parametrize("step", [0.002, 0.05])
+def test_a_compiled_step_is_what_is_written_in_numpy(step):
+    rng = np.random.default_rng(0)
+    F, Q = rng.standard_normal((2, 15, 15))
+    axes, R = Rotation.random(2, random_state=1).as_matrix()
+    J = np.diag([1.0, 2.0, 2.5]) + 0.01 * np.array([np.zeros((3, 3)), np.ones((3, 3))])
+    h, x = 0.1 * rng.standard_normal((2, 3)), rng.standard_normal(15)
+    F[:, :3] = np.eye(15, 3)
+    F[:3, 3:6], F[3:6, 3:6], x[:3] = step * np.eye(3), np.eye(3), 0.0
+    given = (x, R, F, Q + Q.T, axes, J, h, step)
+    plain = loads.turning_in_numpy(*given, 1.0)
+    x, R, F, Q = loads.LEAD(*given, 1.0, loads.SUBSTEP)
+    for one, other in zip((x, R[0], F, Q), plain, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
