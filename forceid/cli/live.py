@@ -53,7 +53,7 @@ def run(
     as lines, to OUT.h5 as HDF5 that others may read while it grows, and what is to be said to stderr. A line
     that is no frame is said and left out; frames after a gap are flagged.
 
-    Example: tracker --csv | forceid live body.h5 - -o live.h5 --lag 0.05
+    Example: forceid live body.h5 frames.csv -o live.h5 --lag 0.05
     """
     from forceid.config import load_settings
     from forceid.estimation import followed_live, live_pace, read_recording

@@ -6,39 +6,43 @@ namespace fixed_lag {
 
 using namespace lanes;
 
-constexpr Size TILE = 2 * LANES; // columns that two registers hold
-
-INLINE Size padded(Size n) { return (n + TILE - 1) / TILE * TILE; }
-
 typedef double Loose __attribute__((vector_size(LANES * 8), may_alias, aligned(8))); // wherever it begins
 
-// ROWS rows of y = x a, all of `wide` columns, a multiple of TILE: a tile of y stays in registers
-template <int ROWS>
-INLINE void multiply_rows(const double *x, Size x_apart, const double *a, double *y, Size m, Size wide) {
-  for (Size j = 0; j < wide; j += TILE) {
-    Lanes left[ROWS], right[ROWS];
-#pragma GCC unroll 4
-    for (int i = 0; i < ROWS; ++i) left[i] = right[i] = Lanes{};
-    const double *from = x;
-    for (const double *row = a + j, *end = row + m * wide; row != end; row += wide, ++from) {
-      const Lanes first = *reinterpret_cast<const Loose *>(row);
-      const Lanes second = *reinterpret_cast<const Loose *>(row + LANES);
-#pragma GCC unroll 4
-      for (int i = 0; i < ROWS; ++i) {
-        const Lanes f = all(from[i * x_apart]);
-        left[i] += f * first;
-        right[i] += f * second;
-      }
-    }
-#pragma GCC unroll 4
+INLINE Size padded(Size n) { return (n + LANES - 1) / LANES * LANES; }
+
+// ROWS rows of WIDTH registers of y = x a, rows of a and of y `wide`: they stay in registers
+template <int ROWS, int WIDTH>
+INLINE void multiply_tile(const double *x, Size x_apart, const double *a, double *y, Size m, Size wide) {
+  Lanes sum[ROWS][WIDTH];
+#pragma GCC unroll 8
+  for (int i = 0; i < ROWS; ++i)
+#pragma GCC unroll 8
+    for (int j = 0; j < WIDTH; ++j) sum[i][j] = Lanes{};
+  for (const double *row = a, *end = a + m * wide; row != end; row += wide, ++x) {
+    Lanes from[WIDTH];
+#pragma GCC unroll 8
+    for (int j = 0; j < WIDTH; ++j) from[j] = *reinterpret_cast<const Loose *>(row + j * LANES);
+#pragma GCC unroll 8
     for (int i = 0; i < ROWS; ++i) {
-      *reinterpret_cast<Loose *>(y + i * wide + j) = left[i];
-      *reinterpret_cast<Loose *>(y + i * wide + j + LANES) = right[i];
+      const Lanes f = all(x[i * x_apart]);
+#pragma GCC unroll 8
+      for (int j = 0; j < WIDTH; ++j) sum[i][j] += f * from[j];
     }
   }
+#pragma GCC unroll 8
+  for (int i = 0; i < ROWS; ++i)
+#pragma GCC unroll 8
+    for (int j = 0; j < WIDTH; ++j) *reinterpret_cast<Loose *>(y + i * wide + j * LANES) = sum[i][j];
 }
 
-// y (rows, wide) = x (rows, m), rows x_apart from each other, times a (m, wide)
+template <int ROWS>
+INLINE void multiply_rows(const double *x, Size x_apart, const double *a, double *y, Size m, Size wide) {
+  Size j = 0;
+  for (; j + 2 * LANES <= wide; j += 2 * LANES) multiply_tile<ROWS, 2>(x, x_apart, a + j, y + j, m, wide);
+  if (j < wide) multiply_tile<ROWS, 1>(x, x_apart, a + j, y + j, m, wide);
+}
+
+// y (rows, wide) = x (rows, m), rows x_apart from each other, times a (m, wide), wide a multiple of LANES
 INLINE void multiply(const double *x, Size x_apart, const double *a, double *y, Size rows, Size m, Size wide) {
   Size i = 0;
   for (; i + 4 <= rows; i += 4) multiply_rows<4>(x + i * x_apart, x_apart, a, y + i * wide, m, wide);

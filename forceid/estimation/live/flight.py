@@ -86,7 +86,8 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     if moment is not None and R is not None:
         swings = (flight.swing, swing)
         moment, R, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
-        if seen is not None and flight.age > YOUNG and np.trace(moment.P[:3, :3]) > COARSE**2:
+        P = moment.P
+        if seen is not None and flight.age > YOUNG and P[0, 0] + P[1, 1] + P[2, 2] > COARSE**2:
             return None
         spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
         far = 0.5 * (far + off)
