@@ -236,8 +236,8 @@ def main() -> None:
 
 
 FREE = (
-    "Nothing pushes the top. What is not known of a force that may be constant falls with the time watched, to "
-    "the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. No lag of 50 ms mends that."
+    "Nothing pushes the top. What is not known of a force that may be constant falls with the time watched, "
+    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. No lag of 50 ms mends that."
 )
 BY_LAG = (
     "Error over that of the smoother, of whole records and (`behind`, dotted) of the frames behind the first "

@@ -5,8 +5,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shaken import NOISE, RATE, followed, frames, off
 
+from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.estimation.live import loads, stream
+from forceid.estimation.live.flight import begun, behind, told
+from forceid.estimation.live.model import tuned_on
+from forceid.estimation.live.run import followed_live, live_pace
+from forceid.flight import attitude
+from forceid.kalman.recursions import fixed_lag
+from forceid.motion import one_frame, pose
+from forceid.records import Frame, Motion, Recording
 
 
 def rms(error):
@@ -27,11 +35,6 @@ def test_a_wrench_comes_when_the_frame_a_lag_behind_it_has_come():
         for time, position in zip(t.tolist(), x, strict=True):
             fed.append(time)
             yield time, position
-
-    from shaken import body_file
-
-    from forceid.config import load_settings
-    from forceid.estimation.live.run import followed_live, live_pace
 
     pace = live_pace(0.05, None, np.inf)
     for wrench in followed_live(stream_of(), body_file(), load_settings(), pace, True, lambda _: None):
@@ -175,12 +178,6 @@ def test_a_clock_that_is_not_regular_is_followed():
 
 
 def test_what_is_kept_does_not_grow_with_the_number_of_frames():
-    from shaken import body_file
-
-    from forceid.config import load_settings
-    from forceid.estimation.live.flight import begun, behind, told
-    from forceid.estimation.live.model import tuned_on
-    from forceid.records import Frame
 
     recording = body_file()
     motion = recording.motion
@@ -224,11 +221,6 @@ def test_a_pace_that_cannot_be_is_refused(name, value):
 
 
 def test_settings_that_a_live_estimate_does_not_follow_are_refused():
-    from shaken import body_file
-
-    from forceid.config import load_settings
-    from forceid.estimation.live.run import followed_live, live_pace
-
     pace = live_pace(None, None, None)
     with pytest.raises(ConfigError, match="load_axes"):
         followed_live(iter([]), body_file(), load_settings(load_axes="body"), pace, False, print)
@@ -259,28 +251,16 @@ def test_a_tuning_that_does_not_fit_is_replaced_before_its_time(monkeypatch):
 
 
 def test_nodes_without_a_marker_are_not_missing():
-    from shaken import BODY, TIPS, WEIGHT, body_file
-
-    from forceid.config import load_settings
-    from forceid.estimation.live.run import followed_live, live_pace
-    from forceid.records import Motion, Recording
-
     t, x = frames(300)
     x[:, 3] = np.nan
     recording = Recording(BODY, Motion(t, x, gravity=WEIGHT, noise_std={"position": NOISE}))
-    assert body_file() is not recording
     pace = live_pace(None, None, np.inf)
     stream_of = zip(t.tolist(), x, strict=True)
     found = list(followed_live(stream_of, recording, load_settings(), pace, True, lambda _: None))
     assert not any(w.reasons for w in found)
-    assert len(TIPS) == 4
 
 
 def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
-    from forceid.flight import attitude
-    from forceid.kalman.recursions import fixed_lag
-    from forceid.motion import one_frame, pose
-
     t, x = frames(150)
     compiled = followed(t, x)
     monkeypatch.setattr(fixed_lag, "FOLLOW", None)
