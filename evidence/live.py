@@ -189,7 +189,7 @@ def drawn(output: Path, found: dict[str, dict[float, dict[str, float]]]) -> None
         axes.set_yticks([], minor=True)
         axes.spines[["top", "right"]].set_visible(False)
     figure.axes[0].set_ylabel("error over that of the smoother")
-    figure.axes[0].legend(frameon=False, fontsize=9)
+    figure.axes[1].legend(frameon=False, fontsize=9, loc="upper right")
     with atomic(output / "live.png") as partial:
         figure.savefig(partial, format="png", metadata={"Software": None})
 

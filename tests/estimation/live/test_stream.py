@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from shaken import NOISE, RATE, followed, frames, off
+from shaken import BODY, NOISE, RATE, WEIGHT, body_file, followed, frames, off
 
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError, EstimationError
