@@ -254,7 +254,8 @@ def test_estimate_writes_beside_the_input_and_report_beside_the_result(shelf, tm
 
 
 def test_estimate_json_is_pure_and_carries_the_numbers(shelf, tmp_path):
-    words = ["estimate", str(shelf / "one.h5"), "-o", str(tmp_path / "r.h5"), "--json", "--method", "savgol"]
+    words = ["estimate", str(shelf / "one.h5"), "-o", str(tmp_path / "r.h5"), "--json", "--profile"]
+    words += ["--method", "savgol"]
     done = subprocess.run(
         [sys.executable, "-c", EXIT, *words],
         capture_output=True,
@@ -265,6 +266,13 @@ def test_estimate_json_is_pure_and_carries_the_numbers(shelf, tmp_path):
     assert record["method"] == "savgol"
     assert len(record["force_rms"]) == len(record["moment_std"]) == 3
     assert re.fullmatch("[0-9a-f]{64}", record["input_sha256"])
+    shown = [line.strip().split("  ")[0].replace(" ", "_") for line in done.stderr.splitlines()]
+    assert shown == ["stage", *record["timing"], "total"]
+    with h5py.File(tmp_path / "r.h5") as f:
+        held = {k: v[0] for k, v in f["estimate"].attrs.items() if k.startswith("timing_")}
+    told = {f"timing_{k}": v for k, v in record["timing"].items()}
+    assert {"timing_reading", "timing_kinematics", "timing_flight"} < set(held)
+    assert held == {k: v for k, v in told.items() if k != "timing_writing"}
 
 
 def test_input_is_never_overwritten(shelf, capsys):
@@ -384,13 +392,13 @@ def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_
             assert "estimate" in f
 
 
-def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(tmp_path, monkeypatch):
+def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(shelf, tmp_path, monkeypatch):
     from forceid.kalman.recursions import passes
 
     calls = []
     plain = passes.log_likelihood
     monkeypatch.setattr(passes, "log_likelihood", lambda *a: calls.append(1) or plain(*a))
-    source = Path(__file__).parents[1] / "data" / "synthetic" / "planar_boomerang.h5"
+    source = shelf / "one.h5"
     out = tmp_path / "out.h5"
     assert main(["estimate", str(source), "--engine", "numpy", "-o", str(out)]) == 0
     assert calls

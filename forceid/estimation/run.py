@@ -68,6 +68,7 @@ from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 from forceid.rounding import SOLVED
+from forceid.timing import in_order, recorded, stage
 
 if TYPE_CHECKING:
     import xarray
@@ -93,20 +94,22 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    recording = with_stated(recording, settings)
-    try:
-        result, _ = estimate_whole(recording, settings)
-    except EstimationError as e:
-        if not settings.part:
-            raise
-        result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
-    if settings.part or settings.joint:
-        result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
+    with recorded() as spent, stage("rest"):
+        recording = with_stated(recording, settings)
+        try:
+            result, _ = estimate_whole(recording, settings)
+        except EstimationError as e:
+            if not settings.part:
+                raise
+            result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
+        if settings.part or settings.joint:
+            result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
         result,
         settings=to_toml(settings),
         input_sha256=recording.sha256,
         runtime_s=perf_counter() - began,
+        timing=in_order(spent),
     )
 
 
@@ -226,6 +229,7 @@ def check_stiffness(body: Body) -> None:
         raise DataError(reasons[0].removeprefix("the stiffness "), "/body/stiffness")
 
 
+@stage("verdict")
 def assemble(
     recording: Recording,
     settings: Settings,

@@ -37,6 +37,7 @@ from forceid.estimation.methods.tuning import (
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import WILD
+from forceid.timing import stage
 
 Stage = Callable[[Problem], Problem]
 
@@ -69,7 +70,8 @@ def estimate_flight(
     """
     given = kinematics(body, motion, settings) if kin is None else kin
     problem = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given)))
-    return solution_of(through(CLAIMS, problem))
+    with stage("claims"):
+        return solution_of(through(CLAIMS, problem))
 
 
 def through(stages: tuple[Stage, ...], problem: Problem) -> Problem:

@@ -55,12 +55,14 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import CHANCE, WORSE
+from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 
 SolveLevel = Callable[[Settings, Kinematics], Solution]
 
 
+@stage("level")
 def choose_level(
     kin: Kinematics, motion: Motion, settings: Settings, engine: Engine, solve: SolveLevel
 ) -> tuple[LevelChoice, Solution]:
