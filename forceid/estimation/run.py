@@ -28,6 +28,7 @@ from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
+from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
@@ -181,11 +182,12 @@ def at_its_level(
 
     kin: of the motion, which is cleaned, under the settings.
     """
-    solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     passes = engine(settings.engine)
 
-    def at(level: Settings, seen: Kinematics) -> Solution:
-        return solve(body, motion, level, passes, seen)
+    def at(level: Settings, seen: Kinematics, shown: Look | None = None) -> Solution:
+        if settings.method in ("smoother", "filter"):
+            return estimate_flight(body, motion, level, passes, seen, shown)
+        return estimate_classic(body, motion, level, passes, seen)
 
     if settings.model != "auto":
         why = "it was asked for" if body.material is None else "it was asked for, or the material is stated"

@@ -27,6 +27,7 @@ from forceid.significance import PATIENCE, SIGMAS
 from forceid.timing import stage
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
+AS_LOOKED = (1.0, 1.0), (), ORDERS, None, "matern"  # how a look at a level tunes: `load_seen`
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 
 
@@ -74,7 +75,11 @@ def tuned_beside(
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
     orders = ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
-    prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
+    prior = None
+    if problem.shown is not None and (limits, lines, orders, near, kind) == AS_LOOKED:
+        prior = problem.shown.prior_on(channel)
+    if prior is None:
+        prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
     kernel, hidden = prior.kernel, problem.kin.hidden
     if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
         return prior
