@@ -21,7 +21,6 @@ from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
-from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import KnownWrench
@@ -104,6 +103,9 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
                 raise
             result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
         if settings.part or settings.joint:
+            # with forceid.partition: only bodies in parts pay for it
+            from forceid.estimation.joints.forces import joint_forces
+
             result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
         result,

@@ -38,7 +38,7 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
 NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
 GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
-HELD = 3  # models of a load that stay at hand: that of a point, and of steps from it along level and rate
+MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -73,11 +73,11 @@ def tune_together(
             return flight, force, moment.moved(by)
         bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
 
-        @lru_cache(HELD)
+        @lru_cache(MODELS_HELD)
         def moving(*by: float) -> StateSpace:
             return translation(bent, force.moved(np.array(by)), near.rotation)
 
-        @lru_cache(HELD)
+        @lru_cache(MODELS_HELD)
         def turning(*by: float) -> StateSpace:
             return rotation_model(bent, moment.moved(np.array(by)), near)
 
