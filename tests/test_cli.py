@@ -15,10 +15,12 @@ from pathlib import Path
 import h5py
 import pytest
 
+from forceid import scenes
 from forceid.cli.app import COMMANDS, main
 from forceid.cli.crew import pool
 from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
+from forceid.scenes.recipe import load_recipe
 
 START = "import sys; from forceid.cli.app import main; code = main()"
 EXIT = START + "; sys.exit(code)"
@@ -224,7 +226,9 @@ def test_import_without_configuration_says_where_to_find_one(tmp_path, capsys):
     assert "forceid import --help" in one_error_line(capsys)
 
 
-def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, capsys):
+def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, monkeypatch, capsys):
+    shorter = {"duration": 0.2}  # s: a third of the flight that `make demo` throws
+    monkeypatch.setattr(scenes, "load_recipe", lambda path: load_recipe(path).model_copy(update=shorter))
     assert main(["demo", "-o", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
     assert re.search(r"^error    force .* N rms, .* its sigma; moment .* N m rms", said, re.MULTILINE)
@@ -307,7 +311,7 @@ def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, 
     assert [records[k]["status"] for k in ("one", "two", "bad")] == ["skipped", "skipped", "planned"]
     code, records = batch(shelf, tmp_path, capsys, "--resume", "--method", "savgol", "--dry-run")
     assert {r["status"] for r in records.values()} == {"planned"}  # other settings, so no longer current
-    code, records = batch(shelf, tmp_path, capsys, "--resume")
+    code, records = batch(shelf, tmp_path, capsys, "--resume", "-j", "1")
     assert code == 1
     assert records["one"]["status"] == "skipped"
     assert (tmp_path / "one.result.h5").stat().st_mtime_ns == written
