@@ -28,6 +28,7 @@ from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.methods.look import Look
+from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
@@ -136,7 +137,8 @@ def estimate_beside(
         findings = judge_unmarked(body, motion, settings)
     else:
         kin = kinematics(body, motion, settings)
-        rounded = judge_rounding(motion, kin.noise)
+        errors = measured_errors(kin, motion)[0]
+        rounded = judge_rounding(motion, kin.noise if errors is None else {"position": errors.std})
         findings = [*judge_recording(kin, motion), *(rounded or judge_clipping(motion))]
     if refusing(findings):
         return refused_estimate(recording, settings, findings), None

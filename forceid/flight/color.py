@@ -38,6 +38,15 @@ class Color:
         """By how much the errors add up, over white ones of the same variance."""
         return float(self.density(np.zeros(1))[0])
 
+    def passed(self, gain: Array) -> Array:
+        """What passes of these errors in a second derivative, over white ones, of which gain 1/s4 passes.
+
+        gain (...): of one that follows all frequencies up to a cut, and none beyond.
+        """
+        cut = (5 * np.pi * gain / self.step) ** 0.2
+        w = cut[..., None] * (np.arange(64) + 0.5) / 64
+        return np.asarray((w**4 * self.density(w)).sum(-1) / (w**4).sum(-1))
+
     def process(self, var: Array) -> Process:
         """The errors with a memory of channels whose errors have variances var (...)."""
         return matern(self.order, np.sqrt(self.share * var), np.full(np.shape(var), self.rate))

@@ -77,11 +77,11 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
     return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
-def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array] | None:
+def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array | None] | None:
     """Errors of the markers as what neither pose nor shape makes shows them; their deviations (3,), world.
 
-    None where these move the markers in all directions, so few frames are whole that they hardly show it, or
-    the errors are known to differ by axis.
+    No deviations of what may be a motion. None where pose and shapes move the markers in all directions, so
+    few frames are whole that they hardly show it, or the errors are known to differ by axis.
     """
     if motion.measured is None or uneven(kin.noise_root["position"]) is not None:
         return None
@@ -90,9 +90,9 @@ def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array]
         free = null_space(seen.of(kin.shapes), rcond=SINGLE)
         seen = replace(seen, y=seen.y @ free, basis=seen.basis @ free)
     found = marker_errors(motion.time, seen.y)
-    if found is None or found.relative > KNOWN or not found.alike:
+    if found is None or found.relative > KNOWN:
         return None
-    return found, by_axis(kin, seen, found)
+    return found, by_axis(kin, seen, found) if found.alike else None
 
 
 def by_axis(kin: Kinematics, seen: Beyond, errors: MarkerErrors) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.body.deformation import as_smoothed, load_on_unit_mass
+from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads import free_oscillation, inner_wheel
@@ -88,7 +89,7 @@ def allow_for_priors(problem: Problem) -> Problem:
         name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
     }
     seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
-    inside = "moment" in channels and problem.body.internal_momentum is None and not len(kin.shapes)
+    inside = "moment" in channels and problem.body.internal_momentum is None and may_turn_inside(kin)
     beside = {"moment": inner_wheel.signals(channels["moment"].time, state.rotation[seen])} if inside else {}
     looks = {
         name: whitened(channel, priors[name], problem.engine, beside.get(name))
@@ -99,6 +100,12 @@ def allow_for_priors(problem: Problem) -> Problem:
         return replace(problem, growth=growth)
     growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth)
     return replace(problem, growth=growth).noting(*said)
+
+
+def may_turn_inside(kin: Kinematics) -> bool:
+    """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
+    marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
+    return not len(kin.shapes) and not marked
 
 
 def channels_on_every_axis(problem: Problem) -> dict[str, Channel]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from forceid.config import Settings
@@ -9,8 +11,11 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.angular_channel import AngularChannel, angular_channel
 from forceid.estimation.loads.noise import slow_and_small
+from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.finding import SCATTERED
+from forceid.flight.color import Color
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -36,19 +41,26 @@ def estimate_classic(
     """Wrench and motion by differentiating twice; the method is settings.method, and it needs no engine.
 
     Force and moment are second derivatives of m c and of the integrated angular momentum (principal
-    equations 2.4), each under the window that it calls for. What the window leaves of the mass center, over
+    equations 2.4), each under the window that it calls for. What the window leaves of a measured center, over
     what noise alone would leave, stands for innovations. kin: kinematics of the motion at the level of the
     settings, where they are known already.
     """
     kin = kinematics(body, motion, settings) if kin is None else kin
+    errors, std, said = measured_errors(kin, motion)
+    if std is not None and errors is not None:
+        told = kin.stated
+        kin = replace(kinematics(body, motion, settings, {"position": np.diag(std)}), color=errors.color)
+        kin = replace(kin, stated=dict.fromkeys(told, True))
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
-    innovation = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
-    nis = mean_square(innovation)
-    shared = kin.stated[next(iter(kin.noise))] and slow_and_small(innovation, nis)
+    left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
+    if motion.position is not None:  # markers show by themselves what their noise is
+        left = np.zeros((len(time), 0))
+    nis = mean_square(left) if left.size else np.full(len(time), np.nan)
+    shared = bool(left.size) and kin.stated[next(iter(kin.noise))] and slow_and_small(left, nis)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
     cov = np.full((len(time), 6, 6), np.nan)
@@ -56,14 +68,14 @@ def estimate_classic(
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = measured_angular_channel(kin)
-        chosen = choose_moment(channel, candidates)
+        chosen = choose_moment(channel, candidates, kin.color)
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
         turn = derivatives(channel.time, channel.Y, chosen.window)
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
-        cov[at, 3:, 3:] = moment_cov(channel, turn) * (1 + chosen.bias_ratio)
+        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * (1 + chosen.bias_ratio)
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
         if amplitude.size:
@@ -71,10 +83,13 @@ def estimate_classic(
             amplitude, rate = np.nan_to_num(smooth.value), np.nan_to_num(smooth.first)
     state = FlightState(
         path.value, path.first, rotation, H, omega, force.target, moment, cov, kin.pose.cov,
-        innovation, nis, np.nan,
+        left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    found = (note("slow-errors"),) if shared else ()
+    found = (*said, note("slow-errors")) if shared else said
+    lost = np.asarray(~np.isfinite(kin.pose.center).all(1))
+    if lost.mean() > SCATTERED:
+        found = (*found, note("gaps-in-windows", lost=lost.sum(), frames=len(lost)))
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
 
 
@@ -97,12 +112,14 @@ def measured_angular_channel(kin: Kinematics) -> AngularChannel:
     return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h, known)
 
 
-def choose_moment(channel: AngularChannel, candidates: list[Window]) -> WindowChoice:
+def choose_moment(
+    channel: AngularChannel, candidates: list[Window], color: Color | None = None
+) -> WindowChoice:
     """Moment about the mass center under the window that the moment calls for."""
 
     def estimate(window: Window) -> tuple[Array, Array]:
         d = derivatives(channel.time, channel.Y, window)
-        return d.second, np.diagonal(moment_cov(channel, d), axis1=1, axis2=2)
+        return d.second, np.diagonal(moment_cov(channel, d, color), axis1=1, axis2=2)
 
     return choose_window(candidates, estimate)
 
@@ -111,14 +128,19 @@ def force_cov(kin: Kinematics, d: Derivatives) -> Array:
     """Covariance (time, 3, 3) that the noise of the poses gives the force."""
     cov = kin.pose.cov[:, :3, :3]
     cov = np.where(np.isfinite(cov), cov, np.nanmean(cov, axis=0))  # of a frame that is bridged
-    return np.asarray(kin.inertia.mass**2 * cov * d.gain[:, :1, 2:, 2:].reshape(-1, 1, 1))
+    gain = d.gain[:, :1, 2, 2]
+    gain = gain if kin.color is None else gain * kin.color.passed(gain)
+    return np.asarray(kin.inertia.mass**2 * cov * gain[:, :, None])
 
 
-def moment_cov(channel: AngularChannel, d: Derivatives) -> Array:
+def moment_cov(channel: AngularChannel, d: Derivatives, color: Color | None) -> Array:
     """Covariance (sample, 3, 3) that the noise of the poses gives the moment."""
     rate_cov = channel.drift / np.median(np.diff(channel.time))  # what adds up in Y is white in its rate
     gain = d.gain[:, 0, :, :, None, None]
-    return channel.noise_cov * gain[:, 2, 2] + rate_cov * gain[:, 1, 1]
+    second = gain[:, 2, 2]
+    if color is not None:
+        second, rate_cov = second * color.passed(second), color.slow * rate_cov
+    return channel.noise_cov * second + rate_cov * gain[:, 1, 1]
 
 
 def spin(kin: Kinematics, window: Window) -> tuple[Array, Array]:

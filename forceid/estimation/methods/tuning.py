@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.body.deformation import load_on_unit_mass
-from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
+from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
@@ -36,14 +36,12 @@ def see_motion(problem: Problem) -> Problem:
     """Poses and deformation under the noise known so far."""
     kin, slow, source = problem.look(problem.slow), problem.slow is not None, problem.source
     # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
-    followed = kin.apart or not kin.deforms
-    seen = None if slow else errors_beyond(kin, problem.motion)
-    errors, limits = None, range_of(kin, source, slow)
-    if seen is not None and not (kin.stated[source] and seen[0].as_stated(kin.noise[source])):
-        errors, std = seen
-        kin = problem.look({source: np.diag(std)})
-        limits = STATED if followed else (1.0, 1.0)
-    return replace(problem, errors=errors, noise_range=limits, followed=followed, notes=()).seeing(kin)
+    followed, limits = kin.apart or not kin.deforms, range_of(kin, source, slow)
+    errors, std, said = (None, None, ()) if slow else measured_errors(kin, problem.motion)
+    if std is not None:
+        kin, limits = problem.look({source: np.diag(std)}), STATED if followed else (1.0, 1.0)
+    seen = replace(problem, errors=errors, noise_range=limits, followed=followed, notes=()).seeing(kin)
+    return seen.noting(*said)
 
 
 def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float, float]:

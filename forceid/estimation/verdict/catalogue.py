@@ -112,11 +112,11 @@ RECORDING = (
         "Put markers on these nodes, or give /body/mode_shape.",
     ),
     Entry(
-        "frames-lost", "degraded",
+        "frames-lost", "ok",
         "{lost} of {frames} frames show no pose, the longest run {longest} frames: there the "
         "estimate is bridged or missing; expect detail only outside",
-        "In a gap the result follows from what is before and after it. Short events in a gap are lost.",
-        "Restore the markers there, or do not read force and moment inside the gaps.",
+        "In a gap the result follows from what is before and after it, and claims as much as that is known.",
+        "Short events in a gap are lost: restore the markers there if one is possible.",
     ),
     Entry(
         "fast-turn", "degraded",
@@ -161,18 +161,25 @@ RECORDING = (
         "Write NaN for these readings.",
     ),
     Entry(
-        "markers-exchanged", "degraded",
+        "markers-exchanged", "ok",
         "markers traded places ({markers}): exchanged back {count} times, first at {time_s:.4g} s; look at "
         "the labels, and at what the exchange leaves",
         "Two labels were swapped for a while. The program swapped them back.",
         "Correct the labels in the source, and look at the frames around the exchange.",
     ),
     Entry(
-        "spikes", "degraded",
+        "spikes", "ok",
         "{count} of {readings} marker readings rejected as spikes ({markers}), the first at {time_s:.4g} s; "
         "look at these markers there",
         "Single readings jump away and back, as no body does. They were left out.",
         "Look at these markers. If the jump is real (a blow), record faster.",
+    ),
+    Entry(
+        "many-spikes", "degraded",
+        "more than one in twenty of the marker readings were rejected as spikes: what is left may be wrong "
+        "too; look at the tracks",
+        "So many readings jump that they are no single mistakes. The other readings may be wrong as well.",
+        "Look at the calibration, the labels and the reconstruction of the markers.",
     ),
     Entry(
         "frames-rejected", "degraded",
@@ -198,6 +205,27 @@ NOISE = (
         "too small by a factor of two; record longer",
         "From so short a record the size and speed of the load are guessed badly, and so are the errors.",
         "Record longer, or take the claimed errors times two.",
+    ),
+    Entry(
+        "noise-measured", "ok",
+        "the noise of {variable} is stated as {stated:.2g}; what no motion of the body makes shows "
+        "{noise:.2g}, which is taken",
+        "Markers on one body show by themselves how large their errors are: not as large as was stated.",
+        "Nothing is to be done, unless all markers err alike: that is an error which they cannot show.",
+    ),
+    Entry(
+        "noise-heavy", "degraded",
+        "errors of markers are far from normal, kurtosis {kurtosis:.1f}: some readings are much worse than "
+        "others, and force and moment follow them; look at the tracks",
+        "A few markers, or a few frames, are wrong by far more than the rest. All of them count alike.",
+        "Take the bad readings out (NaN), or look at the reconstruction of the markers.",
+    ),
+    Entry(
+        "gaps-in-windows", "degraded",
+        "{lost} of {frames} frames show no pose: windows of this method reach over the gaps, and claims take "
+        "the load for smooth there; use --method smoother",
+        "Differences over gaps are long, and what the load does between is not in the claim.",
+        "Use the smoother, or restore the markers.",
     ),
     Entry(
         "noise-at-floor", "degraded",

@@ -13,6 +13,7 @@ from forceid.motion import WIDE_STEP
 from forceid.records import Array, Finding, Flags, Motion
 from forceid.significance import WILD
 
+MANY = 0.05  # of readings that are spikes: one in twenty of so many stands beside another, as motion does
 NAMED = 4  # markers in a sentence: as many as a reader takes in at a look
 
 
@@ -27,6 +28,8 @@ def judge_mending(mended: Mended) -> list[Finding]:
         several = ", ".join(worst[:NAMED]) + (" and others" if len(worst) > NAMED else "")
         count, first = sum(mended.spikes.values()), mended.spikes_s
         found.append(note("spikes", count=count, readings=mended.readings, markers=several, time_s=first))
+        if count > MANY * mended.readings:
+            found.append(note("many-spikes"))
     return found
 
 

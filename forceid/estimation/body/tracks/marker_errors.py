@@ -35,13 +35,15 @@ class MarkerErrors:
     """Errors of a coordinate of a marker: standard deviation m, color (None: white), and how they are known.
 
     relative: standard error of their density where many frequencies show it, as a part of it; uneven: one
-    where they are as large in all of the numbers, in the octave in which they differ most.
+    where they are as large in all of the numbers, in the octave in which they differ most; kurtosis: 3 of
+    normal ones.
     """
 
     std: float
     color: Color | None
     relative: float
     uneven: float
+    kurtosis: float
 
     @property
     def alike(self) -> bool:
@@ -64,6 +66,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         return None
     n, step = len(y), float(np.ptp(time[run])) / (len(y) - 1)
     y = y - np.median(y, 0)
+    kurtosis = float((y**4).mean() / max(float((y**2).mean()) ** 2, np.finfo(float).tiny))
     usual = max(float(np.quantile(np.abs(y), 0.9)) / 1.645, np.finfo(float).tiny)  # as of a normal deviate
     y = np.clip(y, -WILD * usual, WILD * usual)
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
@@ -100,7 +103,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
     octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
     uneven = max(unevenness(alike[first:last]) for first, last in pairwise((0, *octaves.tolist())))
-    return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven)
+    return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis)
 
 
 def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:

@@ -1,0 +1,34 @@
+"""The noise of markers as they show it themselves, against what was stated of it."""
+
+from __future__ import annotations
+
+from forceid.estimation.body.deformation_residual import errors_beyond
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.tracks.marker_errors import MarkerErrors
+from forceid.estimation.verdict.catalogue import note
+from forceid.records import Array, Finding, Motion
+
+HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
+SAID = 1.5  # times, or one over it: less is no news to who stated a noise
+
+
+def measured_errors(
+    kin: Kinematics, motion: Motion
+) -> tuple[MarkerErrors | None, Array | None, tuple[Finding, ...]]:
+    """Errors of markers where they show them, with deviations (3,) m along world axes, and what to say of it.
+
+    None where they do not show them, or show what was stated.
+    """
+    source = "position"
+    seen = errors_beyond(kin, motion) if motion.position is not None else None
+    if seen is None:
+        return None, None, ()
+    errors, std = seen
+    heavy = (note("noise-heavy", kurtosis=errors.kurtosis),) if errors.kurtosis > HEAVY else ()
+    if std is None or (kin.stated[source] and errors.as_stated(kin.noise[source])):
+        return None, None, heavy
+    ratio = errors.std / kin.noise[source]
+    if not kin.stated[source] or 1 / SAID < ratio < SAID:
+        return errors, std, heavy
+    told = note("noise-measured", variable=source, stated=kin.noise[source], noise=errors.std)
+    return errors, std, (told, *heavy)
