@@ -4,6 +4,9 @@ BIN := .venv/bin
 INSTALL := -m pip install --quiet --disable-pip-version-check
 BUILT_FROM := pyproject.toml evidence/pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
+# the tests start a hundred processes: byte code is kept for them, whatever the shell says
+test test-long kernels: export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: charts demo test test-long lint kernels bench study docs wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo

@@ -43,7 +43,8 @@ from forceid.records import Recording
 ROOT = Path(__file__).parents[1]
 MOTIONS = {path.stem: path for path in sorted((ROOT / "data" / "synthetic").glob("*.h5"))}
 KALMAN = ("filter", "smoother")
-CHANGING = ("runtime_s", "history", "forceid_version")  # attributes that tell when and by whom, not what
+CHANGING = ("runtime_s", "history", "forceid_version", "_NCProperties")  # attributes: when, by whom, not what
+TIMES = "timing_"  # what attributes begin with that tell how long a stage took
 
 Limits = tuple[tuple[Any, str, int], ...]
 WINDOWS: Limits = ((streaming, "LONG", 300), (stretches, "CORE", 150), (stretches, "MARGIN", 60))
@@ -114,7 +115,7 @@ def hashes(path: Path) -> dict[str, str]:
 
     def visit(name: str, item: Any) -> None:
         for key, value in item.attrs.items():
-            if key not in CHANGING and not isinstance(value, h5py.Reference) and "REFERENCE" not in key:
+            if not (key in CHANGING or key.startswith(TIMES) or "REFERENCE" in key):
                 found[f"{name}@{key}"] = digest(value)
         if isinstance(item, h5py.Dataset):
             found[name] = digest(item[()])

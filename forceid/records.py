@@ -370,7 +370,8 @@ class Estimate:
     axes; circulation (time, 3) kg m2/s, reference axes. What cannot be identified is NaN.
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
     names. hidden: what the estimate leaves out, None where the method does not tell; witness: what the plain
-    route gives beside it. settings: the merged configuration as TOML text.
+    route gives beside it. settings: the merged configuration as TOML text; runtime_s: s by
+    the clock; timing: s of CPU by stage.
     """
 
     time: Array
@@ -413,6 +414,7 @@ class Estimate:
     interface: Interface | None = None
     witness: Witness | None = None
     runtime_s: float = 0.0
+    timing: dict[str, float] = field(default_factory=dict)
     settings: str = ""
     input_sha256: str = ""
     tuned: dict[str, float] = field(default_factory=dict)

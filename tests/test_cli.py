@@ -15,10 +15,12 @@ from pathlib import Path
 import h5py
 import pytest
 
+from forceid import scenes
 from forceid.cli.app import COMMANDS, main
 from forceid.cli.crew import pool
 from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
+from forceid.scenes.recipe import load_recipe
 
 START = "import sys; from forceid.cli.app import main; code = main()"
 EXIT = START + "; sys.exit(code)"
@@ -224,7 +226,9 @@ def test_import_without_configuration_says_where_to_find_one(tmp_path, capsys):
     assert "forceid import --help" in one_error_line(capsys)
 
 
-def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, capsys):
+def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, monkeypatch, capsys):
+    shorter = {"duration": 0.2}  # s: a third of the flight that `make demo` throws
+    monkeypatch.setattr(scenes, "load_recipe", lambda path: load_recipe(path).model_copy(update=shorter))
     assert main(["demo", "-o", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
     assert re.search(r"^error    force .* N rms, .* its sigma; moment .* N m rms", said, re.MULTILINE)
@@ -254,7 +258,8 @@ def test_estimate_writes_beside_the_input_and_report_beside_the_result(shelf, tm
 
 
 def test_estimate_json_is_pure_and_carries_the_numbers(shelf, tmp_path):
-    words = ["estimate", str(shelf / "one.h5"), "-o", str(tmp_path / "r.h5"), "--json", "--method", "savgol"]
+    words = ["estimate", str(shelf / "one.h5"), "-o", str(tmp_path / "r.h5"), "--json", "--profile"]
+    words += ["--method", "savgol"]
     done = subprocess.run(
         [sys.executable, "-c", EXIT, *words],
         capture_output=True,
@@ -265,6 +270,13 @@ def test_estimate_json_is_pure_and_carries_the_numbers(shelf, tmp_path):
     assert record["method"] == "savgol"
     assert len(record["force_rms"]) == len(record["moment_std"]) == 3
     assert re.fullmatch("[0-9a-f]{64}", record["input_sha256"])
+    shown = [line.strip().split("  ")[0].replace(" ", "_") for line in done.stderr.splitlines()]
+    assert shown == ["stage", *record["timing"], "total"]
+    with h5py.File(tmp_path / "r.h5") as f:
+        held = {k: v[0] for k, v in f["estimate"].attrs.items() if k.startswith("timing_")}
+    told = {f"timing_{k}": v for k, v in record["timing"].items()}
+    assert {"timing_reading", "timing_kinematics", "timing_flight"} < set(held)
+    assert held == {k: v for k, v in told.items() if k != "timing_writing"}
 
 
 def test_input_is_never_overwritten(shelf, capsys):
@@ -299,7 +311,7 @@ def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, 
     assert [records[k]["status"] for k in ("one", "two", "bad")] == ["skipped", "skipped", "planned"]
     code, records = batch(shelf, tmp_path, capsys, "--resume", "--method", "savgol", "--dry-run")
     assert {r["status"] for r in records.values()} == {"planned"}  # other settings, so no longer current
-    code, records = batch(shelf, tmp_path, capsys, "--resume")
+    code, records = batch(shelf, tmp_path, capsys, "--resume", "-j", "1")
     assert code == 1
     assert records["one"]["status"] == "skipped"
     assert (tmp_path / "one.result.h5").stat().st_mtime_ns == written
@@ -384,13 +396,13 @@ def test_interrupted_batch_exits_130_and_leaves_nothing_half_written(shelf, tmp_
             assert "estimate" in f
 
 
-def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(tmp_path, monkeypatch):
+def test_the_engine_is_chosen_on_the_command_line_and_tunes_too(shelf, tmp_path, monkeypatch):
     from forceid.kalman.recursions import passes
 
     calls = []
     plain = passes.log_likelihood
     monkeypatch.setattr(passes, "log_likelihood", lambda *a: calls.append(1) or plain(*a))
-    source = Path(__file__).parents[1] / "data" / "synthetic" / "planar_boomerang.h5"
+    source = shelf / "one.h5"
     out = tmp_path / "out.h5"
     assert main(["estimate", str(source), "--engine", "numpy", "-o", str(out)]) == 0
     assert calls

@@ -17,17 +17,17 @@ from forceid.scenes.recipe import SceneRecipe, fly, measure
 
 FIVE = ("hub_1", "arm_a_1_lead", "arm_a_3_trail", "arm_b_1_trail", "arm_b_3_lead")
 RECIPE = SceneRecipe(scene="flexible_boomerang", duration=0.6, sample_rate=1000.0)
-TIME = np.arange(600) / 1000.0
+FRAMES = 600
 
 
 @cache
-def flight():
-    return fly(RECIPE, TIME)
+def flight(frames=FRAMES):
+    return fly(RECIPE, np.arange(frames) / 1000.0)
 
 
-def record(noise, markers, seed=1):
+def record(noise, markers, seed=1, frames=FRAMES):
     recipe = RECIPE.model_copy(update={"noise_std": noise, "markers": markers, "seed": seed})
-    return measure(flight(), recipe, TIME, np.random.default_rng(seed))
+    return measure(flight(frames), recipe, np.arange(frames) / 1000.0, np.random.default_rng(seed))
 
 
 def without_stiffness(recording):
@@ -80,7 +80,7 @@ def test_masses_without_marker_bend_as_the_spin_bends_them():
 
 
 def test_mode_shapes_serve_as_the_stiffness_does():
-    recording = record(3e-4, FIVE)
+    recording = record(3e-4, FIVE, frames=300)
     body = recording.body
     modes = elastic_modes(body.mass, body.stiffness, body.position)
     frequency = 1 / (2 * np.pi * np.sqrt(modes.compliance))

@@ -2,23 +2,29 @@
 
 import json
 
+import pytest
+
 from forceid.cli.app import main
 from forceid.cli.thresholds import chosen_numbers
 from forceid.config import load_settings
 
 
-def test_every_chosen_number_says_what_it_is():
-    numbers = chosen_numbers()
+@pytest.fixture(scope="module")
+def numbers():
+    return chosen_numbers()
+
+
+def test_every_chosen_number_says_what_it_is(numbers):
     assert len(numbers) > 100
     assert [f"{n.module}.{n.name}" for n in numbers if not n.reason] == []
 
 
-def test_they_are_printed_by_room_or_as_one_object(capsys):
+def test_they_are_printed_by_room_or_as_one_object(numbers, capsys):
     assert main(["settings", "--thresholds"]) == 0
     text = capsys.readouterr().out
-    assert all(f"{n.name} = {n.value}" in text for n in chosen_numbers())
+    assert all(f"{n.name} = {n.value}" in text for n in numbers)
     assert main(["settings", "--thresholds", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["numbers"]) == len(chosen_numbers())
+    assert len(json.loads(capsys.readouterr().out)["numbers"]) == len(numbers)
 
 
 def test_the_settings_that_are_printed_are_the_default_ones(tmp_path, capsys):
@@ -28,8 +34,8 @@ def test_the_settings_that_are_printed_are_the_default_ones(tmp_path, capsys):
     assert load_settings(path) == load_settings()
 
 
-def test_a_name_stands_for_one_number():
+def test_a_name_stands_for_one_number(numbers):
     values = {}
-    for number in chosen_numbers():
+    for number in numbers:
         values.setdefault(number.name, set()).add(number.value)
     assert {name: found for name, found in values.items() if len(found) > 1} == {}

@@ -24,6 +24,7 @@ from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
@@ -145,8 +146,8 @@ def taken(recording: Recording) -> tuple[str, str, float]:
     settings, engine = load_settings(lines="none"), kalman.engine("auto")
     body, motion, began = recording.body, recording.motion, time.process_time()
 
-    def solve(level: Settings, kin: Kinematics) -> Solution:
-        return estimate_flight(body, motion, level, engine, kin)
+    def solve(level: Settings, kin: Kinematics, shown: Look | None) -> Solution:
+        return estimate_flight(body, motion, level, engine, kin, shown)
 
     kin = kinematics(body, motion, settings)
     choice, _ = choose_level(kin, motion, settings, engine, solve)

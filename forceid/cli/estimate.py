@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,6 +65,9 @@ def run(
     model: ModelOption = None,
     engine: EngineOption = None,
     json: Json = False,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Show the CPU time of every stage, with --json on stderr.")
+    ] = False,
 ) -> None:
     """Estimate the applied force and moment of FILE, with covariance.
 
@@ -72,6 +77,7 @@ def run(
     Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
     """
     from forceid.cli.crew.progress import progress
+    from forceid.cli.stages import show_stages
     from forceid.config import load_settings
     from forceid.files.stored.atomic import sweep
 
@@ -80,6 +86,8 @@ def run(
     sweep(output.parent, {output.name})
     record = estimate_file(file, output, settings, progress)
     print(to_json(record) if json else summary(record))
+    if profile:
+        show_stages(record["timing"], sys.stderr if json else sys.stdout)
     if "refused" in (record["verdict"], record.get("interface", {}).get("verdict")):
         raise typer.Exit(1)
 
@@ -106,9 +114,11 @@ def estimate_file(
     """Read, estimate, write; return what there is to say of it. progress: of a recording that takes long."""
     from shutil import rmtree
 
-    from forceid.estimation import estimate_source, unwatched
-    from forceid.files import write_result
+    from forceid.timing import in_order, recorded, stage
 
+    with recorded() as spent, stage("loading"):
+        from forceid.estimation import estimate_source, unwatched
+        from forceid.files import write_result
     if output.resolve() == source.resolve():
         raise ConfigError("is both input and output", str(output), "name another output with -o")
     try:
@@ -117,6 +127,9 @@ def estimate_file(
     except DataError:
         rmtree(kept_of(output), ignore_errors=True)
         raise
-    write_result(output, estimate, recording)
+    estimate = replace(estimate, timing=in_order(spent, estimate.timing))
+    with recorded() as spent, stage("writing"):
+        write_result(output, estimate, recording)
     rmtree(kept_of(output), ignore_errors=True)
+    estimate = replace(estimate, timing=in_order(spent, estimate.timing))
     return describe(estimate, source, output, recording.truth)

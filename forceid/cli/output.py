@@ -55,6 +55,7 @@ def describe(
         "moment_about": estimate.moment_about,
         "log_likelihood": estimate.log_likelihood,
         "runtime_s": estimate.runtime_s,
+        "timing": dict(estimate.timing),
         "model_choice": estimate.model_choice,
         "tuned": dict(estimate.tuned),
         "ladder": dict(estimate.ladder),

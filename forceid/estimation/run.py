@@ -21,13 +21,13 @@ from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
-from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
+from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
@@ -69,6 +69,7 @@ from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 from forceid.rounding import SOLVED
+from forceid.timing import in_order, recorded, stage
 
 if TYPE_CHECKING:
     import xarray
@@ -94,20 +95,25 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    recording = with_stated(recording, settings)
-    try:
-        result, _ = estimate_whole(recording, settings)
-    except EstimationError as e:
-        if not settings.part:
-            raise
-        result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
-    if settings.part or settings.joint:
-        result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
+    with recorded() as spent, stage("rest"):
+        recording = with_stated(recording, settings)
+        try:
+            result, _ = estimate_whole(recording, settings)
+        except EstimationError as e:
+            if not settings.part:
+                raise
+            result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
+        if settings.part or settings.joint:
+            # with forceid.partition: only bodies in parts pay for it
+            from forceid.estimation.joints.forces import joint_forces
+
+            result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
     return replace(
         result,
         settings=to_toml(settings),
         input_sha256=recording.sha256,
         runtime_s=perf_counter() - began,
+        timing=in_order(spent),
     )
 
 
@@ -180,11 +186,12 @@ def at_its_level(
 
     kin: of the motion, which is cleaned, under the settings.
     """
-    solve = estimate_flight if settings.method in ("smoother", "filter") else estimate_classic
     passes = engine(settings.engine)
 
-    def at(level: Settings, seen: Kinematics) -> Solution:
-        return solve(body, motion, level, passes, seen)
+    def at(level: Settings, seen: Kinematics, shown: Look | None = None) -> Solution:
+        if settings.method in ("smoother", "filter"):
+            return estimate_flight(body, motion, level, passes, seen, shown)
+        return estimate_classic(body, motion, level, passes, seen)
 
     if settings.model != "auto":
         why = "it was asked for" if body.material is None else "it was asked for, or the material is stated"
@@ -228,6 +235,7 @@ def check_stiffness(body: Body) -> None:
         raise DataError(reasons[0].removeprefix("the stiffness "), "/body/stiffness")
 
 
+@stage("verdict")
 def assemble(
     recording: Recording,
     settings: Settings,

@@ -24,7 +24,8 @@ from forceid.files.schema import (
     WITNESS_ATTRS,
     estimate_groups,
 )
-from forceid.files.stored.hdf5 import open_hdf5, source_group, write_groups
+from forceid.files.stored.hdf5 import open_hdf5, source_group
+from forceid.files.stored.netcdf import write_groups
 from forceid.records import (
     Array,
     Estimate,

@@ -185,7 +185,8 @@ TRUTH = ESTIMATE | {
     "joint_moment": INTERFACE["moment"],
     "joint_point": INTERFACE["point"],
 }
-NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")  # named numbers of an estimate, as attributes
+# numbers with names, as attributes of an estimate
+NUMBERS = ("tuned", "ladder", "leakage", "sensitivity", "timing")
 ESTIMATE_ATTRS = (
     "method",
     "model",

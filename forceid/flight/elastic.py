@@ -216,12 +216,12 @@ def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> t
     density = load * gain * matern_density(order, 1.0, rate, w) / spectra.step
     p = spectra.over_bands(density)
     D = spectra.rows
-    S = np.eye(len(D)) + np.einsum("bk,ik,jk->bij", p, D, D, optimize=True)
+    S = np.eye(len(D)) + (D * p[:, None]) @ D.T
     inverse = np.linalg.inv(S)
     left = inverse @ (spectra.power @ inverse)
     count = HANN * spectra.count
     value = count @ (np.linalg.slogdet(S)[1] + np.einsum("bij,bji->b", inverse, spectra.power))
-    slope = count[:, None] * np.einsum("ik,bij,jk->bk", D, inverse - left, D, optimize=True)
+    slope = count[:, None] * (D * ((inverse - left) @ D)).sum(1)
     by_rate = (2 * order - 1) - 2 * order * rate**2 / (rate**2 + w**2)
     by_own = (
         -4 * own * gain * (own * (own**2 - w**2) + 2 * (width - np.pi / spectra.span) * width * w**2 / own)

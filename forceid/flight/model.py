@@ -119,7 +119,10 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     F, Q, P0 = prior.chain(step, carrier)
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
-    F, Q, P0 = F * scale[:, None] / scale, Q * np.outer(scale, scale), P0 * np.outer(scale, scale)
+    F *= scale[:, None]
+    F /= scale
+    Q *= np.outer(scale, scale)
+    P0 = P0 * np.outer(scale, scale)
     u, gravity = np.zeros((len(step), len(P0))), flight.gravity @ prior.axes
     u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
     u[:, MOMENTUM] = flight.mass * step[:, None] * gravity
@@ -219,15 +222,22 @@ def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
 
 
 def linear_flight(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference
+    flight: Flight,
+    force: LoadPrior,
+    moment: LoadPrior,
+    reference: Reference,
+    halves: tuple[StateSpace, StateSpace] | None = None,
 ) -> tuple[StateSpace, Array]:
     """The whole flight as a linear model about a reference, and what it measures (time, channel).
 
     Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
-    constant about the reference removed.
+    constant about the reference removed. halves: of the mass center, and of the rotation about the reference,
+    where these are known.
     """
-    flight, free = flexed(flight, reference), translation(flight, force, reference.rotation)
-    model = stack(free, rotation_model(flight, moment, reference), flight.pose_cov)
+    flight = flexed(flight, reference)
+    if halves is None:
+        halves = translation(flight, force, reference.rotation), rotation_model(flight, moment, reference)
+    free, model = halves[0], stack(*halves, flight.pose_cov)
     z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
     n, N = len(free.x0), len(model.x0)
     if flight.modes is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
-from scipy.signal import oaconvolve
 from scipy.sparse import block_diag, csr_array, diags_array, eye_array
 
 from forceid.motion.window import DEGREE, Window
@@ -17,6 +17,8 @@ from forceid.records import Array, Flags
 
 Index = NDArray[np.intp]
 BATCH = 2**21  # numbers held at once by a batch of local fits
+BLOCK = 8  # lengths of a kernel in a block of its convolution: an eighth of every transform is overlap
+SHORTEST_BLOCK = 512  # samples: shorter blocks cost more calls than they save multiplications
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,8 @@ def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Arr
         E, X, C = local_basis(t, t[: 2 * h + 1], h + stencil[None], window.order)
         kernel = np.zeros((3, 2 * h + 1))
         kernel[:, h + stencil] = E[h] @ C[0] @ X[0].T
-        out = np.stack([oaconvolve(z, k[::-1, None], mode="same", axes=0) for k in kernel])
+        out = np.empty((3, *z.shape))
+        out[:, h : last + 1] = moved_along(kernel, z)
         out[:, :h] = (E[:h] @ (C @ (X.mT @ z[h + stencil]))).swapaxes(0, 1)
         out[:, last:] = (E[h:] @ (C @ (X.mT @ z[last + stencil]))).swapaxes(0, 1)
         place = np.arange(len(t))
@@ -96,6 +99,26 @@ def fit_local(t: Array, z: Array, at: Array, window: Window) -> tuple[Array, Arr
         out[:, some] = (E @ (C @ (X.mT @ z[index[some]]))).swapaxes(0, 1)
         gain[some] = E @ C @ E.mT
     return out, gain
+
+
+def moved_along(kernel: Array, z: Array) -> Array:
+    """Kernels (k, width) along z (time, channel), where they cover samples: (k, time - width + 1, channel).
+
+    By transforms of blocks that overlap (Stockham 1966, overlap-save).
+
+    >>> moved_along(np.array([[-1.0, 1.0]]), np.array([[1.0], [4.0], [9.0]])).round(9).tolist()
+    [[[3.0], [5.0]]]
+    """
+    over, channels = kernel.shape[1] - 1, z.shape[1]
+    covered = len(z) - over
+    size = 1 << int(np.ceil(np.log2(min(max(BLOCK * (over + 1), SHORTEST_BLOCK), len(z)))))
+    step = size - over
+    blocks = -(-covered // step)
+    long = np.zeros((blocks * step + over, channels))
+    long[: len(z)] = z
+    waves = np.fft.rfft(sliding_window_view(long, size, axis=0)[::step])
+    found = np.fft.irfft(np.fft.rfft(kernel[:, ::-1], size)[:, None, None] * waves, size)[..., over:]
+    return found.swapaxes(2, 3).reshape(len(kernel), -1, channels)[:, :covered]
 
 
 def local_basis(t: Array, at: Array, index: Index, order: int) -> tuple[Array, Array, Array]:

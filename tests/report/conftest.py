@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from forceid.records import Estimate, Finding, Verdict
+from forceid.report.page import render_page
 
 TRUE_STD = np.array([0.05, 0.04, 0.06, 0.002, 0.003, 0.002])
 
@@ -85,6 +86,13 @@ def make_estimate(
 @pytest.fixture(scope="session")
 def throw() -> Callable[..., tuple[Estimate, dict[str, np.ndarray]]]:
     return make_estimate
+
+
+@pytest.fixture(scope="session")
+def page() -> str:
+    """The page of one throw, whole and in one body, with its truth."""
+    estimate, truth = make_estimate()
+    return render_page(estimate, truth, title="toss <3>")
 
 
 @pytest.fixture

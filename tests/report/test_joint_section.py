@@ -40,9 +40,20 @@ def jointed(estimate, **changes):
     return replace(estimate, interface=Interface(**(given | changes))), truth
 
 
-@pytest.fixture
-def two(thrown):
-    return jointed(thrown[0])
+@pytest.fixture(scope="module")
+def two(throw):
+    return jointed(throw()[0])
+
+
+@pytest.fixture(scope="module")
+def section(two):
+    return joint_section(*two)
+
+
+@pytest.fixture(scope="module")
+def untold(two):
+    """The section where the truth is not known."""
+    return joint_section(two[0])
 
 
 @pytest.fixture
@@ -74,14 +85,14 @@ def test_the_band_of_a_joint_is_1_96_sigma_on_either_side(two):
     assert band[:, 1].min() == pytest.approx(-1.959964 * 0.05)
 
 
-def test_a_joint_says_who_pushes_whom_in_which_axes_and_units(two):
+def test_a_joint_says_who_pushes_whom_in_which_axes_and_units(two, untold):
     estimate, _ = two
     axes = draw_joint(estimate.time, estimate.interface, 1).axes
     assert axes[0].get_title(loc="left") == "Force of thigh on shank, world axes"
     assert axes[1].get_title(loc="left") == "Moment about knee, world axes"
     units = [re.search(r"\((.*)\)$", ax.get_ylabel())[1] for ax in axes]
     assert units == ["N", "N m"] * 3
-    picture = joint_section(estimate).pictures[1]
+    picture = untold.pictures[1]
     assert picture.title == "Joint knee"
     assert "moves with the parts and is first seen at (0.8, 0.1, 1.2) m" in picture.caption
 
@@ -101,13 +112,11 @@ def test_truth_is_that_of_the_joint_at_the_same_place_and_carried_to_it(two):
     assert len(draw_joint(estimate.time, estimate.interface, 0, far).axes[0].lines) == 1
 
 
-def test_errors_within_their_claim_score_about_one(two):
-    estimate, truth = two
-    section = joint_section(estimate, truth)
+def test_errors_within_their_claim_score_about_one(section, untold):
     assert section.heads[-1] == "Error over sigma: force, moment"
     for row in section.rows:
         np.testing.assert_allclose([float(x) for x in row[-1].split(", ")], 1.0, atol=0.1)
-    assert len(joint_section(estimate).heads) == len(section.heads) - 1
+    assert len(untold.heads) == len(section.heads) - 1
 
 
 def test_the_page_tells_verdict_sizes_and_consistency_of_the_joints(two):
@@ -156,6 +165,6 @@ def test_joints_that_are_refused_say_why_on_the_page(two):
     assert html.count("<img") == 4
 
 
-def test_a_whole_body_has_no_section_of_joints(thrown):
-    assert joint_section(thrown[0]) is None
-    assert "Forces between parts" not in render_page(thrown[0])
+def test_a_whole_body_has_no_section_of_joints(throw, page):
+    assert joint_section(throw()[0]) is None
+    assert "Forces between parts" not in page

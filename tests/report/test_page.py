@@ -7,16 +7,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from forceid.records import Finding, Verdict
 from forceid.report.page import render_page
-
-
-@pytest.fixture(scope="module")
-def page(throw):
-    estimate, truth = throw()
-    return render_page(estimate, truth, title="toss <3>")
 
 
 def test_page_refers_to_no_host_and_no_other_file(page):

@@ -15,6 +15,7 @@ from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap
 from forceid.records import Array, Body, Flags, Motion
+from forceid.timing import stage
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Mended:
     readings: int = 0
 
 
+@stage("kinematics")
 def prepared(body: Body, motion: Motion) -> tuple[Motion, Mended]:
     """The motion cleaned, with lost nodes that carry mass bridged, and what was done about it."""
     motion, mended = cleaned(body, motion)

@@ -13,6 +13,7 @@ from forceid.flight.vibration import ModeState, Vibration, tune_vibrations, vibr
 from forceid.kalman.engines import Engine
 from forceid.motion import Products, exp, inertia_products
 from forceid.records import Array
+from forceid.timing import stage
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,7 @@ def together(kin: Kinematics, tuned: ElasticPrior, engine: Engine, causal: bool)
     return replace(smooth, answered=tuned)
 
 
+@stage("deformation")
 def undeformed(kin: Kinematics, engine: Engine, causal: bool = False) -> tuple[Kinematics, Deformation]:
     """Kinematics whose poses are those of the frames with the smoothed deformation taken out, and that.
 

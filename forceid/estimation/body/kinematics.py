@@ -22,6 +22,7 @@ from forceid.flight.elastic import Elastic
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
+from forceid.timing import stage
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Kinematics:
         return (self.inertia.weight > 0) & ~self.seen & ~self.shapes.any(axis=(0, 2))
 
 
+@stage("kinematics")
 def kinematics(
     body: Body, motion: Motion, settings: Settings, noise: dict[str, Array] | None = None
 ) -> Kinematics:
@@ -99,6 +101,7 @@ def kinematics(
     return from_mean_motion(body, motion, stated, noise)
 
 
+@stage("kinematics")
 def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     """Poses and deformation of marker tracks at the level that settings.model and settings.modes name."""
     thin, X, x, measured = markers.thin, markers.X, markers.tracks, markers.measured

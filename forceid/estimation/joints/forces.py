@@ -24,10 +24,12 @@ from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
 from forceid.records import Estimate, Interface, Recording
 from forceid.significance import WILD
+from forceid.timing import stage
 
 SolveRecording = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
 
 
+@stage("joints")
 def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording) -> Interface:
     """Wrench of every joint in the settings, from each part estimated by `solve` as a body of its own.
 

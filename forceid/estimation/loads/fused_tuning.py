@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -17,11 +17,20 @@ from forceid.errors import EstimationError
 from forceid.estimation.loads.lines import ROUNDS
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
-from forceid.flight.model import Flight, Reference, linear_flight, seen_part
+from forceid.flight.model import (
+    Flight,
+    Reference,
+    flexed,
+    linear_flight,
+    rotation_model,
+    seen_part,
+    translation,
+)
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import SHORTEST, FlightState, settled
 from forceid.flight.tuning import LEAK, PROBE
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import ITERATIONS
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
@@ -29,6 +38,7 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 FARTHER = 1.5  # of a logarithm: as far as one step may lead
 NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
 GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
+MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -61,7 +71,20 @@ def tune_together(
         if alone:
             by = bfgs_maximum(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
             return flight, force, moment.moved(by)
-        value = partial(flight_likelihood, cut, force, moment, near, engine, loud)
+        bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
+
+        @lru_cache(MODELS_HELD)
+        def moving(*by: float) -> StateSpace:
+            return translation(bent, force.moved(np.array(by)), near.rotation)
+
+        @lru_cache(MODELS_HELD)
+        def turning(*by: float) -> StateSpace:
+            return rotation_model(bent, moment.moved(np.array(by)), near)
+
+        def value(by: Array) -> float:
+            halves = moving(*by[:2].tolist()), turning(*by[2:4].tolist())
+            return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
+
         best = bfgs_maximum(value, np.zeros(4 + len(loud)))
         return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
@@ -161,10 +184,14 @@ def flight_likelihood(
     engine: Engine,
     free: list[int],
     by: Array,
+    halves: tuple[StateSpace, StateSpace] | None = None,
 ) -> float:
-    """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved."""
+    """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved.
+
+    halves: the models of its two halves under those priors, where they are known.
+    """
     priors = force.moved(by[:2]), moment.moved(by[2:4])
-    model, z = linear_flight(louder(flight, free, by[4:]), *priors, about)
+    model, z = linear_flight(louder(flight, free, by[4:]), *priors, about, halves)
     try:
         return float(engine.log_likelihood(model, z))
     except EstimationError:  # numbers so far off that a covariance loses its sign

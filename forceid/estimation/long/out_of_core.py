@@ -36,6 +36,7 @@ from forceid.files.stored.heap import GIGABYTE, fingerprint
 from forceid.flight.channels import FLIGHT_SAMPLES
 from forceid.motion import noise_variance
 from forceid.records import SENSED, Array, Estimate, Finding, Recording
+from forceid.timing import in_order, recorded, stage
 
 REDUCED = "first moments of"  # in the history of a recording that was reduced here
 SUMS = "sums.npz"
@@ -52,14 +53,18 @@ def estimate_source(
     kept: a folder for what is done of one that takes long, removed in the end; one that was stopped goes on
     from there.
     """
-    recording, left_out = read_recording(path, settings, kept, progress)
+    with recorded() as spent:
+        recording, left_out = read_recording(path, settings, kept, progress)
     whole = len(recording.motion.time) <= LONG or bool(settings.part or settings.joint)
     if whole and REDUCED not in recording.history:
-        return estimate_recording(recording, settings), recording
-    estimate = estimate_windows(recording, settings, made(kept), progress)
-    return replace(estimate, verdict=judge([*estimate.verdict.findings, *left_out])), recording
+        estimate = estimate_recording(recording, settings)
+    else:
+        estimate = estimate_windows(recording, settings, made(kept), progress)
+        estimate = replace(estimate, verdict=judge([*estimate.verdict.findings, *left_out]))
+    return replace(estimate, timing=in_order(spent, estimate.timing)), recording
 
 
+@stage("reading")
 def read_recording(
     path: Path, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
 ) -> tuple[Recording, tuple[Finding, ...]]:

@@ -26,6 +26,7 @@ from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
 from forceid.records import Estimate, Finding, HiddenLoad, Loads, Recording, Verdict, Witness
+from forceid.timing import in_order
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
@@ -108,6 +109,7 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
         model_choice=known[0].model_choice,
         log_likelihood=float(sum(p.log_likelihood for p in pieces)),
         runtime_s=sum(p.runtime_s for p in pieces),
+        timing=in_order(*(p.timing for p in pieces)),
         verdict=worst_of(pieces),
         hidden=widest([p.hidden for p in pieces]),
         witness=farthest(pieces),

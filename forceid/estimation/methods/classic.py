@@ -31,8 +31,10 @@ from forceid.motion import (
 from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 from forceid.rounding import SOLVED
+from forceid.timing import stage
 
 
+@stage("flight")
 def estimate_classic(
     body: Body, motion: Motion, settings: Settings, engine: Engine, kin: Kinematics | None = None
 ) -> Solution:

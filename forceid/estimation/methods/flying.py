@@ -14,8 +14,10 @@ from forceid.estimation.loads.lines import Lines, more_lines
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.tracks import judge_wild
 from forceid.kalman.building.lines import AT_ONCE
+from forceid.timing import stage
 
 
+@stage("instruments")
 def add_instruments(problem: Problem) -> Problem:
     """The flight with its sensors and gauges, and priors that suit all of its channels."""
     body, motion, kin, settings = problem.body, problem.motion, problem.kin, problem.settings
@@ -26,11 +28,13 @@ def add_instruments(problem: Problem) -> Problem:
     return replace(problem, apiece=apiece, flight=flight, priors=priors)
 
 
+@stage("flight")
 def solve(problem: Problem) -> Problem:
     """The state of the flight."""
     return replace(problem, state=problem.smoothed(problem.flight))
 
 
+@stage("flight_tuning")
 def tune_on_flight(problem: Problem) -> Problem:
     """The flight under priors by its own likelihood, where its rotations contradict those of the channels.
 
@@ -46,6 +50,7 @@ def tune_on_flight(problem: Problem) -> Problem:
     return solve(replace(problem, priors=priors))
 
 
+@stage("frames")
 def without_wild_frames(problem: Problem) -> Problem:
     """The problem to be solved again without frames that nothing else agrees with; itself where none are."""
     flight, state = problem.flight, problem.state
@@ -58,6 +63,7 @@ def without_wild_frames(problem: Problem) -> Problem:
     return replace(problem, dropped=both, findings=said, near=problem.apiece)
 
 
+@stage("lines")
 def beside_more_lines(problem: Problem) -> Problem:
     """The problem to be solved again with the lines that the innovations show; itself where none are."""
     settings, kin, priors = problem.settings, problem.kin, problem.priors

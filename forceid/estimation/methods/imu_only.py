@@ -40,6 +40,7 @@ from forceid.motion import Pose
 from forceid.records import Array, Body, Finding, Motion
 from forceid.rounding import SOLVED
 from forceid.significance import TENTH
+from forceid.timing import stage
 
 BIAS_PASSES = 0.5  # claimed error of the force over its size from which a bias passes for force
 
@@ -69,6 +70,7 @@ def known(motion: Motion, settings: Settings) -> dict[str, float]:
     return motion.noise_std | settings.noise_std
 
 
+@stage("flight")
 def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
     """Wrench of a recording of gyros and accelerometers, in the axes of the body at the first sample."""
     if settings.load_prior != "matern":

@@ -15,6 +15,7 @@ from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.loads.lines import NO_LINES, Lines
+from forceid.estimation.methods.look import Look
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -30,9 +31,9 @@ class Problem:
     """What is given of a recording, what passes so far have learned, and what this pass has found.
 
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
-    stated. Learned: findings; dropped, frames taken out; lines of the loads; errors, of the markers as what
-    no motion makes shows them; slow, the noise of tracks whose errors follow each other, None for none; near,
-    priors that those of the same lines are near to.
+    stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
+    loads; errors, of the markers as what no motion makes shows them; slow, the noise of tracks whose errors
+    follow each other, None for none; near, priors that those of the same lines are near to.
     Found: looked, the kinematics as the markers show them, and kin, with the deformation taken out;
     noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
     the noise of markers; notes, findings of this pass; at_limit: by variable,
@@ -46,6 +47,7 @@ class Problem:
     settings: Settings
     engine: Engine
     given: Kinematics
+    shown: Look | None = None
     findings: tuple[Finding, ...] = ()
     dropped: Dropped = NONE_DROPPED
     lines: Lines = NO_LINES
@@ -109,7 +111,10 @@ class Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
         if kin is self.looked:  # by the pass before
             return self
-        without, deformation = undeformed(kin, self.engine, self.causal)
+        if self.shown is not None and kin is self.shown.kin and not self.causal:
+            without, deformation = self.shown.without, self.shown.deformation
+        else:
+            without, deformation = undeformed(kin, self.engine, self.causal)
         color = None if self.errors is None else self.errors.color
         return replace(self, looked=kin, kin=replace(without, color=color), deformation=deformation)
 

@@ -25,6 +25,7 @@ from forceid.estimation.methods.flying import (
     tune_on_flight,
     without_wild_frames,
 )
+from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.methods.tuning import (
@@ -37,6 +38,7 @@ from forceid.estimation.methods.tuning import (
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import WILD
+from forceid.timing import stage
 
 Stage = Callable[[Problem], Problem]
 
@@ -61,15 +63,22 @@ CLAIMS: tuple[Stage, ...] = (
 
 
 def estimate_flight(
-    body: Body, motion: Motion, settings: Settings, engine: Engine, kin: Kinematics | None = None
+    body: Body,
+    motion: Motion,
+    settings: Settings,
+    engine: Engine,
+    kin: Kinematics | None = None,
+    shown: Look | None = None,
 ) -> Solution:
     """Wrench and motion by the Kalman smoother, or by the filter if settings.method says so.
 
-    motion: cleaned; kin: its kinematics at the level of the settings, where they are known already.
+    motion: cleaned; kin: its kinematics at the level of the settings, where they are known already; shown:
+    what a look at them has shown, where there was one.
     """
     given = kinematics(body, motion, settings) if kin is None else kin
-    problem = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given)))
-    return solution_of(through(CLAIMS, problem))
+    problem = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given, shown)))
+    with stage("claims"):
+        return solution_of(through(CLAIMS, problem))
 
 
 def through(stages: tuple[Stage, ...], problem: Problem) -> Problem:

@@ -24,11 +24,14 @@ from forceid.motion import noise_growth
 from forceid.records import Array
 from forceid.rounding import SINGLE
 from forceid.significance import PATIENCE, SIGMAS
+from forceid.timing import stage
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
+AS_LOOKED = (1.0, 1.0), (), ORDERS, None, "matern"  # how a look at a level tunes: `load_seen`
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 
 
+@stage("noise")
 def see_motion(problem: Problem) -> Problem:
     """Poses and deformation under the noise known so far."""
     kin, slow, source = problem.look(problem.slow), problem.slow is not None, problem.source
@@ -48,6 +51,7 @@ def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float
     return STATED if kin.stated[variable] else UNSTATED
 
 
+@stage("force")
 def tune_force(problem: Problem) -> Problem:
     """The prior of the force, and the noise of the mass center."""
     channel = problem.force_channel
@@ -69,7 +73,11 @@ def tuned_beside(
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
     orders = ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
-    prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
+    prior = None
+    if problem.shown is not None and (limits, lines, orders, near, kind) == AS_LOOKED:
+        prior = problem.shown.prior_on(channel)
+    if prior is None:
+        prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
     kernel, hidden = prior.kernel, problem.kin.hidden
     if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
         return prior
@@ -93,6 +101,7 @@ def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
     return prior.with_kernel(Matern(kernel.order, std, rates)) if weak.any() else prior
 
 
+@stage("noise")
 def settle_noise(problem: Problem) -> Problem:
     """Poses and deformation under the noise that the force has left."""
     force = problem.priors["force"]
@@ -101,6 +110,7 @@ def settle_noise(problem: Problem) -> Problem:
     return problem.seeing(problem.look(scaled_noise(problem.kin, {problem.source: force.noise})))
 
 
+@stage("noise")
 def find_slow_errors(problem: Problem) -> Problem:
     """The noise of tracks whose errors follow each other, which passes for motion: all beyond the motion."""
     kin, source = problem.kin, problem.source
@@ -129,6 +139,7 @@ def follow_each_other(problem: Problem) -> bool:
     return force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
 
 
+@stage("moment")
 def tune_moment(problem: Problem) -> Problem:
     """The prior of the moment, and the noise of orientations where these are measured."""
     kin = problem.kin

@@ -28,6 +28,7 @@ from forceid.estimation.body.deformation_residual import (
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
 from forceid.estimation.body.tracks.marker_errors import marker_errors
+from forceid.estimation.methods.look import Look, look_at
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.levels import (
     LevelCandidate,
@@ -55,28 +56,30 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import CHANCE, WORSE
+from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 
-SolveLevel = Callable[[Settings, Kinematics], Solution]
+SolveLevel = Callable[[Settings, Kinematics, Look | None], Solution]
 
 
+@stage("level")
 def choose_level(
     kin: Kinematics, motion: Motion, settings: Settings, engine: Engine, solve: SolveLevel
 ) -> tuple[LevelChoice, Solution]:
     """The level that a recording asks for, and the solution at that level.
 
     kin: its kinematics under the settings, which leave the level open; solve: the estimate at a level, from
-    the settings that name it and the kinematics at it. It runs for the level taken; and for the explaining
-    one where the flight of a smaller one is not what a look without the flight said. The wrench covariance of
-    a smaller one allows for its distance.
+    the settings that name it, the kinematics at it, and what a look at it showed, if there was one. It runs
+    for the level taken; and for the explaining one where the flight of a smaller one is not what a look
+    without the flight said. The wrench covariance of a smaller one allows for its distance.
     """
     rigid, markers = settings.model_copy(update={"model": "rigid"}), kin.markers
     if markers is None:
-        return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid, kin)
+        return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid, kin, None)
 
     def without_shapes(reason: str) -> tuple[LevelChoice, Solution]:
-        return without_choice("rigid", reason), solve(rigid, at_level(markers, rigid))
+        return without_choice("rigid", reason), solve(rigid, at_level(markers, rigid), None)
 
     if settings.modes == 0:
         return without_shapes("no modes are asked for")
@@ -89,7 +92,7 @@ def choose_level(
     if beyond is None or not beyond.y.shape[1]:
         return without_shapes("so few markers show no deformation")
     if beyond.frames < FEW:
-        solution = solve(settings, at_level(markers, settings))
+        solution = solve(settings, at_level(markers, settings), None)
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
@@ -142,6 +145,7 @@ def descend(
     steps = list(steps)
     solutions: dict[int, Solution] = {}
     looks: dict[int, Kinematics] = {}
+    shown: dict[int, Look] = {}
 
     def look(i: int) -> Kinematics:
         if i not in looks:
@@ -150,11 +154,12 @@ def descend(
 
     def solved(i: int) -> Solution:
         if i not in solutions:
-            solutions[i] = solve(candidates[i].settings, look(i))
+            solutions[i] = solve(candidates[i].settings, look(i), shown.get(i))
         return solutions[i]
 
     def seen(i: int) -> LoadChannels:
-        return channels_of(look(i), motion.gravity, engine)
+        shown[i] = look_at(look(i), engine)
+        return channels_of(shown[i], motion.gravity)
 
     def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)
@@ -179,6 +184,7 @@ def descend(
         return chosen(best)
     below = seen(nested[-1])
     top = view(seen(best), below, engine)
+    shown[best] = replace(shown[best], priors=top.priors)
 
     def near(i: int) -> bool:
         if np.isnan(steps[i].change):

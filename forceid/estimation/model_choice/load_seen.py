@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.body.deformation import undeformed
-from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
+from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -35,10 +34,9 @@ class Seen:
     log_likelihood: float
 
 
-def channels_of(kin: Kinematics, gravity: Array, engine: Engine) -> LoadChannels:
+def channels_of(look: Look, gravity: Array) -> LoadChannels:
     """The channels that force and moment drive, as a level sees them."""
-    kin, deformation = undeformed(kin, engine)
-    return force_channel(kin, gravity), moment_channel(kin, deformation)
+    return force_channel(look.without, gravity), moment_channel(look.without, look.deformation)
 
 
 def load_seen(channel: Channel, engine: Engine) -> Seen:
@@ -58,6 +56,11 @@ class View:
 
     force: Seen | None
     moment: Seen
+
+    @property
+    def priors(self) -> tuple[tuple[Channel, LoadPrior], ...]:
+        """The channels that were looked at, each with its prior."""
+        return tuple((seen.channel, seen.prior) for seen in self.each if seen is not None)
 
     @property
     def each(self) -> tuple[Seen | None, Seen]:

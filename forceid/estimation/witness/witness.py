@@ -31,6 +31,7 @@ from forceid.flight.smoother import FlightState
 from forceid.motion import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
 from forceid.significance import DENIED
+from forceid.timing import stage
 
 LOWEST = 3  # bin up to which the lowest band goes: the taper spreads a constant so far
 CENTRAL = 0.75  # part of the record compared: ends say little
@@ -40,6 +41,7 @@ COMPARED = ("band", "apart", "difference", "limit")
 UNITS = {"force": "N", "moment": "N m"}
 
 
+@stage("witness")
 def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | None = None) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 

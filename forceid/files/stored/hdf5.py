@@ -1,11 +1,10 @@
-"""Motion files in HDF5 that is netCDF-4: read with h5py, written with h5netcdf."""
+"""Motion files in HDF5 that is netCDF-4: read with h5py; whatever a file holds, it does no harm."""
 
 from __future__ import annotations
 
-import io
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -16,9 +15,9 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.parse import READ, Stored, parse_recording, text
-from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, TRUTH, Group, motion_groups
-from forceid.files.stored.atomic import atomic
+from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, TRUTH, motion_groups
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
+from forceid.files.stored.netcdf import write_groups
 from forceid.files.stored.object_header import attributes, check_texts, judge_attribute
 from forceid.records import Recording
 
@@ -57,32 +56,6 @@ def read_checked(
 def write_motion(path: str | Path, recording: Recording) -> None:
     """A motion file by the contract; `path` appears whole or not at all. ConfigError: not writable."""
     write_groups(path, motion_groups(recording))
-
-
-def write_groups(path: str | Path, groups: Mapping[str, Group]) -> None:
-    """Groups as netCDF-4: dimension scales, attributes, text as UTF-8 strings.
-
-    Made in memory, then written: HDF5 on a full disk ends the process.
-    """
-    import h5netcdf  # type: ignore[import-untyped]  # only those who write pay for it
-
-    whole = io.BytesIO()
-    with h5netcdf.File(whole, "w") as f:
-        for name, group in groups.items():
-            node = f if name == "/" else f.create_group(name)
-            node.attrs.update(group.attrs)
-            for key, item in group.variables.items():
-                for dim, n in zip(item.dims, item.data.shape, strict=True):
-                    if dim not in node.dimensions:
-                        node.dimensions[dim] = n
-                if item.data.dtype.kind == "U":
-                    variable = node.create_variable(key, item.dims, h5py.string_dtype())
-                    variable[...] = item.data.astype(object)
-                else:
-                    variable = node.create_variable(key, item.dims, data=item.data)
-                variable.attrs.update(item.attrs)
-    with atomic(path) as partial:
-        partial.write_bytes(whole.getbuffer())
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Matern:
         """Row (state,) that reads the rate of the load, zero where it has none."""
         return np.asarray(np.eye(1, self.order, 1)[0])
 
-    @property
+    @cached_property
     def process(self) -> Process:
         """The load along each axis."""
         return matern(self.order, self.std, self.rate)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +55,7 @@ class Periodic:
         """At which the load forgets itself (axis,), 1/s."""
         return np.full(len(self.std), self.decay)
 
-    @property
+    @cached_property
     def process(self) -> Process:
         """The load along each axis: what wanders about its mean, then two states a harmonic."""
         return process_of(self.std, self.frequency, self.decay, self.length, self.harmonics)

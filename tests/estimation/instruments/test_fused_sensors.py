@@ -1,6 +1,7 @@
 """Gyros and accelerometers of a recording beside its markers, and in their place."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ ENGINE, PLAIN = kalman.engine(), load_settings()
 MIDDLE = slice(20, -20)
 
 
+@cache
 def recorded(seed=3, duration=0.5, stated_noise=True, **parameters):
     recipe = SceneRecipe(
         scene="instrumented", duration=duration, sample_rate=320.0, noise_std=5e-4, seed=seed,
@@ -132,7 +134,7 @@ def test_an_accelerometer_without_a_place_and_a_turn_that_is_none_are_errors():
 
 
 def test_without_markers_force_and_moment_in_body_axes_are_right_and_the_rest_is_left_out():
-    recording = recorded(markers=False)
+    recording = recorded(markers=False, duration=0.3)
     body, motion, truth = recording.body, recording.motion, recording.truth
     assert is_unmarked(motion)
     told = load_settings(noise_std={"specific_force_bias": 0.3, "angular_velocity_bias": 0.05})
@@ -170,7 +172,8 @@ def estimated(recording, **settings):
 
 def test_clocks_that_are_off_by_many_samples_are_found_said_and_no_longer_matter():
     late = {"gyro_clock": 0.0221, "accelerometer_clock": -0.0094}
-    found, recording = estimated(recorded(marker_every=4, **late)), recorded(marker_every=4)
+    shape = {"marker_every": 4, "duration": 0.35}
+    found, recording = estimated(recorded(**shape, **late)), recorded(**shape)
     for name, off in (("gyro", 0.0221), ("accelerometer", -0.0094)):
         std = found.tuned[f"clock_offset_{name}_std"]
         assert abs(found.tuned[f"clock_offset_{name}"] - off) < 4 * std < 2e-3

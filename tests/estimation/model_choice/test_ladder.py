@@ -43,9 +43,9 @@ def climbed(recording, **settings):
     """What the ladder chose and its solution, with the settings that were solved."""
     solved = []
 
-    def solve(level, kin):
+    def solve(level, kin, shown):
         solved.append(level)
-        return estimate_flight(recording.body, recording.motion, level, engine(), kin)
+        return estimate_flight(recording.body, recording.motion, level, engine(), kin, shown)
 
     asked = load_settings(**({"lines": "none"} | settings))
     kin = kinematics(recording.body, recording.motion, asked)
@@ -176,7 +176,7 @@ def test_level_does_not_hang_on_the_method(method):
     solve = estimate_flight if method == "filter" else estimate_classic
     settings = load_settings(method=method)
 
-    def solved(level, kin):
+    def solved(level, kin, _):
         return solve(recording.body, recording.motion, level, engine(), kin)
 
     kin = kinematics(recording.body, recording.motion, settings)
