@@ -226,6 +226,7 @@ def test_import_without_configuration_says_where_to_find_one(tmp_path, capsys):
     assert "forceid import --help" in one_error_line(capsys)
 
 
+@pytest.mark.long
 def test_demo_ends_with_a_page_and_an_error_against_truth(tmp_path, monkeypatch, capsys):
     shorter = {"duration": 0.2}  # s: a third of the flight that `make demo` throws
     monkeypatch.setattr(scenes, "load_recipe", lambda path: load_recipe(path).model_copy(update=shorter))

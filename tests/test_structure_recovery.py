@@ -79,6 +79,7 @@ def test_masses_without_marker_bend_as_the_spin_bends_them():
     assert np.abs(shape_at(kin, smooth.amplitude).swapaxes(1, 2) @ kin.inertia.weight).max() < 1e-9
 
 
+@pytest.mark.long
 def test_mode_shapes_serve_as_the_stiffness_does():
     recording = record(3e-4, FIVE, frames=300)
     body = recording.body

@@ -91,22 +91,22 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
             return None
         spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
         far = 0.5 * (far + off)
-    reasons = missing(model, lacking)
+    told = missing(model, lacking)
     if seen is None:
         pending, until, why = lost(flight, frame.time, lag, "frames without a pose")
-        reasons = (f"{reasons[0]}: no pose",) if reasons else ("no pose",)
+        told = (f"{told[0]}: no pose",) if told else ("no pose",)
     if spoiled:
-        reasons = (*reasons, f"its {' and '.join(spoiled)} left out: far off what is expected")
-    if frame.time <= until and why not in reasons:
-        reasons = (*reasons, why)
+        told = (*told, f"its {' and '.join(spoiled)} left out: far off what is expected")
+    if frame.time <= until and why not in told:
+        told = (*told, why)
     misfit = flight.misfit
     if seen is not None and not spoiled:
         misfit += (far / 3 - misfit) / MEMORY
     if misfit > MISFIT:
-        reasons = (*reasons, "late frames are far off what is expected: the tuning does not fit")
+        told = (*told, "late frames are far off what is expected: the tuning does not fit")
     if misfit > ASTRAY:
         return None
-    pending = (*pending, (frame.time, reasons, misfit if misfit > MISFIT else 1.0))
+    pending = (*pending, (frame.time, told, misfit if misfit > MISFIT else 1.0))
     spared = 0 if spoiled else flight.spared + 1
     return LiveFlight(
         frame.time, flight.origin, force, moment, R, swing, pending, until, why, spared, misfit,

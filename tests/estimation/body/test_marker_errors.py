@@ -57,10 +57,10 @@ def test_gaps_leave_the_longest_run():
 
 @pytest.mark.parametrize("r", [0.4, 0.9])
 def test_force_and_moment_beside_errors_with_a_memory_are_known_as_claimed(r):
-    """A body in free fall under a slow force; 8 records, told nothing of the errors."""
+    """A body under a slow force; 5 records, told nothing of the errors."""
     time, mass, J = STEP * np.arange(300), 2.0, np.diag([0.02, 0.03, 0.04])
     inside, said, over = [], [], []
-    for seed in range(8):
+    for seed in range(5):
         rng = np.random.default_rng([11, seed])
         X = rng.uniform(-0.2, 0.2, (7, 3))
         rate, size, phase = rng.uniform(4, 12, 3), rng.uniform(1, 5, 3), rng.uniform(0, 6, 3)
@@ -75,4 +75,4 @@ def test_force_and_moment_beside_errors_with_a_memory_are_known_as_claimed(r):
         said.append(found.verdict.level)
     assert 0.5 < np.median(over) < 1.3
     assert np.mean(inside) > 0.9
-    assert said.count("ok") >= 6
+    assert said.count("ok") >= 4

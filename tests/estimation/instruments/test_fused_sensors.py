@@ -133,6 +133,7 @@ def test_an_accelerometer_without_a_place_and_a_turn_that_is_none_are_errors():
         check_recording(replace(recording, body=askew), "a.h5")
 
 
+@pytest.mark.long
 def test_without_markers_force_and_moment_in_body_axes_are_right_and_the_rest_is_left_out():
     recording = recorded(markers=False, duration=0.3)
     body, motion, truth = recording.body, recording.motion, recording.truth
@@ -170,6 +171,7 @@ def estimated(recording, **settings):
     return estimate_recording(recording, load_settings(lines="none", **settings))
 
 
+@pytest.mark.long
 def test_clocks_that_are_off_by_many_samples_are_found_said_and_no_longer_matter():
     late = {"gyro_clock": 0.0221, "accelerometer_clock": -0.0094}
     shape = {"marker_every": 4, "duration": 0.35}
