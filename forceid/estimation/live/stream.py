@@ -20,7 +20,7 @@ from forceid.records import Array, Body, Frame, LiveWrench
 LIVE_LAG = 0.05  # s: the boomerang errs by 1.05 of the smoother there, by 1.5 at 10 ms (evidence.live)
 LIVE_FIRST = 0.25  # s that are tuned on at least: five periods of a load of 20 Hz
 LIVE_RETUNE = 60.0  # s from tuning to tuning: one costs seconds, so that is some percent of a core
-FIRST_FRAMES = 256  # a first stretch has at least so many: its noise is known to 5 %, its band to 10 %
+STRETCH_FRAMES = 256  # a first stretch has at least so many: its noise is known to 5 %, its band to 10 %
 MOST_FRAMES = 1024  # a stretch has at most so many: tuning takes seconds, and no number gets better
 TUNING_TIME = 5.0  # s of frames from which a stretch is tuned on to where that counts: it takes less
 FOREVER = float("inf")
@@ -150,7 +150,7 @@ def first_stretch(
 
     A stretch that shows no force is made longer. EstimationError where all frames show none.
     """
-    count = FIRST_FRAMES
+    count = STRETCH_FRAMES
     for frame in rest:
         if len(kept) == MOST_FRAMES:
             tell(f"the frame at {kept[0].time:g} s has no wrench: nothing could be tuned on so far")
