@@ -4,7 +4,7 @@ import io
 from itertools import count
 
 from forceid import timing
-from forceid.cli.stages import show_stages
+from forceid.report import show_stages
 from forceid.timing import STAGES, in_order, recorded, stage
 
 

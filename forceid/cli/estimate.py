@@ -77,9 +77,9 @@ def run(
     Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
     """
     from forceid.cli.crew.progress import progress
-    from forceid.cli.stages import show_stages
     from forceid.config import load_settings
     from forceid.files.stored.atomic import sweep
+    from forceid.report import show_stages
 
     settings = load_settings(config, method=method, model=model, engine=engine)
     output = output or file.with_suffix(".result.h5")

@@ -17,6 +17,7 @@ _HOMES = {
     "render_batch": "forceid.report.batch_page",
     "find_outliers": "forceid.report.outliers",
     "plot_wrench": "forceid.report.notebook",
+    "show_stages": "forceid.report.stages",
     "show_report": "forceid.report.notebook",
     "summarize": "forceid.report.notebook",
 }
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from forceid.report.numbers import wrench_numbers as wrench_numbers
     from forceid.report.outliers import find_outliers as find_outliers
     from forceid.report.page import render_page as render_page
+    from forceid.report.stages import show_stages as show_stages
 
 
 __getattr__ = on_first_use(__name__, _HOMES)
