@@ -17,10 +17,12 @@ def measured_errors(
 ) -> tuple[MarkerErrors | None, Array | None, tuple[Finding, ...]]:
     """Errors of markers where they show them, with deviations (3,) m along world axes, and what to say of it.
 
-    None where they do not show them, or show what was stated.
+    None where they do not show them, or show what was stated; nor of a body that deforms about a mass center
+    known by itself, which tells its own noise, whatever the shapes.
     """
     source = "position"
-    seen = errors_beyond(kin, motion) if motion.position is not None else None
+    other = motion.position is None or (kin.apart and kin.deforms)
+    seen = None if other else errors_beyond(kin, motion)
     if seen is None:
         return None, None, ()
     errors, std = seen

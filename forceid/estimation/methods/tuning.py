@@ -56,6 +56,13 @@ def tune_force(problem: Problem) -> Problem:
     """The prior of the force, and the noise of the mass center."""
     channel = problem.force_channel
     force = tuned_beside(problem, channel, "force", problem.noise_range, problem.lines.force)
+    if problem.errors is not None and problem.kin.apart:
+        # a mass center known by itself denies errors that markers do not have: then what they show is motion
+        own = replace(problem, errors=None).seeing(problem.look(None))
+        own = replace(own, noise_range=range_of(own.kin, problem.source))
+        other = tuned_beside(own, own.force_channel, "force", own.noise_range, own.lines.force)
+        if other.tuned.log_likelihood > force.tuned.log_likelihood + PATIENCE:
+            problem, force = own, other
     at_limit = {problem.source: force.tuned.noise_at_limit} if problem.errors is None else {}
     like_modes = np.full(3, np.sqrt(problem.kin.inertia.mass))
     force = as_on_modes(problem, force, like_modes)
