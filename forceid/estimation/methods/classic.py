@@ -11,7 +11,7 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.angular_channel import AngularChannel, angular_channel
 from forceid.estimation.loads.noise import slow_and_small
-from forceid.estimation.methods.measured_noise import measured_errors
+from forceid.estimation.methods.measured_noise import may_show, measured_errors
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import SCATTERED
@@ -57,10 +57,10 @@ def estimate_classic(
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
-    if motion.position is not None:  # markers show by themselves what their noise is
-        left = np.zeros((len(time), 0))
-    nis = mean_square(left) if left.size else np.full(len(time), np.nan)
-    shared = bool(left.size) and kin.stated[next(iter(kin.noise))] and slow_and_small(left, nis)
+    nis = mean_square(left)
+    shared = errors is None and kin.stated[next(iter(kin.noise))] and slow_and_small(left, nis)
+    if may_show(kin, motion):  # markers show by themselves what their noise is
+        left, nis = np.zeros((len(time), 0)), np.full(len(time), np.nan)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
     cov = np.full((len(time), 6, 6), np.nan)

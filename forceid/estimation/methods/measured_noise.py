@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.tracks.marker_errors import MarkerErrors
+from forceid.estimation.body.tracks.marker_errors import COLORS, MarkerErrors
 from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding, Motion
+from forceid.significance import TENTH
 
 HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
 SAID = 1.5  # times, or one over it: less is no news to who stated a noise
+
+
+def may_show(kin: Kinematics, motion: Motion) -> bool:
+    """Whether markers are asked for their noise: not where a mass center tells it while the body deforms."""
+    return motion.position is not None and not (kin.apart and kin.deforms)
 
 
 def measured_errors(
@@ -21,12 +29,16 @@ def measured_errors(
     known by itself, which tells its own noise, whatever the shapes.
     """
     source = "position"
-    other = motion.position is None or (kin.apart and kin.deforms)
-    seen = None if other else errors_beyond(kin, motion)
+    seen = errors_beyond(kin, motion) if may_show(kin, motion) else None
     if seen is None:
         return None, None, ()
     errors, std = seen
     heavy = (note("noise-heavy", kurtosis=errors.kurtosis),) if errors.kurtosis > HEAVY else ()
+    # what is smaller than the noise stated is no motion beside it
+    smaller = kin.stated[source] and errors.std * SAID < kin.noise[source]
+    color = errors.color if std is not None or smaller else None
+    if color is not None and color.order == COLORS[-1] and 1 - color.share < 2 * TENTH**2:
+        heavy = (*heavy, note("smoothed-at-source", cut_hz=color.rate / (2 * np.pi)))
     if std is None or (kin.stated[source] and errors.as_stated(kin.noise[source])):
         return None, None, heavy
     ratio = errors.std / kin.noise[source]

@@ -214,6 +214,13 @@ NOISE = (
         "Nothing is to be done, unless all markers err alike: that is an error which they cannot show.",
     ),
     Entry(
+        "smoothed-at-source", "degraded",
+        "errors of the markers end near {cut_hz:.2g} Hz: the tracks were smoothed before, and what the load "
+        "does faster than that is not in the record nor in the claim",
+        "A filter took away noise and motion alike. What it took away cannot be seen any more.",
+        "Give the data before filtering.",
+    ),
+    Entry(
         "noise-heavy", "degraded",
         "errors of markers are far from normal, kurtosis {kurtosis:.1f}: some readings are much worse than "
         "others, and force and moment follow them; look at the tracks",

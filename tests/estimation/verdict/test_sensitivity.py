@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 
 from forceid.config import load_settings
 from forceid.estimation.body.deforming.modes import split_rigid
+from forceid.estimation.methods import tuning
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict import sensitivity as sn
@@ -189,7 +190,9 @@ def test_markers_on_every_mass_may_sit_anywhere():
 
 
 @pytest.mark.long
-def test_wrong_mode_shapes_cost_what_the_budget_says():
+def test_wrong_mode_shapes_cost_what_the_budget_says(monkeypatch):
+    # the budget keeps noise and priors as they are: what wrong shapes leave would count as noise of markers
+    monkeypatch.setattr(tuning, "measured_errors", lambda *_: (None, None, ()))
     time = np.arange(300) / 1000
     parameters, K = (
         scene.Parameters(),
