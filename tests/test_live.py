@@ -108,6 +108,15 @@ def test_input_that_holds_no_frames_is_one_line_and_exit_3(shelf, tmp_path, caps
     assert streams.err.count("\n") == 1
 
 
+def test_an_earlier_file_is_kept_until_there_is_a_wrench_and_nothing_is_left_beside_it(shelf, tmp_path):
+    path, earlier = tmp_path / "none.csv", tmp_path / "live.h5"
+    path.write_text("0.1,2,3\n")
+    earlier.write_text("of yesterday")
+    assert main(["live", str(shelf / "body.h5"), str(path), "-o", str(earlier)]) == 3
+    assert earlier.read_text() == "of yesterday"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["live.h5", "none.csv"]
+
+
 def test_wrong_usage_is_said_with_its_exit_code(shelf, tmp_path, capsys):
     body, csv = str(shelf / "body.h5"), str(shelf / "frames.csv")
     assert main(["live", body, str(tmp_path / "missing.csv")]) == 3

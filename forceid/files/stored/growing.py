@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,9 +30,13 @@ VECTORS = {
 
 @dataclass
 class GrowingFile:
-    """An open file with what waits to be written to it: wrenches, and notes with the time they came at."""
+    """An open file with what waits to be written to it: wrenches, and notes with the time they came at.
+
+    place: gives the file its name, once it holds a wrench.
+    """
 
     group: Any
+    place: Callable[[], None]
     waiting: list[LiveWrench] = field(default_factory=list)
     written: float = 0.0
 
@@ -71,16 +76,20 @@ class GrowingFile:
             data.resize((end, *data.shape[1:]))
             data[first:end] = values
             data.flush()
+        if not first:
+            self.place()
 
 
 @contextmanager
 def growing_file(path: Path, about: Mapping[str, str | float]) -> Iterator[GrowingFile]:
     """A file with the group /live, open for wrenches to come and for readers at the same time.
 
-    about: attributes of the group. ConfigError: it cannot be written.
+    about: attributes of the group. It has its name from the first wrench on: what stands by that name is kept
+    till then, and nothing is left where none comes. ConfigError: it cannot be written.
     """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        file = h5py.File(path, "w", libver="latest")
+        file = h5py.File(beside, "w", libver="latest")
     except OSError as e:
         raise ConfigError(
             f"cannot be written ({' '.join(str(e).split())[:120]})", str(path), "give another place"
@@ -112,8 +121,9 @@ def growing_file(path: Path, about: Mapping[str, str | float]) -> Iterator[Growi
         at = group.create_dataset("note_at", (0,), np.int64, maxshape=(None,), chunks=(16,))
         at.attrs["long_name"] = "number of frames told before the note"
         file.swmr_mode = True  # from here on nothing new is made, all may be read
-        growing = GrowingFile(group)
+        growing = GrowingFile(group, lambda: os.replace(beside, path))
         try:
             yield growing
         finally:
             growing.write()
+            beside.unlink(missing_ok=True)
