@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.flight.color import Color
+from forceid.flight.pieces import Pieces
 from forceid.kalman.building.process import Process, discretize, integrate, superpose, with_mean
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import SINGLE
 
 CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
+MEAN = 2  # state of a chain that is the mean of its load; those of the kernel follow
 FLIGHT_SAMPLES = 400  # that a search on a whole flight looks at, as each try filters all its states: to 5 %
 
 
@@ -74,9 +76,7 @@ def driven(
     noise_var (time, model) of z; drift (model,): variance per second of the part of the noise that adds up;
     step (time - 1,) s; color: of the noise, of which the least variance has the memory in all.
     """
-    if color is not None:
-        steady = np.nanmin(noise_var, axis=0)
-        chain, noise_var = superpose(chain, color.process(steady / gain**2)), noise_var - color.share * steady
+    chain, noise_var = colored(chain, gain, noise_var, color)
     # equal steps share their matrices: a regular clock has one
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
@@ -85,6 +85,52 @@ def driven(
         F, Q = F[which], Q[which]
     H = gain * chain.output[None, None, None]
     return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
+
+
+def driven_in_pieces(
+    chain: Process,
+    gain: float,
+    noise_var: Array,
+    drift: Array,
+    time: Array,
+    order: int,
+    tried: Sequence[Pieces],
+    color: Color | None = None,
+) -> StateSpace:
+    """The same of loads that come in pieces: as many models for each of those tried, one try after another.
+
+    chain: of a load of size one throughout; order: states of its kernel; time (time,) s.
+    """
+    chain, noise_var = colored(chain, gain, noise_var, color)
+    at = np.arange(len(chain.output))
+    mean, kernel = at == MEAN, (at > MEAN) & (at <= MEAN + order)
+    cuts = [pieces.split(np.diff(time), float(time[0])) for pieces in tried]
+    unique, which = np.unique(np.round(np.concatenate([cut.step for cut in cuts]), 12), return_inverse=True)
+    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
+    Q[..., 0, 0] += drift * unique[:, None]
+    alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
+    _, own = discretize(Process(chain.A[None], alone[None], chain.P0, chain.output), unique[:, None])
+    places = np.split(which, np.cumsum([len(cut.step) for cut in cuts])[:-1])
+    found = [
+        pieces.drawn(
+            F[place], Q[place], own[place], chain.P0,
+            np.repeat(pieces.size[..., None], len(at), -1), (mean, kernel), cut,
+        )
+        for pieces, cut, place in zip(tried, cuts, places, strict=True)
+    ]  # fmt: skip
+    F, Q, P0 = (np.concatenate(parts, axis) for parts, axis in zip(zip(*found, strict=True), (1, 1, 0), strict=True))
+    R = np.tile(noise_var, len(tried))[..., None, None]
+    return StateSpace(F, Q, gain * chain.output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
+
+
+def colored(
+    chain: Process, gain: float, noise_var: Array, color: Color | None
+) -> tuple[Process, Array]:
+    """A chain with what has a memory of the noise of its channel beside it, and the variance that is white."""
+    if color is None:
+        return chain, noise_var
+    steady = np.nanmin(noise_var, axis=0)
+    return superpose(chain, color.process(steady / gain**2)), noise_var - color.share * steady
 
 
 def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:

@@ -116,7 +116,7 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     carrier (time, 3, 3): rotation of the body, for a force that turns with it.
     """
     step = np.diff(flight.time)
-    F, Q, P0 = prior.chain(step, carrier)
+    F, Q, P0 = prior.chain(step, carrier, flight.time[0])
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
     F *= scale[:, None]
@@ -174,7 +174,7 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Referenc
 def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
-    F, Q, P0 = prior.chain(step, reference.rotation)
+    F, Q, P0 = prior.chain(step, reference.rotation, flight.time[0])
     Y, H = moment_increments(reference, F)
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H

@@ -52,7 +52,8 @@ class FlightState:
     their bias (channel,) at the end with bias_std; steady (number,) of the sensors with steady_std, zero
     where not in doubt; modes (time, state): chains of the modes of the body,
     modal_cov (time, 6 + mode, mode): of wrench and their loads with these;
-    gauge_innovation (time, gauge) whitened, of the strain gauges used.
+    gauge_innovation (time, gauge) whitened, of the strain gauges used; given (time, 6): what force and moment
+    have given so far, where one has edges between samples, which its samples do not tell.
     """
 
     center: Array
@@ -76,6 +77,7 @@ class FlightState:
     modes: Array | None = None
     modal_cov: Array | None = None
     gauge_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    given: Array | None = None
 
 
 def smooth_flight(
@@ -119,6 +121,8 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
         or flight.color is not None
         or force.body_axes is not None
         or moment.body_axes is not None
+        or force.tuned.pieces is not None
+        or moment.tuned.pieces is not None
     ):
         return None
     clock, which = classify_steps(flight.time)

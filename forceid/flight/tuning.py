@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 
 from forceid.flight.channels import (
     driven,
+    driven_in_pieces,
     load_chain,
     runs_of,
     search_box,
     start_of,
 )
 from forceid.flight.color import Color
+from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.kalman.building.lines import Line
@@ -48,6 +50,7 @@ def tune_loads(
     engine: Engine | None = None,
     near: Tuned | None = None,
     color: Color | None = None,
+    pieces: Pieces | None = None,
 ) -> Tuned:
     """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -57,7 +60,7 @@ def tune_loads(
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
     fastest, if none is given. near: a prior about where this one is, which has its order. color: of the
-    noise, None for white.
+    noise, None for white; pieces: in which the load comes, with their sizes.
     """
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
 
@@ -74,7 +77,11 @@ def tune_loads(
         for t, y, var in runs:
             held = [line.scaled(np.abs(line.direction[axis])) for line in lines]
             chain = load_chain(matern(order, std, rate), start_of(t, y, gain), held)
-            model = driven(chain, gain, var[:, axis] * noise, drift[axis] * noise, np.diff(t), color)
+            seen = gain, var[:, axis] * noise, drift[axis] * noise
+            if pieces is None:
+                model = driven(chain, *seen, np.diff(t), color)
+            else:
+                model = driven_in_pieces(chain, *seen, t, order, [pieces.of(axis)], color)
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
@@ -90,7 +97,7 @@ def tune_loads(
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
         at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < AT_LIMIT) > 0.5
-        return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value)
+        return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value, pieces)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])

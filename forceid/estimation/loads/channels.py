@@ -11,6 +11,7 @@ from forceid.estimation.loads.angular_channel import angular_channel
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.model import Flight
 from forceid.flight.modes import FlyingModes
+from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.priors.table import PRIORS
 from forceid.flight.tuning import ORDERS
@@ -23,7 +24,7 @@ LEAST_FRAMES = 5  # frames: start, speed and a constant load take three of them,
 
 def force_channel(kin: Kinematics, gravity: Array) -> Channel:
     """The mass center with the fall removed: a channel that the force drives."""
-    center, time = kin.pose.center, kin.time - kin.time[0]
+    center, time = kin.pose.center, kin.time
     seen = np.isfinite(center).all(1)
     if seen.sum() < LEAST_FRAMES:
         raise EstimationError(
@@ -31,7 +32,7 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
             "the recording",
             "restore the markers, or give the center of a longer record",
         )
-    z = center - 0.5 * time[:, None] ** 2 * gravity
+    z = center - 0.5 * (time - time[0])[:, None] ** 2 * gravity
     cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
     return Channel(time, z, 1 / kin.inertia.mass, cov, np.zeros((3, 3)), kin.color)
 
@@ -60,6 +61,7 @@ def tune_channel(
     engine: Engine | None = None,
     near: LoadPrior | None = None,
     kind: str = "matern",
+    pieces: Pieces | None = None,
 ) -> LoadPrior:
     """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds.
 
@@ -73,9 +75,8 @@ def tune_channel(
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
     first = None if near is None else near.tuned
-    tuned = PRIORS[kind](
-        time, z @ axes, gain, channel.var(axes), drift, limits, orders, along, engine, first, channel.color
-    )
+    seen = time, z @ axes, gain, channel.var(axes), drift
+    tuned = PRIORS[kind](*seen, limits, orders, along, engine, first, channel.color, pieces)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

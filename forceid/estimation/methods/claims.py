@@ -12,6 +12,7 @@ from forceid.estimation.instruments.on_flight import judge_sensors, named_sensor
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads import free_oscillation, inner_wheel
 from forceid.estimation.loads.body_axes import body_fixed_priors
+from forceid.estimation.loads.edges import spread_of, with_edges_known
 from forceid.estimation.loads.hidden import faster_on_modes, hidden_load, lines_at_spin
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.order_uncertainty import growth_along_world
@@ -71,6 +72,19 @@ def turn_with_body(problem: Problem) -> Problem:
         said = faster_on_modes(problem.channels, problem.priors, problem.state, on_modes, alike)
         problem = problem.noting(*said)
     return problem.noting(*lines_at_spin(problem.channels, problem.priors, problem.state, mass, gravity))
+
+
+def allow_for_edges(problem: Problem) -> Problem:
+    """Edges of the loads, whose places are open to a part of a step or to more."""
+    channels, time = problem.channels, problem.flight.time
+    found = {name: spread_of(channel, problem.priors[name], problem.engine) for name, channel in channels.items()}
+    spread = {name: one for name, one in found.items() if one is not None}
+    if not spread:
+        return problem
+    seen = {name: np.isin(time, channels[name].time) for name in spread}
+    fall = (time - time[0])[:, None] * problem.flight.gravity
+    given = np.concatenate([problem.flight.mass * (problem.state.velocity - fall), problem.state.H], 1)
+    return replace(problem, state=with_edges_known(problem.state, spread, seen, given))
 
 
 def judge_lever(problem: Problem) -> Problem:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.loads.channels import force_channel, tune_channel
+from forceid.estimation.loads.character import with_character
 from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
 from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.problem import Problem
@@ -79,12 +81,18 @@ def tuned_beside(
     that where little tells orders apart, unless another is e^PATIENCE likelier.
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
+    pieces = None if near is None else near.tuned.pieces
     orders = ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
     prior = None
     if problem.shown is not None and (limits, lines, orders, near, kind) == AS_LOOKED:
         prior = problem.shown.prior_on(channel)
     if prior is None:
-        prior = tune_channel(channel, limits, lines, orders, engine, near, kind)
+        prior = tune_channel(channel, limits, lines, orders, engine, near, kind, pieces)
+    if not problem.hides:
+        others = problem.priors.get("force") if load == "moment" else None
+        given = None if others is None or others.tuned.pieces is None else others.tuned.pieces.edges
+        tune = partial(tune_channel, channel, limits, lines, orders, engine, kind=kind)
+        prior = with_character(channel, prior, engine, tune, given)
     kernel, hidden = prior.kernel, problem.kin.hidden
     if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
         return prior

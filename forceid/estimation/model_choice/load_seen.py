@@ -114,13 +114,12 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
 
 def from_view(solution: Solution, top: View, time: Array) -> float:
     """Expected error of a solved flight over that of what the explaining level shows: the larger of two."""
-    clocks = (time - time[0], time)
     var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
     loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
     found = [0.0]
-    for (load, own), shown, clock in zip(loads, top.each, clocks, strict=True):
+    for (load, own), shown in zip(loads, top.each, strict=True):
         if shown is not None:
-            kept = np.isin(clock, shown.channel.time)
+            kept = np.isin(time, shown.channel.time)
             found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))
     return max(found)
 

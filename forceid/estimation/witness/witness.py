@@ -52,9 +52,10 @@ def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | No
     if route.force is None and route.moment is None:
         return None
     found: dict[str, Array] = {}
-    for name, channel, load, claim in (
-        ("force", route.force, state.force, std[:, :3]),
-        ("moment", route.moment, state.moment, std[:, 3:]),
+    given = np.full((len(time), 6), np.nan) if state.given is None else state.given
+    for name, channel, load, claim, momentum in (
+        ("force", route.force, state.force, std[:, :3], given[:, :3]),
+        ("moment", route.moment, state.moment, std[:, 3:], given[:, 3:]),
     ):
         values = deviations = np.full((len(time), 3), np.nan)
         numbers = {key: np.full(3, np.nan) for key in ("cutoff", *COMPARED)}
@@ -62,7 +63,8 @@ def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | No
             spectrum, cuts = spectrum_and_cuts(channel)
             values, deviations = low_passed(time, channel, cuts, color)
             numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
-            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim, color)
+            path = integrated(time, momentum) if np.isfinite(momentum).all() else integrated(time, load, 2)
+            numbers |= apart_in_bands(channel, spectrum, cuts, time, (load, path), claim, color)
         found |= {name: values, f"{name}_std": deviations}
         found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)
@@ -116,16 +118,18 @@ def apart_in_bands(
     found: MotionSpectrum,
     cuts: list[Cut],
     time: Array,
-    load: Array,
+    shown: tuple[Array, Array],
     claim: Array,
     color: Color | None = None,
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
+    shown (time, 3): the load, and where it leads: integrated twice.
+
     Half an octave from band to band, each with the noise of the channel in it.
     """
     numbers = {name: np.full(3, np.nan) for name in COMPARED}
-    path = integrated_twice(time, load)[channel.frame]
+    load, path = shown[0], shown[1][channel.frame]
     seen = np.isfinite(load) & np.isfinite(claim)
     beside = channel.z - path
     for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):
@@ -182,14 +186,14 @@ def allowed(moved: Array, ends: Indices, dof: float, known_by: float) -> Array:
     return np.asarray(fdtri(samples, known_by, 1 - DENIED / (6 * len(ends))))
 
 
-def integrated_twice(time: Array, load: Array) -> Array:
-    """A load (time, 3) integrated twice from its start, straight across what is not known of it."""
+def integrated(time: Array, load: Array, times: int = 1) -> Array:
+    """A load or momentum (time, 3) integrated so many times, straight across what is not known of it."""
     filled = np.zeros_like(load)
     for column, out in zip(load.T, filled.T, strict=True):
         seen = np.isfinite(column)
         if seen.any():
             out[:] = np.interp(time, time[seen], column[seen])
-    return np.asarray(CubicSpline(time, filled).antiderivative(2)(time))
+    return np.asarray(CubicSpline(time, filled).antiderivative(times)(time))
 
 
 def central(time: Array) -> Flags:

@@ -24,6 +24,7 @@ from scipy.special import ive
 
 from forceid.flight.channels import driven, load_chain, runs_of, start_of
 from forceid.flight.color import Color
+from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import AT_LIMIT, ORDERS, PROBE, tune_loads
 from forceid.kalman.building.lines import AT_ONCE, COHERENT, Line, winsorized
@@ -236,12 +237,16 @@ def tune_periodic(
     engine: Engine | None = None,
     near: Tuned | None = None,
     color: Color | None = None,
+    pieces: Pieces | None = None,
 ) -> Tuned:
     """Quasi-periodic prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
     All as in `tune_loads`, from whose Matern prior the search begins; that one it stays where no periodic one
-    is e^PATIENCE as likely.
+    is e^PATIENCE as likely, or the load comes in pieces.
     """
+    if pieces is not None:
+        seen = time, z, gain, noise_var, drift
+        return tune_loads(*seen, noise_range, orders, lines, engine, near, color, pieces)
     if near is not None and isinstance(near.kernel, Periodic):
         start = near
     else:

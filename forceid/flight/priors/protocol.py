@@ -18,6 +18,7 @@ import numpy as np
 
 from forceid.flight.channels import Channel, Start, load_chain
 from forceid.flight.color import root_of
+from forceid.flight.pieces import Pieces
 from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.lines import Line
@@ -88,13 +89,15 @@ class Tuned:
     """A kernel as a record calls for it, and the noise found with it.
 
     noise (axis,): factor on the stated standard deviation of the measurement; noise_at_limit: on most axes
-    that a load moves the likelihood would have taken a smaller one than allowed.
+    that a load moves the likelihood would have taken a smaller one than allowed; pieces: in which the load
+    comes, None for one that is of one character throughout.
     """
 
     kernel: Kernel
     noise: Array = field(default_factory=lambda: np.ones(3))
     noise_at_limit: bool = False
     log_likelihood: float = 0.0
+    pieces: Pieces | None = None
 
 
 @dataclass(frozen=True)
@@ -162,13 +165,18 @@ class LoadPrior:
             rate += line
         return chain[:, MOMENTUM] @ self.axes.T, chain @ self.rows.T, rate
 
-    def chain(self, step: Array, rotation: Array | None = None) -> tuple[Array, Array, Array]:
-        """F, Q (time - 1, state, state) and P0 of the chain over steps (time - 1,) s.
+    def chain(
+        self, step: Array, rotation: Array | None = None, begin: float = -np.inf
+    ) -> tuple[Array, Array, Array]:
+        """F, Q (time - 1, state, state) and P0 of the chain over steps (time - 1,) s, from the time `begin`.
 
         Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
         rotation (time, 3, 3): of the body, for a load or a line that turns with it.
         """
-        unique, which = np.unique(np.round(step, 12), return_inverse=True)
+        pieces = self.tuned.pieces
+        cut = None if pieces is None else pieces.split(step, begin)
+        parts = step if cut is None else cut.step
+        unique, which = np.unique(np.round(parts, 12), return_inverse=True)
         smooth = load_chain(self.kernel.process, self.start)
         F, Q = discretize(Process(smooth.A[None], smooth.Qc[None], smooth.P0, smooth.output), unique[:, None])
         n, size = self.vectors, self.states
@@ -180,6 +188,11 @@ class LoadPrior:
             return out
 
         F, Q, P0 = interleave(F), interleave(Q), interleave(smooth.P0)
+        if pieces is not None and cut is not None:
+            at = np.arange(size)
+            states = (at >= CONSTANT.start) & (at < KERNEL), (at >= KERNEL) & (at < n)
+            F, Q, P0 = pieces.drawn(F[which], Q[which], Q[which], P0, pieces.size[:, at % 3], states, cut)
+            unique, which = step, np.arange(len(step))
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
             if self.body_axes is not None:
@@ -219,7 +232,10 @@ class LoadPrior:
 
     def alike(self) -> LoadPrior:
         """The same that is along every axis what it is along its strongest."""
-        return self.with_kernel(self.kernel.of(np.full(3, self.kernel.std.argmax())))
+        alike = np.full(3, self.kernel.std.argmax())
+        pieces = None if self.tuned.pieces is None else self.tuned.pieces.of(alike)
+        tuned = replace(self.tuned, kernel=self.kernel.of(alike), pieces=pieces)
+        return replace(self, tuned=tuned)
 
     def plain(self) -> LoadPrior:
         """The same of fewest states, for a rotation whose errors nothing links to those of the center."""
@@ -245,7 +261,7 @@ def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = N
     rotation (time, 3, 3): of the body, for a load that turns with it.
     """
     step = np.diff(channel.time)
-    F, Q, P0 = prior.chain(step, rotation)
+    F, Q, P0 = prior.chain(step, rotation, channel.time[0])
     Q[:, :3, :3] += step[:, None, None] * (prior.axes.T @ channel.drift @ prior.axes)
     H = np.zeros((3, len(P0)))
     H[:, :3] = channel.gain * prior.axes

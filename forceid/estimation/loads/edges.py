@@ -1,0 +1,115 @@
+"""What a load is near its edges: the mean over all places that an edge may have, and claimed as their spread.
+
+The place of an edge is known as well as the likelihood of the channel tells it from others. Each place has a
+load of its own, before it, behind it and at some distance from it. Source: the law of total variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.estimation.loads.character import Evidence
+from forceid.flight.channels import Channel
+from forceid.flight.pieces import Pieces
+from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.records import Array, Flags
+from forceid.significance import CHANCE
+
+STANDARD = np.array([-2.5, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.5])  # errors of a place that are tried
+WIDEST = 4.0  # steps by which an edge is open at most: one that is more open is none
+BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What the places of edges that are as likely add to a load (time, 3), and to its covariance."""
+
+    load: Array
+    cov: Array
+
+
+def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | None:
+    """What is open of the places of the edges of a load, None where it has none.
+
+    Along each direction in which the likelihood of all places bends by itself: those of a short piece are
+    open together, for it gives as much in less time.
+    """
+    pieces = prior.tuned.pieces
+    if pieces is None or not len(pieces.edges):
+        return None
+    evidence = Evidence(channel, prior, engine, pieces.edges)
+    found = smoothed(channel, prior, pieces, engine)
+    load, cov = np.zeros_like(found), np.zeros((*found.shape, 3))
+    for direction in directions(evidence, pieces):
+        tried = [one for one in (shifted_by(channel.time, pieces, s * direction) for s in STANDARD) if one]
+        likely = evidence.likelihood(tried).sum(1)
+        share = np.exp(likely - likely.max())
+        apart = np.array([smoothed(channel, prior, one, engine) - found for one in tried])
+        share /= share.sum()
+        mean = np.einsum("k,kta->ta", share, apart)
+        load += mean
+        cov += np.einsum("k,kta,ktb->tab", share, apart - mean, apart - mean)
+    return Spread(load, cov)
+
+
+def directions(evidence: Evidence, pieces: Pieces) -> Array:
+    """Errors (direction, edge) s of places, of one standard deviation each, that know nothing of each other.
+
+    By second differences of the likelihood; a step at least a hundredth, and no more than a few.
+    """
+    step = float(np.median(np.diff(evidence.channel.time)))
+    h, count = BENT * step, len(pieces.edges)
+    one = np.eye(count)
+    pairs = [(i, j) for i in range(count) for j in range(i, count)]
+    moves = [np.zeros(count), *(s * one[i] for i in range(count) for s in (1, -1))]
+    moves += [one[i] + one[j] for i, j in pairs if i < j] + [-one[i] - one[j] for i, j in pairs if i < j]
+    tried = [shifted_by(evidence.channel.time, pieces, h * move) for move in moves]
+    likely = evidence.likelihood([pieces if one is None else one for one in tried]).sum(1)
+    value = {tuple(np.round(move).astype(int)): v for move, v in zip(moves, likely, strict=True)}
+    top, bend = likely[0], np.zeros((count, count))
+    for i, j in pairs:
+        if i == j:
+            bend[i, i] = 2 * top - value[tuple(one[i].astype(int))] - value[tuple(-one[i].astype(int))]
+        else:
+            both = 2 * top - value[tuple((one[i] + one[j]).astype(int))] - value[tuple((-one[i] - one[j]).astype(int))]
+            bend[i, j] = bend[j, i] = both
+    diagonal = np.diagonal(bend).copy()
+    for i, j in pairs:
+        if i < j:
+            bend[i, j] = bend[j, i] = 0.5 * (bend[i, j] - diagonal[i] - diagonal[j])
+    curved, axes = np.linalg.eigh(bend / h**2)
+    std = 1 / np.sqrt(np.clip(curved, (WIDEST * step) ** -2, (CHANCE * step) ** -2))
+    return std[:, None] * axes.T
+
+
+def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
+    """The pieces with their edges moved (edge,) s; None where they would pass each other."""
+    edges = pieces.edges + move
+    inside = np.concatenate([time[:1], edges, time[-1:]])
+    return replace(pieces, edges=edges) if (np.diff(inside) > 0).all() else None
+
+
+def smoothed(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
+    """The load (time, 3), world axes, that a channel shows in pieces."""
+    tried = replace(prior, tuned=replace(prior.tuned, pieces=pieces))
+    return engine.smooth_states(channel_model(channel, tried), channel.moved)[:, : prior.states] @ prior.rows.T
+
+
+def with_edges_known(
+    state: FlightState, spread: Mapping[str, Spread], seen: Mapping[str, Flags], given: Array
+) -> FlightState:
+    """A state whose loads are, near their edges, the mean over the places of these, and claimed as that.
+
+    seen (time,), by name: samples that the channel of a load has; given (time, 6): momentum by the loads.
+    """
+    loads, cov = {"force": state.force.copy(), "moment": state.moment.copy()}, state.wrench_cov.copy()
+    for name, own in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+        if name in spread:
+            loads[name][seen[name]] += spread[name].load
+            cov[seen[name], own, own] += spread[name].cov
+    return replace(state, **loads, wrench_cov=cov, given=given)
