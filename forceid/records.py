@@ -325,6 +325,20 @@ class HiddenLoad:
 
 
 @dataclass(frozen=True)
+class Impulses:
+    """What the loads give in each piece of a record in which they are of one character.
+
+    start, stop (piece,) s; impulse (piece, 6) N s and N m s, about the mass center, world axes, from the last
+    sample before the start to the first behind the stop; cov (piece, 6, 6).
+    """
+
+    start: Array
+    stop: Array
+    impulse: Array
+    cov: Array
+
+
+@dataclass(frozen=True)
 class Witness:
     """The plain route beside an estimate: low-passed second derivatives of the mass center and of the turn.
 
@@ -369,7 +383,8 @@ class Estimate:
     is known; F (time, 3, 3) from the reference, F_rate 1/s; spin (time, 3) rad/s of its polar rotation, world
     axes; circulation (time, 3) kg m2/s, reference axes. What cannot be identified is NaN.
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
-    names. hidden: what the estimate leaves out, None where the method does not tell; witness: what the plain
+    names. hidden: what the estimate leaves out, None where the method does not tell; impulses: of loads that
+    come in pieces; witness: what the plain
     route gives beside it. settings: the merged configuration as TOML text; runtime_s: s by
     the clock; timing: s of CPU by stage.
     """
@@ -423,6 +438,7 @@ class Estimate:
     model_choice: str = ""
     ladder: dict[str, float] = field(default_factory=dict)
     hidden: HiddenLoad | None = None
+    impulses: Impulses | None = None
 
     @property
     def force_std(self) -> Array:

@@ -315,7 +315,7 @@ def assemble(
         applied_first_moment=affine.applied_first_moment if affine else None,
         applied_first_moment_cov=affine.applied_first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
-        sensitivity=costs.numbers(), hidden=solution.hidden,
+        sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
     )  # fmt: skip
     return replace(result, **turning)
 

@@ -17,6 +17,7 @@ from forceid.files.schema import (
     HIDDEN,
     INTERFACE,
     LOAD,
+    IMPULSE,
     MODAL,
     NUMBERS,
     TRUTH,
@@ -31,6 +32,7 @@ from forceid.records import (
     Estimate,
     Finding,
     HiddenLoad,
+    Impulses,
     Interface,
     Loads,
     ModalForces,
@@ -64,10 +66,11 @@ def read_result(path: str | Path) -> Estimate:
     with open_hdf5(path) as f:
         if "estimate" not in f:
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
-        group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL, f"{path}:")
+        group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL | IMPULSE, f"{path}:")
         values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
         hidden, _ = read_variables(group, HIDDEN, dict(_SIZES), where)
         modal, _ = read_variables(group, MODAL, dict(_SIZES), where)
+        pieces, _ = read_variables(group, IMPULSE, dict(_SIZES), where)
         for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
@@ -104,6 +107,7 @@ def read_result(path: str | Path) -> Estimate:
             modal=ModalForces(*(modal[name] for name in ("modal_shape", "modal_force", "modal_force_cov")))
             if len(modal) == len(MODAL)
             else None,
+            impulses=Impulses(*(pieces[name] for name in IMPULSE)) if len(pieces) == len(IMPULSE) else None,
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
             **numbers,

@@ -17,6 +17,7 @@ from forceid.records import (
     Array,
     Estimate,
     HiddenLoad,
+    Impulses,
     Interface,
     Loads,
     ModalForces,
@@ -144,6 +145,14 @@ MODAL = {
         ("time", "elastic_mode", "elastic_mode_2"), "N2", "covariance of the forces on the modes"
     ),
     "modal_shape": Variable(("elastic_mode", "node", "axis"), "1", "shape of those modes, body axes"),
+}
+IMPULSE = {
+    "piece_start": Variable(("piece",), "s", "start of a piece in which the loads are of one character"),
+    "piece_stop": Variable(("piece",), "s", "end of that piece"),
+    "impulse": Variable(
+        ("piece", "wrench"), "N s", "what the loads give in a piece, about the mass center (N s, moments N m s)"
+    ),
+    "impulse_cov": Variable(("piece", "wrench", "wrench_2"), "N2 s2", "covariance of these impulses"),
 }
 # A netCDF variable may not share its name with one of its own two dimensions: the loads run along load_name.
 LOAD = {
@@ -286,10 +295,11 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
         "/": Group({}, root),
         "estimate": Group(
             fields(
-                ESTIMATE | HIDDEN | MODAL,
+                ESTIMATE | HIDDEN | MODAL | IMPULSE,
                 {name: getattr(estimate, name) for name in ESTIMATE}
                 | hidden_values(estimate.hidden)
-                | modal_values(estimate.modal),
+                | modal_values(estimate.modal)
+                | impulse_values(estimate.impulses),
                 node,
             ),
             {
@@ -335,6 +345,13 @@ def hidden_values(hidden: HiddenLoad | None) -> dict[str, Array]:
 def modal_values(modal: ModalForces | None) -> dict[str, Array]:
     """Forces on modes, by the names of the file."""
     return {} if modal is None else dict(zip(MODAL, (modal.force, modal.cov, modal.shape), strict=True))
+
+
+def impulse_values(found: Impulses | None) -> dict[str, Array]:
+    """Impulses of loads that come in pieces, by the names of the file."""
+    if found is None:
+        return {}
+    return dict(zip(IMPULSE, (found.start, found.stop, found.impulse, found.cov), strict=True))
 
 
 def load_group(time: Array, loads: Loads) -> Group:

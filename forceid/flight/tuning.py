@@ -194,4 +194,4 @@ def smoothest(evidence: dict[int, float]) -> int:
     top = max(evidence, key=lambda order: evidence[order])
     if top > FREE and evidence[top] > max(free.values(), default=-np.inf) + NUMBER:
         return top
-    return max(order for order, value in free.items() if value > max(free.values()) - PATIENCE)
+    return max(order for order, value in free.items() if value >= max(free.values()) - PATIENCE)

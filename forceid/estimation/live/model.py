@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,8 +120,8 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=white + beside,
         share=weight / weight.sum() if whole else None, noise_var=markers.noise_std**2, swings=swings,
         mass=kin.inertia.mass, products=products_of(kin) if swings is not None else still(kin),
-        inside=kin.inside, gravity=gravity, force=without_turning(solution.priors["force"]),
-        moment=without_turning(solution.priors["moment"]) if turning else None,
+        inside=kin.inside, gravity=gravity, force=to_go_on(solution.priors["force"]),
+        moment=to_go_on(solution.priors["moment"]) if turning else None,
         momentum=np.nan_to_num(state.H[0]),
         spread=np.eye(6) if solution.growth is None else solution.growth**2,
         allowance=extra[n : T - n].mean(0) * lasts, at_first=extra * (not lasts),
@@ -137,10 +137,10 @@ def still(kin: Kinematics) -> Products:
     return Products(inertia, np.zeros((1, 0, 3)))
 
 
-def without_turning(prior: LoadPrior) -> LoadPrior:
-    """The prior with those of its lines that stand still in the world."""
+def to_go_on(prior: LoadPrior) -> LoadPrior:
+    """The prior of what is to come: as loud as in the loudest piece, with lines that stand still in the world."""
     lines = tuple(line for line in prior.lines if not line.turns)
-    return LoadPrior(prior.tuned, prior.axes, prior.start, lines)
+    return LoadPrior(replace(prior.tuned, pieces=None), prior.axes, prior.start, lines)
 
 
 def swings_of(solution: Solution, step: float) -> Swings | None:

@@ -28,6 +28,7 @@ COARSE_SIZES = np.exp([1.5, 3.0])  # of a load between edges over that around th
 AT_A_TIME = 32  # tries whose models are held at once
 GRID = 8  # parts of a stretch and half of it to either side, between which an edge is tried at first
 FARTHEST, FINEST = 8, 8  # steps by which an edge moves at first, and parts of one at last
+IMPOSSIBLE = -1e300  # log-likelihood where numbers lose their sign
 FEWEST = 16  # samples below which no character shows
 
 Tune = Callable[..., LoadPrior]
@@ -77,7 +78,7 @@ class Evidence:
             ).reshape(len(some), 3)
             for some in batched(tried)
         ]
-        return np.nan_to_num(np.concatenate(found), nan=-1e300)
+        return np.nan_to_num(np.concatenate(found), nan=IMPOSSIBLE)
 
     def of(self, pieces: Pieces) -> float:
         """Log-likelihood less cost."""
@@ -104,7 +105,8 @@ def with_character(
             break
         near = prior
         for _ in range(2):  # what moves under one prior is tuned, and moves again
-            near = tune(pieces=normal(found), near=near)
+            loud = near.with_kernel(near.kernel.scaled(found.size.max(0)))
+            near = tune(pieces=normal(found), near=loud)
             found = moved(replace(evidence, prior=near), normal(found))
         if not near.tuned.log_likelihood - evidence.cost(found) > level:
             break
@@ -143,7 +145,8 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         for more, edges in zip(wider, tried, strict=True)
         if len(more.edges) > len(pieces.edges)
     ]
-    return max(found, key=lambda one: one[0])[1] if found else None
+    likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
+    return best if likely > IMPOSSIBLE else None
 
 
 def with_edges(pieces: Pieces, more: Array) -> Pieces:
@@ -191,6 +194,8 @@ def uneven(w: Array) -> list[tuple[int, int]]:
     """
     found, steps = [], len(w)
     for one in w.T:
+        if not one.any():
+            continue
         follows = np.fft.irfft(np.abs(np.fft.rfft(one, 2 * steps)) ** 2)[:steps]
         each = 1 / (2 * float(((follows / follows[0]) ** 2).sum()) - 1)  # numbers a step
         energy = one**2 / np.mean(one**2)

@@ -14,11 +14,13 @@ from forceid.estimation.loads import free_oscillation, inner_wheel
 from forceid.estimation.loads.body_axes import body_fixed_priors
 from forceid.estimation.loads.edges import spread_of, with_edges_known
 from forceid.estimation.loads.hidden import faster_on_modes, hidden_load, lines_at_spin
+from forceid.estimation.loads.impulses import edges_of, impulses
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.order_uncertainty import growth_along_world
 from forceid.estimation.loads.whitened import whitened
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
+from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.tracks import judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.smoother import smooth_flight
@@ -76,15 +78,21 @@ def turn_with_body(problem: Problem) -> Problem:
 
 def allow_for_edges(problem: Problem) -> Problem:
     """Edges of the loads, whose places are open to a part of a step or to more."""
-    channels, time = problem.channels, problem.flight.time
-    found = {name: spread_of(channel, problem.priors[name], problem.engine) for name, channel in channels.items()}
-    spread = {name: one for name, one in found.items() if one is not None}
+    channels, priors, flight, state = problem.channels, problem.priors, problem.flight, problem.state
+    time, apart = flight.time, {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()}
+    spread = {name: one for name, one in apart.items() if one is not None}
     if not spread:
         return problem
     seen = {name: np.isin(time, channels[name].time) for name in spread}
-    fall = (time - time[0])[:, None] * problem.flight.gravity
-    given = np.concatenate([problem.flight.mass * (problem.state.velocity - fall), problem.state.H], 1)
-    return replace(problem, state=with_edges_known(problem.state, spread, seen, given))
+    fall = (time - time[0])[:, None] * flight.gravity
+    given = np.concatenate([flight.mass * (state.velocity - fall), state.H], 1)
+    each = [(priors["force"], None), *((priors[name], state.reference) for name in ("moment",) if name in priors)]
+    said = [
+        note("load-in-pieces", load=name, edges=len(at), first_s=float(at[0]), last_s=float(at[-1]))
+        for name, at in ((name, edges_of(priors[name])) for name in spread)
+    ]
+    found = impulses(flight, each, given, problem.engine)
+    return replace(problem, state=with_edges_known(state, spread, seen, given), impulses=found).noting(*said)
 
 
 def judge_lever(problem: Problem) -> Problem:
@@ -149,4 +157,5 @@ def solution_of(problem: Problem) -> Solution:
         None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
         hidden,
         problem.growth,
+        problem.impulses,
     )

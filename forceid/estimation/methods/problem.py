@@ -21,7 +21,7 @@ from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Body, Finding, Flags, Motion
+from forceid.records import Array, Body, Finding, Flags, Impulses, Motion
 
 TO_COME: Any = None  # a stage fills it before another reads it
 
@@ -39,7 +39,8 @@ class Problem:
     the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
-    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed.
+    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed; impulses: of loads
+    that come in pieces.
     """
 
     body: Body
@@ -69,6 +70,7 @@ class Problem:
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
     growth: Array | None = None
+    impulses: Impulses | None = None
 
     @property
     def causal(self) -> bool:

@@ -10,7 +10,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.records import Array, Finding, HiddenLoad
+from forceid.records import Array, Finding, HiddenLoad, Impulses
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Solution:
     less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
     smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
     what the record does not tell of its priors, None for none. Levels are compared without it: it is alike at
-    all of them.
+    all of them. impulses: of loads that come in pieces.
     """
 
     kinematics: Kinematics
@@ -46,6 +46,7 @@ class Solution:
     smoothing: Smoothing | None = None
     hidden: HiddenLoad | None = None
     growth: Array | None = None
+    impulses: Impulses | None = None
 
 
 def named(kin: Kinematics, priors: Mapping[str, LoadPrior]) -> dict[str, float]:

@@ -464,6 +464,13 @@ LOADS = (
         "Reduce the noise, or record at a higher rate, for smaller claims.",
     ),
     Entry(
+        "load-in-pieces", "ok",
+        "the {load} changes its character {edges} times, first at {first_s:.4g} s and last at {last_s:.4g} s: it "
+        "is another load in each piece, and `impulse` says what each gives",
+        "A step, an impact or a contact: between the edges the load is of one character, at them of none.",
+        "Nothing. Near an edge its place is part of the claim; the impulse is known far better than the peak.",
+    ),
+    Entry(
         "beside-known", "ok",
         "force and moment are those of all loads but the known ones, {names}, of {force:.3g} N and "
         "{moment:.3g} N m rms; what these leave open is claimed",

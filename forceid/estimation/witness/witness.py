@@ -63,8 +63,8 @@ def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | No
             spectrum, cuts = spectrum_and_cuts(channel)
             values, deviations = low_passed(time, channel, cuts, color)
             numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
-            path = integrated(time, momentum) if np.isfinite(momentum).all() else integrated(time, load, 2)
-            numbers |= apart_in_bands(channel, spectrum, cuts, time, (load, path), claim, color)
+            path = integrated(time, momentum) if np.isfinite(momentum).all() else None
+            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim, color, path)
         found |= {name: values, f"{name}_std": deviations}
         found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)
@@ -118,18 +118,19 @@ def apart_in_bands(
     found: MotionSpectrum,
     cuts: list[Cut],
     time: Array,
-    shown: tuple[Array, Array],
+    load: Array,
     claim: Array,
     color: Color | None = None,
+    path: Array | None = None,
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
-    shown (time, 3): the load, and where it leads: integrated twice.
+    path (time, 3): the load integrated twice, where its samples do not tell it.
 
     Half an octave from band to band, each with the noise of the channel in it.
     """
     numbers = {name: np.full(3, np.nan) for name in COMPARED}
-    load, path = shown[0], shown[1][channel.frame]
+    path = (integrated(time, load, 2) if path is None else path)[channel.frame]
     seen = np.isfinite(load) & np.isfinite(claim)
     beside = channel.z - path
     for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):

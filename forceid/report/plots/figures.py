@@ -54,6 +54,8 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
             known = known or bool(np.isfinite(true[:, row]).any())
             other = plain[name][:, row] if name in plain else None
             draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row], plain=other)
+            for edge in () if estimate.impulses is None else estimate.impulses.start[1:]:
+                ax.axvline(edge, color=GRAY, linewidth=0.6, linestyle=":")
     explain(figure, "two sigma", known, any(np.isfinite(values).any() for values in plain.values()))
     return figure
 
