@@ -150,7 +150,9 @@ IMPULSE = {
     "piece_start": Variable(("piece",), "s", "start of a piece in which the loads are of one character"),
     "piece_stop": Variable(("piece",), "s", "end of that piece"),
     "impulse": Variable(
-        ("piece", "wrench"), "N s", "what the loads give in a piece, about the mass center (N s, moments N m s)"
+        ("piece", "wrench"),
+        "N s",
+        "what the loads give in a piece, about the mass center (N s, moments N m s)",
     ),
     "impulse_cov": Variable(("piece", "wrench", "wrench_2"), "N2 s2", "covariance of these impulses"),
 }

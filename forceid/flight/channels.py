@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.kalman.building.process import Process, discretize, integrate, superpose, with_mean
 from forceid.kalman.model import StateSpace
-from forceid.records import Array
+from forceid.records import Array, Flags
 from forceid.rounding import SINGLE
 
 CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
@@ -88,7 +88,7 @@ def driven(
 
 
 def driven_in_pieces(
-    chain: Process,
+    chain: Callable[[float], Process],
     gain: float,
     noise_var: Array,
     drift: Array,
@@ -99,33 +99,40 @@ def driven_in_pieces(
 ) -> StateSpace:
     """The same of loads that come in pieces: as many models for each of those tried, one try after another.
 
-    chain: of a load of size one throughout; order: states of its kernel; time (time,) s.
+    chain: of a load of size one throughout, by a factor on its rate; order: states of its kernel; time
+    (time,) s.
     """
-    chain, noise_var = colored(chain, gain, noise_var, color)
-    at = np.arange(len(chain.output))
-    mean, kernel = at == MEAN, (at > MEAN) & (at <= MEAN + order)
     cuts = [pieces.split(np.diff(time), float(time[0])) for pieces in tried]
-    unique, which = np.unique(np.round(np.concatenate([cut.step for cut in cuts]), 12), return_inverse=True)
-    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
-    Q[..., 0, 0] += drift * unique[:, None]
-    alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
-    _, own = discretize(Process(chain.A[None], alone[None], chain.P0, chain.output), unique[:, None])
+    steps, which = np.unique(np.round(np.concatenate([cut.step for cut in cuts]), 12), return_inverse=True)
+    hastes, hasty = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
+    each = [colored(chain(float(haste)), gain, noise_var, color) for haste in hastes]
+    at = np.arange(len(each[0][0].output))
+    mean, kernel = at == MEAN, (at > MEAN) & (at <= MEAN + order)
+    F, Q, own = (np.stack(a) for a in zip(*(over_steps(one, kernel, steps) for one, _ in each), strict=True))
+    Q[..., 0, 0] += drift * steps[:, None]
+    P0 = np.stack([one.P0 for one, _ in each])
     places = np.split(which, np.cumsum([len(cut.step) for cut in cuts])[:-1])
-    found = [
-        pieces.drawn(
-            F[place], Q[place], own[place], chain.P0,
-            np.repeat(pieces.size[..., None], len(at), -1), (mean, kernel), cut,
-        )
-        for pieces, cut, place in zip(tried, cuts, places, strict=True)
-    ]  # fmt: skip
-    F, Q, P0 = (np.concatenate(parts, axis) for parts, axis in zip(zip(*found, strict=True), (1, 1, 0), strict=True))
-    R = np.tile(noise_var, len(tried))[..., None, None]
-    return StateSpace(F, Q, gain * chain.output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
+    fast = np.split(hasty, np.cumsum([len(one.haste) for one in tried])[:-1])
+    found = []
+    for pieces, cut, place, haste in zip(tried, cuts, places, fast, strict=True):
+        own_haste, size = haste[cut.piece], np.repeat(pieces.size[..., None], len(at), -1)
+        parts = F[own_haste, place], Q[own_haste, place], own[own_haste, place]
+        found.append(pieces.drawn(*parts, P0[haste], size, (mean, kernel), cut))
+    F, Q, P0 = (
+        np.concatenate(parts, axis) for parts, axis in zip(zip(*found, strict=True), (1, 1, 0), strict=True)
+    )
+    R = np.tile(each[0][1], len(tried))[..., None, None]
+    return StateSpace(F, Q, gain * each[0][0].output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
 
 
-def colored(
-    chain: Process, gain: float, noise_var: Array, color: Color | None
-) -> tuple[Process, Array]:
+def over_steps(chain: Process, kernel: Flags, steps: Array) -> tuple[Array, Array, Array]:
+    """F, Q (step, model, state, state) of chains over steps (step,) s, and what their kernels add to Q."""
+    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), steps[:, None])
+    alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
+    return F, Q, discretize(Process(chain.A[None], alone[None], chain.P0, chain.output), steps[:, None])[1]
+
+
+def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:
     """A chain with what has a memory of the noise of its channel beside it, and the variance that is white."""
     if color is None:
         return chain, noise_var

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.flight.channels import (
+    Start,
     driven,
     driven_in_pieces,
     load_chain,
@@ -22,7 +23,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.kalman.building.lines import Line
-from forceid.kalman.building.process import matern
+from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.tuning.search import maximize
 from forceid.records import Array, Flags
@@ -76,10 +77,13 @@ def tune_loads(
         total = np.zeros(len(std))
         for t, y, var in runs:
             held = [line.scaled(np.abs(line.direction[axis])) for line in lines]
-            chain = load_chain(matern(order, std, rate), start_of(t, y, gain), held)
-            seen = gain, var[:, axis] * noise, drift[axis] * noise
+            start, seen = start_of(t, y, gain), (gain, var[:, axis] * noise, drift[axis] * noise)
+
+            def chain(haste: float, start: Start = start, held: list[Process] = held) -> Process:
+                return load_chain(matern(order, std, haste * rate), start, held)
+
             if pieces is None:
-                model = driven(chain, *seen, np.diff(t), color)
+                model = driven(chain(1.0), *seen, np.diff(t), color)
             else:
                 model = driven_in_pieces(chain, *seen, t, order, [pieces.of(axis)], color)
             total += likelihood(model, y[:, axis, None], OUTLIER)

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel, driven_in_pieces, load_chain
-from forceid.flight.pieces import Pieces
+from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import KERNEL, LoadPrior, channel_model
-from forceid.kalman.building.process import matern
+from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
@@ -26,8 +26,10 @@ from forceid.significance import NUMBER, OUTLIER, PATIENCE
 SIZES = np.exp([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])  # factors that the size of a piece may take in one step
 COARSE_SIZES = np.exp([1.5, 3.0])  # of a load between edges over that around them, at first
 AT_A_TIME = 32  # tries whose models are held at once
+ROUNDS = 2  # of edges that move one after the other, at each reach
 GRID = 8  # parts of a stretch and half of it to either side, between which an edge is tried at first
 FARTHEST, FINEST = 8, 8  # steps by which an edge moves at first, and parts of one at last
+LEAST_HASTE = np.exp(-4.5)  # of rates in one record, the least over the largest: two orders of magnitude
 IMPOSSIBLE = -1e300  # log-likelihood where numbers lose their sign
 FEWEST = 16  # samples below which no character shows
 
@@ -67,15 +69,20 @@ class Evidence:
         assert isinstance(kernel, Matern)
         drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
         lines = [line.scaled(np.abs(line.direction)) for line in (line.along(axes) for line in prior.lines)]
-        chain = load_chain(matern(kernel.order, kernel.std, kernel.rate), prior.start, lines)
+
+        def chain(haste: float) -> Process:
+            return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
+
         seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time
         z = (ch.moved @ axes)[:, :, None]
         found = [
-            for_tuning(self.engine).log_likelihood(
+            for_tuning(self.engine)
+            .log_likelihood(
                 driven_in_pieces(chain, *seen, kernel.order, some, ch.color),
                 np.tile(z, (1, len(some), 1)),
                 OUTLIER,
-            ).reshape(len(some), 3)
+            )
+            .reshape(len(some), 3)
             for some in batched(tried)
         ]
         return np.nan_to_num(np.concatenate(found), nan=IMPOSSIBLE)
@@ -96,7 +103,7 @@ def with_character(
     time, free = channel.time, np.zeros(0) if given is None else given
     if not FEWEST <= len(time) <= CHANNEL_SAMPLES or not isinstance(prior.kernel, Matern):
         return prior
-    pieces = Pieces(np.zeros(0), np.ones((1, 3))) if prior.tuned.pieces is None else prior.tuned.pieces
+    pieces = WHOLE if prior.tuned.pieces is None else prior.tuned.pieces
     level = prior.tuned.log_likelihood - Evidence(channel, prior, engine, free).cost(pieces)
     for _ in range(ITERATIONS):
         evidence = Evidence(channel, prior, engine, free)
@@ -139,7 +146,7 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         tried += [time[[one, other]] for i, one in enumerate(at) for other in at[i + 1 :]]
     if len(evidence.given):
         tried.append(evidence.given)
-    wider = [with_edges(pieces, edges) for edges in tried]
+    wider = [pieces.cut(edges) for edges in tried]
     found = [
         best_of(evidence, sized_anew(more, edges))
         for more, edges in zip(wider, tried, strict=True)
@@ -147,13 +154,6 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
     ]
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
     return best if likely > IMPOSSIBLE else None
-
-
-def with_edges(pieces: Pieces, more: Array) -> Pieces:
-    """The pieces with more edges (edge,), and the sizes that they have there."""
-    edges = np.union1d(pieces.edges, more)
-    starts = np.concatenate([[-np.inf], edges])
-    return Pieces(edges, pieces.size[np.searchsorted(pieces.edges, starts, side="right")])
 
 
 def sized_anew(pieces: Pieces, edges: Array) -> list[Pieces]:
@@ -236,9 +236,9 @@ def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
             at = np.arange(len(pieces.size))[:, None] == k
             sizes = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in SIZES]
             value, pieces = max((value, pieces), best_of(evidence, [pieces, *sizes]), key=lambda one: one[0])
-        for tries in (fewer, shifted):
-            for k in range(len(pieces.edges)):
-                if k < len(pieces.edges) and (tried := tries(time, reach, pieces, k)):
+        for tries in (hastened, fewer, shifted):
+            for k in range(len(pieces.size)):
+                if k < len(pieces.edges) + (tries is hastened) and (tried := tries(time, reach, pieces, k)):
                     likely = evidence.by_axis(tried).sum(1)
                     if likely.max() > value:
                         value, pieces = float(likely.max()), tried[int(likely.argmax())]
@@ -249,6 +249,26 @@ def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
     return pieces
 
 
+def settled(evidence: Evidence, pieces: Pieces) -> Pieces:
+    """The pieces with their edges where they are likeliest, as many and as large as they are."""
+    time = evidence.channel.time
+    step, value = float(np.median(np.diff(time))), float(evidence.likelihood([pieces]).sum())
+    for reach in (step, step / 4, step / 16):
+        for k in np.tile(np.arange(len(pieces.edges)), ROUNDS):
+            if tried := shifted(time, reach, pieces, k):
+                likely = evidence.likelihood(tried).sum(1)
+                if likely.max() > value:
+                    value, pieces = float(likely.max()), tried[int(likely.argmax())]
+    return pieces
+
+
+def hastened(_: Array, __: float, pieces: Pieces, k: int) -> list[Pieces]:
+    """The pieces with one in which the load changes faster or slower."""
+    at = np.arange(len(pieces.haste)) == k
+    tried = np.array([factor for factor in SIZES if 1 <= factor * pieces.haste[k] <= 1 / LEAST_HASTE])
+    return [replace(pieces, haste=np.where(at, factor * pieces.haste, pieces.haste)) for factor in tried]
+
+
 def fewer(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
     """The pieces without an edge, its neighbor in its place or moved; what is before or behind it goes on."""
     edges = np.delete(pieces.edges, k)
@@ -257,7 +277,8 @@ def fewer(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
         bounds = np.concatenate([time[:1], np.delete(edges, k), time[-1:]])
         places = np.linspace(pieces.edges[k] - reach, edges[k] + reach, 2 * GRID + 1)
         tried += [np.sort([*np.delete(edges, k), one]) for one in places if bounds[k] < one < bounds[k + 1]]
-    return [Pieces(one, np.delete(pieces.size, k + side, 0)) for one in tried for side in (0, 1)]
+    left = [(np.delete(pieces.size, k + side, 0), np.delete(pieces.haste, k + side)) for side in (0, 1)]
+    return [Pieces(one, *kept) for one in tried for kept in left]
 
 
 def shifted(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:

@@ -11,15 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.estimation.loads.character import Evidence
+from forceid.estimation.loads.character import Evidence, settled
 from forceid.flight.channels import Channel
 from forceid.flight.pieces import Pieces
-from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Flags
 from forceid.significance import CHANCE
 
+HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 STANDARD = np.array([-2.5, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.5])  # errors of a place that are tried
 WIDEST = 4.0  # steps by which an edge is open at most: one that is more open is none
 BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
@@ -44,17 +45,63 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
         return None
     evidence = Evidence(channel, prior, engine, pieces.edges)
     found = smoothed(channel, prior, pieces, engine)
+    options = [pieces]
+    if len(pieces.edges) > 1:  # what is between two edges may change faster than the record tells
+        between = np.r_[1.0, np.full(len(pieces.edges) - 1, 1.0), 1.0]
+        for haste in HASTES:
+            between[1:-1] = haste
+            options.append(settled(evidence, replace(pieces, haste=between * pieces.haste)))
+    each = [placed(evidence, one) for one in options]
+    share = np.exp(np.array([volume for _, _, volume in each]) - max(volume for _, _, volume in each))
+    share /= share.sum()
+    load = sum(w * (mean - found) for w, (mean, _, _) in zip(share, each, strict=True))
+    cov = sum(w * (own + outer(mean - found - load)) for w, (mean, own, _) in zip(share, each, strict=True))
+    return Spread(np.asarray(load), np.asarray(cov) + unseen(channel, prior, pieces, engine))
+
+
+def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
+    """The load (time, 3) over all places of the edges, its spread (time, 3, 3), and how likely all of them are.
+
+    As a log-likelihood, over the volume of the places.
+    """
+    channel, prior, engine = evidence.channel, evidence.prior, evidence.engine
+    found = smoothed(channel, prior, pieces, engine)
     load, cov = np.zeros_like(found), np.zeros((*found.shape, 3))
+    volume = float(evidence.likelihood([pieces]).sum())
     for direction in directions(evidence, pieces):
         tried = [one for one in (shifted_by(channel.time, pieces, s * direction) for s in STANDARD) if one]
         likely = evidence.likelihood(tried).sum(1)
         share = np.exp(likely - likely.max())
         apart = np.array([smoothed(channel, prior, one, engine) - found for one in tried])
+        volume += float(np.log(np.linalg.norm(direction)))
         share /= share.sum()
         mean = np.einsum("k,kta->ta", share, apart)
         load += mean
-        cov += np.einsum("k,kta,ktb->tab", share, apart - mean, apart - mean)
-    return Spread(load, cov)
+        cov += np.einsum("k,ktab->tab", share, outer(apart - mean))
+    return found + load, cov, volume
+
+
+def outer(a: Array) -> Array:
+    """Products (..., 3, 3) of vectors (..., 3) with themselves."""
+    return np.asarray(a[..., :, None] * a[..., None, :])
+
+
+def unseen(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
+    """Variance (time, 3, 3) of a load at samples next to a piece so short that these do not show it.
+
+    What it gives in any part of a step down to a tenth, each as likely by the decade: of the square of the
+    impulse over the step, the logarithm of ten.
+    """
+    cov, step = np.zeros((len(channel.time), 3, 3)), float(np.median(np.diff(channel.time)))
+    x = engine.smooth_states(channel_model(channel, prior), channel.moved)
+    momentum = x[:, MOMENTUM] @ prior.axes.T
+    for begin, end in zip(pieces.edges, pieces.edges[1:], strict=False):
+        if end - begin < 2 * step:
+            a = max(int(np.searchsorted(channel.time, begin, "right")) - 1, 0)
+            b = min(int(np.searchsorted(channel.time, end)), len(channel.time) - 1)
+            near = (channel.time > begin - step) & (channel.time < end + step)
+            cov[near] += np.log(10.0) * outer((momentum[b] - momentum[a]) / step)
+    return cov
 
 
 def directions(evidence: Evidence, pieces: Pieces) -> Array:
@@ -76,7 +123,11 @@ def directions(evidence: Evidence, pieces: Pieces) -> Array:
         if i == j:
             bend[i, i] = 2 * top - value[tuple(one[i].astype(int))] - value[tuple(-one[i].astype(int))]
         else:
-            both = 2 * top - value[tuple((one[i] + one[j]).astype(int))] - value[tuple((-one[i] - one[j]).astype(int))]
+            both = (
+                2 * top
+                - value[tuple((one[i] + one[j]).astype(int))]
+                - value[tuple((-one[i] - one[j]).astype(int))]
+            )
             bend[i, j] = bend[j, i] = both
     diagonal = np.diagonal(bend).copy()
     for i, j in pairs:
@@ -97,7 +148,9 @@ def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
 def smoothed(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
     """The load (time, 3), world axes, that a channel shows in pieces."""
     tried = replace(prior, tuned=replace(prior.tuned, pieces=pieces))
-    return engine.smooth_states(channel_model(channel, tried), channel.moved)[:, : prior.states] @ prior.rows.T
+    return (
+        engine.smooth_states(channel_model(channel, tried), channel.moved)[:, : prior.states] @ prior.rows.T
+    )
 
 
 def with_edges_known(

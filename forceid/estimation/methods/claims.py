@@ -79,14 +79,20 @@ def turn_with_body(problem: Problem) -> Problem:
 def allow_for_edges(problem: Problem) -> Problem:
     """Edges of the loads, whose places are open to a part of a step or to more."""
     channels, priors, flight, state = problem.channels, problem.priors, problem.flight, problem.state
-    time, apart = flight.time, {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()}
+    time, apart = (
+        flight.time,
+        {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()},
+    )
     spread = {name: one for name, one in apart.items() if one is not None}
     if not spread:
         return problem
     seen = {name: np.isin(time, channels[name].time) for name in spread}
     fall = (time - time[0])[:, None] * flight.gravity
     given = np.concatenate([flight.mass * (state.velocity - fall), state.H], 1)
-    each = [(priors["force"], None), *((priors[name], state.reference) for name in ("moment",) if name in priors)]
+    each = [
+        (priors["force"], None),
+        *((priors[name], state.reference) for name in ("moment",) if name in priors),
+    ]
     said = [
         note("load-in-pieces", load=name, edges=len(at), first_s=float(at[0]), last_s=float(at[-1]))
         for name, at in ((name, edges_of(priors[name])) for name in spread)

@@ -85,6 +85,10 @@ class Periodic:
         """The kernels whose level at high frequency is e^by[0] times itself, and whose decay e^by[1]."""
         return replace(self, std=self.std * np.exp(by[0] - 0.5 * by[1]), decay=self.decay * np.exp(by[1]))
 
+    def hastened(self, factor: float) -> Periodic:
+        """The kernels of loads as large that forget themselves so many times as fast."""
+        return replace(self, decay=factor * self.decay)
+
     def fewest(self) -> Periodic:
         """The kernels of fewest states: these, since all harmonics are one load."""
         return self

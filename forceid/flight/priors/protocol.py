@@ -18,7 +18,7 @@ import numpy as np
 
 from forceid.flight.channels import Channel, Start, load_chain
 from forceid.flight.color import root_of
-from forceid.flight.pieces import Pieces
+from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.lines import Line
@@ -73,6 +73,9 @@ class Kernel(Protocol):
 
     def moved(self, by: Array) -> Kernel:
         """For a search: e^by[0] times the level at high frequency, e^by[1] times the rate."""
+
+    def hastened(self, factor: float) -> Kernel:
+        """The kernels of loads as large that forget themselves so many times as fast."""
 
     def fewest(self) -> Kernel:
         """The kernels of fewest states."""
@@ -173,12 +176,9 @@ class LoadPrior:
         Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
         rotation (time, 3, 3): of the body, for a load or a line that turns with it.
         """
-        pieces = self.tuned.pieces
-        cut = None if pieces is None else pieces.split(step, begin)
-        parts = step if cut is None else cut.step
-        unique, which = np.unique(np.round(parts, 12), return_inverse=True)
-        smooth = load_chain(self.kernel.process, self.start)
-        F, Q = discretize(Process(smooth.A[None], smooth.Qc[None], smooth.P0, smooth.output), unique[:, None])
+        pieces = WHOLE if self.tuned.pieces is None else self.tuned.pieces
+        cut = pieces.split(step, begin)
+        unique, which = np.unique(np.round(cut.step, 12), return_inverse=True)
         n, size = self.vectors, self.states
 
         def interleave(a: Array) -> Array:
@@ -187,11 +187,17 @@ class LoadPrior:
             out[..., :n, :n] = wide.reshape(*a.shape[:-3], n, n)
             return out
 
-        F, Q, P0 = interleave(F), interleave(Q), interleave(smooth.P0)
-        if pieces is not None and cut is not None:
-            at = np.arange(size)
+        hastes, hasty = np.unique(pieces.haste, return_inverse=True)
+        chains = [load_chain(self.kernel.hastened(float(haste)).process, self.start) for haste in hastes]
+        each = [discretize(Process(c.A[None], c.Qc[None], c.P0, c.output), unique[:, None]) for c in chains]
+        F, Q, P0 = (interleave(np.stack(a)) for a in (*zip(*each, strict=True), [c.P0 for c in chains]))
+        if self.tuned.pieces is None:
+            F, Q, P0 = F[0], Q[0], P0[0]
+        else:
+            at, fast = np.arange(size), hasty[cut.piece]
             states = (at >= CONSTANT.start) & (at < KERNEL), (at >= KERNEL) & (at < n)
-            F, Q, P0 = pieces.drawn(F[which], Q[which], Q[which], P0, pieces.size[:, at % 3], states, cut)
+            whole = F[fast, which], Q[fast, which], Q[fast, which]
+            F, Q, P0 = pieces.drawn(*whole, P0[hasty], pieces.size[:, at % 3], states, cut)
             unique, which = step, np.arange(len(step))
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))

@@ -1,0 +1,144 @@
+"""Channels of loads in closed form: waves and boxes, integrated twice by hand, with white noise."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.character import with_character
+from forceid.estimation.loads.edges import spread_of
+from forceid.estimation.loads.impulses import change_cov
+from forceid.flight.channels import Channel
+from forceid.flight.priors.protocol import channel_model
+from forceid.kalman.engines import engine
+
+STEP, NOISE, COUNT = 0.004, 2e-4, 400
+TIME = STEP * np.arange(COUNT)
+ENGINE = engine()
+
+
+def drawn(seed, edges=(), size=0.0):
+    """A channel of unit mass under slow waves and a box of force along one axis, its load, and the box."""
+    rng = np.random.default_rng(seed)
+    t = TIME[:, None, None]
+    w, phase = 2 * np.pi * rng.uniform(0.3, 2.0, (3, 3)), rng.uniform(0, 2 * np.pi, (3, 3))
+    amplitude = rng.normal(size=(3, 3))
+    load = (amplitude * np.sin(w * t + phase)).sum(1)
+    path = (-amplitude / w**2 * np.sin(w * t + phase)).sum(1)
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    for edge, sign in zip(edges, (1, -1), strict=False):
+        late = np.maximum(TIME - edge, 0.0)[:, None]
+        load = load + sign * size * direction * (late > 0)
+        path = path + 0.5 * sign * size * direction * late**2
+    z = path + rng.normal(size=(COUNT, 3)) * NOISE
+    cov = np.tile(NOISE**2 * np.eye(3), (COUNT, 1, 1))
+    return Channel(TIME, z, 1.0, cov, np.zeros((3, 3))), load, direction
+
+
+def searched(channel):
+    tune = partial(tune_channel, channel, (1.0, 1.0), (), engine=ENGINE)
+    return with_character(channel, tune(), ENGINE, tune)
+
+
+def load_under(channel, prior):
+    path = ENGINE.smooth(channel_model(channel, prior), channel.moved)
+    rows = prior.rows
+    return path.x @ rows.T, rows @ path.P @ rows.T
+
+
+def test_a_step_is_found_within_a_sample_and_the_load_beside_it_is_as_well_known_as_without():
+    edge = 0.7713
+    channel, load, _ = drawn(3, (edge,), 10.0)
+    prior = searched(channel)
+    assert prior.tuned.pieces.edges == pytest.approx([edge], abs=STEP)
+    found, cov = load_under(channel, prior)
+    away = np.abs(TIME - edge) > 2 * STEP
+    away[:20] = away[-20:] = False
+    off = np.sqrt(((found - load)[away] ** 2).mean() / np.trace(cov[away].mean(0)) * 3)
+    assert 0.3 < off < 1.6
+    blurred, _ = load_under(channel, tune_channel(channel, (1.0, 1.0), (), engine=ENGINE))
+    assert ((found - load)[away] ** 2).mean() < 0.25 * ((blurred - load)[away] ** 2).mean()
+
+
+def test_both_ends_of_a_contact_are_found_within_a_sample():
+    edges = (0.5221, 0.5837)
+    prior = searched(drawn(4, edges, 40.0)[0])
+    assert prior.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
+
+
+def test_an_impact_between_two_samples_is_known_by_its_impulse():
+    edges = (0.5221, 0.5236)
+    channel, _, direction = drawn(5, edges, 600.0)
+    prior = searched(channel)
+    first, last = prior.tuned.pieces.edges[[0, -1]]
+    a, b = np.searchsorted(TIME, first, "right") - 1, np.searchsorted(TIME, last)
+    assert TIME[b] - TIME[a] < 6 * STEP
+    model = channel_model(channel, prior)
+    x = ENGINE.smooth(model, channel.moved).x
+    impulse = prior.axes @ (x[b] - x[a])[3:6]
+    std = np.sqrt(np.trace(change_cov(model, channel.moved, a, b, ENGINE)))
+    gone = impulse - 600.0 * (edges[1] - edges[0]) * direction
+    assert np.linalg.norm(gone) < 3 * std + 3.0 * (TIME[b] - TIME[a])  # and what the slow waves give
+    assert std < 0.05 * np.linalg.norm(impulse)
+
+
+def test_slow_loads_have_no_edges():
+    assert all(searched(drawn(seed)[0]).tuned.pieces is None for seed in range(20))
+
+
+def test_a_contact_too_weak_to_be_found_by_itself_is_where_another_load_has_its_edges():
+    edges = np.array([0.5221, 0.5837])
+    channel = drawn(6, edges, 2.0)[0]
+    tune = partial(tune_channel, channel, (1.0, 1.0), (), engine=ENGINE)
+    told = with_character(channel, tune(), ENGINE, tune, edges)
+    assert told.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
+    assert with_character(channel, tune(), ENGINE, tune).tuned.pieces is None
+
+
+def test_near_an_edge_its_place_is_part_of_the_claim():
+    edges = (0.5221, 0.5337)
+    channel, load, _ = drawn(7, edges, 200.0)
+    prior = searched(channel)
+    found, cov = load_under(channel, prior)
+    spread = spread_of(channel, prior, ENGINE)
+    inside = (edges[0] < TIME) & (edges[1] > TIME)
+    error = np.linalg.norm((found + spread.load - load)[inside], axis=1)
+    claim = np.sqrt(np.trace((cov + spread.cov)[inside], axis1=1, axis2=2))
+    assert (error < 3 * claim).all()
+    far = np.abs(TIME - np.mean(edges)) > 0.3
+    assert np.abs(spread.cov[far]).max() < 0.1 * np.abs(cov[far]).max()
+
+
+def test_the_change_of_momentum_has_the_covariance_of_all_samples_together():
+    """Against the dense joint covariance of all states given all samples, of a short channel."""
+    channel, _, _ = drawn(8)
+    short = replace(channel, time=TIME[:12], z=channel.z[:12], noise_cov=channel.noise_cov[:12])
+    prior = tune_channel(channel, (1.0, 1.0), (), (2,), engine=ENGINE)
+    model = channel_model(short, prior)
+    n, T = len(model.x0), 12
+    joint = np.zeros((T * n, T * n))
+    P = model.P0
+    for k in range(T):
+        joint[k * n : (k + 1) * n, k * n : (k + 1) * n] = P
+        across = P
+        for later in range(k + 1, T):
+            across = across @ model.F[later - 1].T
+            joint[k * n : (k + 1) * n, later * n : (later + 1) * n] = across
+            joint[later * n : (later + 1) * n, k * n : (k + 1) * n] = across.T
+        if k < T - 1:
+            P = model.F[k] @ P @ model.F[k].T + model.Q[k]
+    H = np.kron(np.eye(T), model.H)
+    # the start is as good as unknown: in units of its own deviations
+    scale = np.sqrt(np.diagonal(joint))
+    scale = np.where(scale > 0, scale, 1.0)
+    root = np.linalg.cholesky(joint / np.outer(scale, scale) + 1e-13 * np.eye(T * n))
+    A = H @ (scale[:, None] * root) / NOISE
+    change = np.zeros((3, T * n))
+    change[:, 9 * n + 3 : 9 * n + 6], change[:, 4 * n + 3 : 4 * n + 6] = np.eye(3), -np.eye(3)
+    w = change @ (scale[:, None] * root)
+    left = w @ np.linalg.solve(np.eye(T * n) + A.T @ A, w.T)
+    found = change_cov(model, short.moved, 4, 9, ENGINE)
+    np.testing.assert_allclose(np.diagonal(found), np.diagonal(left), rtol=0.02)

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from forceid.flight.channels import Channel, driven, driven_in_pieces, load_chain, start_of
+from forceid.flight.pieces import WHOLE, Pieces
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
+from forceid.kalman import log_likelihood
+from forceid.kalman.building.process import matern
+
+STEP, GAIN = 0.01, 2.0
+TIME = STEP * np.arange(60)
+EDGES = np.array([0.1373, 0.30, 0.3021])  # within a step, at a sample, and a second one within a step
+SIZE = np.array([[0.1, 1.0, 0.3], [1.0, 0.2, 1.0], [0.5, 0.5, 0.0], [0.2, 1.0, 0.7]])
+
+HASTE = np.array([1.0, 5.0, 2.0, 1.0])
+
+
+def channel_of(seed):
+    rng = np.random.default_rng(seed)
+    z = np.cumsum(np.cumsum(rng.normal(size=(len(TIME), 3)), 0), 0) * 1e-4
+    return Channel(TIME, z, GAIN, np.tile(1e-8 * np.eye(3), (len(TIME), 1, 1)), 1e-9 * np.eye(3))
+
+
+def prior_of(channel, order, pieces):
+    kernel = Matern(order, np.array([3.0, 1.0, 2.0]), np.array([20.0, 5.0, 60.0]))
+    return LoadPrior(Tuned(kernel, pieces=pieces), np.eye(3), start_of(TIME, channel.moved, GAIN))
+
+
+def by_axes(channel, prior, pieces):
+    kernel = prior.kernel
+
+    def chain(haste):
+        return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start)
+
+    var, drift = channel.var(np.eye(3)), np.diagonal(channel.drift)
+    model = driven_in_pieces(chain, GAIN, var, drift, TIME, kernel.order, [pieces], None)
+    return float(log_likelihood(model, channel.moved[:, :, None]).sum())
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_three_axes_together_and_each_by_itself_are_as_likely(order):
+    channel, pieces = channel_of(1), Pieces(EDGES, SIZE, HASTE)
+    prior = prior_of(channel, order, pieces)
+    together = float(log_likelihood(channel_model(channel, prior), channel.moved))
+    assert by_axes(channel, prior, pieces) == pytest.approx(together, rel=1e-9)
+
+
+def test_one_piece_of_size_one_is_a_load_without_pieces():
+    channel, whole = channel_of(2), WHOLE
+    prior = prior_of(channel, 3, None)
+    plain = float(log_likelihood(channel_model(channel, prior), channel.moved))
+    assert by_axes(channel, prior, whole) == pytest.approx(plain, rel=1e-12)
+
+
+def test_a_piece_is_scaled_as_a_load_of_that_size():
+    """In one piece throughout, half the size is half the deviation."""
+    channel, half = channel_of(3), Pieces(np.zeros(0), np.full((1, 3), 0.5), np.ones(1))
+    prior = prior_of(channel, 2, None)
+    chain = load_chain(matern(2, 0.5 * prior.kernel.std, prior.kernel.rate), prior.start)
+    model = driven(chain, GAIN, channel.var(np.eye(3)), np.diagonal(channel.drift), np.diff(TIME))
+    told = float(log_likelihood(model, channel.moved[:, :, None]).sum())
+    assert by_axes(channel, prior, half) == pytest.approx(told, rel=1e-12)
+
+
+@pytest.mark.parametrize("edges", [EDGES, EDGES[:2], np.array([0.2])])
+def test_momentum_of_independent_pieces_has_the_sum_of_their_variances(edges):
+    """Closed form of an exponential memory: 2 s^2 (k t - 1 + exp(-k t)) / k^2 over a piece of length t.
+
+    The mean is drawn anew with each piece, and adds its variance times t^2.
+    """
+    std, rate = 3.0, 20.0
+    pieces = Pieces(edges, SIZE[: len(edges) + 1], HASTE[: len(edges) + 1])
+    channel = channel_of(4)
+    prior = prior_of(channel, 1, pieces)
+    F, Q, P = prior.chain(np.diff(TIME), None, 0.0)
+    P[:6] = P[:, :6] = 0.0  # position and momentum known at the start
+    for step_F, step_Q in zip(F, Q, strict=True):
+        P = step_F @ P @ step_F.T + step_Q
+    length = np.diff([0.0, *edges, TIME[-1]])
+    rate = rate * pieces.haste
+    each = 2 * (pieces.size[:, 0] * std) ** 2 * (rate * length - 1 + np.exp(-rate * length)) / rate**2
+    each += prior.start.mean * length**2
+    assert P[3, 3] == pytest.approx(each.sum(), rel=1e-9)
+
+
+def test_cut_steps_join_to_those_of_the_clock():
+    cut = Pieces(EDGES, SIZE, HASTE).split(np.diff(TIME), 0.0)
+    joined = np.bincount(cut.owner, cut.step)
+    np.testing.assert_allclose(joined, np.diff(TIME), rtol=1e-9)
+    starts = np.concatenate([[0.0], np.cumsum(cut.step)[:-1]])
+    middle = starts + 0.5 * cut.step
+    np.testing.assert_array_equal(cut.piece, np.searchsorted(EDGES, middle))
+
+
+def test_edges_outside_of_a_stretch_leave_it_in_the_piece_it_is_in():
+    pieces = Pieces(EDGES, SIZE, HASTE)
+    behind = pieces.split(np.diff(TIME[:5]), 1.0)
+    assert set(behind.piece.tolist()) == {3}
+    assert len(behind.step) == 4
