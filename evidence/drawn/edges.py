@@ -1,17 +1,18 @@
-"""Loads that change character: steps, contacts and impacts in flights of rigid bodies, and how well each is told.
+"""Loads that change character: steps, contacts and impacts in flights of rigid bodies, and how well told.
 
     python -m evidence.drawn.edges -o docs [--count 40] [--seed 77] [-j 2] [--only KIND...]
 
-Drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated or not, under slow forces
-and moments of a few percent of the weight, and a force at a point off the mass center: a step for good, a
-contact of 10 ms to 0.3 s with sharp ends or as half a sine, an impact shorter than a sample. The flight is
-integrated by DOP853, edge by edge; the same flight without the event is estimated beside it.
+Drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated or not, under slow
+forces and moments of a few percent of the weight, and a force at a point off the mass center: a step for
+good, a contact of 10 ms to 0.3 s with sharp ends or as half a sine, an impact shorter than a sample. The
+flight is integrated by DOP853, edge by edge; the same flight without the event is estimated beside it.
 """
 
 from __future__ import annotations
 
 import sys
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,14 +32,14 @@ HEADS = (
     "near: force, moment over claim", "away: force, moment over claim", "away, over without the event",
 )  # fmt: skip
 ABOUT = """\
-`{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to half of \
-them, under slow forces and moments, and beside these a force at a point off the mass center. *step*: for good, \
-0.3 to 3 times the weight; *contact*: 0.01 to 0.3 s, 1 to 8 times the weight, with sharp ends; *half_sine*: the \
-same without; *impact*: within a sample, 0.2 to 2 m/s.
+`{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to half \
+of them, under slow forces and moments, and beside these a force at a point off the mass center. *step*: for \
+good, 0.3 to 3 times the weight; *contact*: 0.01 to 0.3 s, 1 to 8 times the weight, with sharp ends; \
+*half_sine*: the same without; *impact*: within a sample, 0.2 to 2 m/s.
 
-*found*: edges of the force were found. Medians: how far the nearest edge found is from a true one, in samples; \
-error over claim of the impulse of the force, of force and moment within 50 ms of the event, and away from it; \
-error of the force away from it over that of the same flight without the event, all rms."""
+*found*: edges of the force were found. Medians: how far the nearest edge found is from a true one, in \
+samples; error over claim of the impulse of the force, of force and moment within 50 ms of the event, and \
+away from it; error of the force away from it over that of the same flight without the event, all rms."""
 
 
 def drawn_flight(seed: int, k: int, kind: str) -> dict[str, Any]:
@@ -96,7 +97,7 @@ def flown(time: Array, start: Array, mass: float, J: Array, load: Any, edges: li
     """States (time, 13): center, velocity, quaternion, angular momentum, integrated from edge to edge."""
     state, out = start, np.zeros((len(time), 13))
     cuts = [time[0], *(e for e in edges if e < time[-1]), time[-1]]
-    for k, (a, b) in enumerate(zip(cuts, cuts[1:], strict=False)):
+    for k, (a, b) in enumerate(pairwise(cuts)):
 
         def rate(t: float, y: Array, on: bool = k == 1) -> Array:
             F, M = load(t, on)

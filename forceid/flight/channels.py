@@ -133,7 +133,7 @@ def over_steps(chain: Process, kernel: Flags, steps: Array) -> tuple[Array, Arra
 
 
 def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:
-    """A chain with what has a memory of the noise of its channel beside it, and the variance that is white."""
+    """A chain beside what has a memory of the noise of its channel, and the variance that is white."""
     if color is None:
         return chain, noise_var
     steady = np.nanmin(noise_var, axis=0)

@@ -1,9 +1,9 @@
 """Loads that change character: pieces of a record between edges, in each of which a load is drawn anew.
 
-A step, an impact, a foot on the ground between two flights: no stationary prior has them. Between two edges a
-load is stationary, of a size and a rate of its own; at an edge it forgets what it was, its mean as well. An impact
-shorter than the samples is a piece of one step. Source: principal equations 4e, with a covariance that depends
-on time.
+A step, an impact, a foot on the ground between two flights: no stationary prior has them. Between two edges
+a load is stationary, of a size and a rate of its own; at an edge it forgets what it was, its mean as well.
+An impact shorter than the samples is a piece of part of a step. Source: principal equations 4e, with a
+covariance that depends on time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as t
 
 @dataclass(frozen=True)
 class Split:
-    """Steps of a clock, cut at edges: step (part,) s, the step of the clock that each is of, and its piece."""
+    """Steps of a clock, cut at edges: step (part,) s, the step of the clock it is of, and its piece."""
 
     step: Array
     owner: Indices
@@ -40,8 +40,8 @@ class Split:
 class Pieces:
     """Edges (edge,) s, at which a load becomes another one, and what it is in each piece.
 
-    size (edge + 1, axis), haste (edge + 1,): factors on the standard deviation of the load about its mean, and
-    on the rate at which it forgets itself.
+    size (edge + 1, axis), haste (edge + 1,): factors on the standard deviation of the load about its mean,
+    and on the rate at which it forgets itself.
     """
 
     edges: Array

@@ -75,8 +75,8 @@ def tune_channel(
     drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
     along = tuple(line.along(axes) for line in lines)
     first = None if near is None else near.tuned
-    seen = time, z @ axes, gain, channel.var(axes), drift
-    tuned = PRIORS[kind](*seen, limits, orders, along, engine, first, channel.color, pieces)
+    shown = time, z @ axes, gain, channel.var(axes), drift
+    tuned = PRIORS[kind](*shown, limits, orders, along, engine, first, channel.color, pieces)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

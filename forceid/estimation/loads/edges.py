@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.estimation.loads.character import Evidence, settled
+from forceid.estimation.loads.pieces import Evidence, settled
 from forceid.flight.channels import Channel
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
@@ -47,10 +47,10 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
     found = smoothed(channel, prior, pieces, engine)
     options = [pieces]
     if len(pieces.edges) > 1:  # what is between two edges may change faster than the record tells
-        between = np.r_[1.0, np.full(len(pieces.edges) - 1, 1.0), 1.0]
-        for haste in HASTES:
-            between[1:-1] = haste
-            options.append(settled(evidence, replace(pieces, haste=between * pieces.haste)))
+        for factor in HASTES:
+            haste = pieces.haste.copy()
+            haste[1:-1] *= factor
+            options.append(settled(evidence, replace(pieces, haste=haste)))
     each = [placed(evidence, one) for one in options]
     share = np.exp(np.array([volume for _, _, volume in each]) - max(volume for _, _, volume in each))
     share /= share.sum()
@@ -60,7 +60,7 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
 
 
 def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
-    """The load (time, 3) over all places of the edges, its spread (time, 3, 3), and how likely all of them are.
+    """The load (time, 3) over all places of the edges, its spread (time, 3, 3), and how likely these are.
 
     As a log-likelihood, over the volume of the places.
     """
@@ -109,33 +109,20 @@ def directions(evidence: Evidence, pieces: Pieces) -> Array:
 
     By second differences of the likelihood; a step at least a hundredth, and no more than a few.
     """
-    step = float(np.median(np.diff(evidence.channel.time)))
-    h, count = BENT * step, len(pieces.edges)
-    one = np.eye(count)
-    pairs = [(i, j) for i in range(count) for j in range(i, count)]
-    moves = [np.zeros(count), *(s * one[i] for i in range(count) for s in (1, -1))]
-    moves += [one[i] + one[j] for i, j in pairs if i < j] + [-one[i] - one[j] for i, j in pairs if i < j]
-    tried = [shifted_by(evidence.channel.time, pieces, h * move) for move in moves]
-    likely = evidence.likelihood([pieces if one is None else one for one in tried]).sum(1)
-    value = {tuple(np.round(move).astype(int)): v for move, v in zip(moves, likely, strict=True)}
-    top, bend = likely[0], np.zeros((count, count))
-    for i, j in pairs:
-        if i == j:
-            bend[i, i] = 2 * top - value[tuple(one[i].astype(int))] - value[tuple(-one[i].astype(int))]
-        else:
-            both = (
-                2 * top
-                - value[tuple((one[i] + one[j]).astype(int))]
-                - value[tuple((-one[i] - one[j]).astype(int))]
-            )
-            bend[i, j] = bend[j, i] = both
-    diagonal = np.diagonal(bend).copy()
-    for i, j in pairs:
-        if i < j:
-            bend[i, j] = bend[j, i] = 0.5 * (bend[i, j] - diagonal[i] - diagonal[j])
-    curved, axes = np.linalg.eigh(bend / h**2)
+    time, count = evidence.channel.time, len(pieces.edges)
+    step = float(np.median(np.diff(time)))
+    one = BENT * step * np.eye(count)
+    pairs = [(i, j) for i in range(count) for j in range(i + 1)]
+    moves = [s * one[i] + t * one[j] for i, j in pairs for s in (1, -1) for t in (1, -1)]
+    tried = [shifted_by(time, pieces, move) or pieces for move in moves]
+    likely = evidence.likelihood(tried).sum(1).reshape(-1, 2, 2)
+    bend = np.zeros((count, count))
+    for (i, j), near in zip(pairs, likely, strict=True):
+        # of an edge with itself, two steps either way and none
+        bend[i, j] = bend[j, i] = (near[0, 1] + near[1, 0] - near[0, 0] - near[1, 1]) / 4
+    curved, axes = np.linalg.eigh(bend / (BENT * step) ** 2)
     std = 1 / np.sqrt(np.clip(curved, (WIDEST * step) ** -2, (CHANCE * step) ** -2))
-    return std[:, None] * axes.T
+    return np.asarray(std[:, None] * axes.T)
 
 
 def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
@@ -160,9 +147,9 @@ def with_edges_known(
 
     seen (time,), by name: samples that the channel of a load has; given (time, 6): momentum by the loads.
     """
-    loads, cov = {"force": state.force.copy(), "moment": state.moment.copy()}, state.wrench_cov.copy()
-    for name, own in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+    force, moment, cov = state.force.copy(), state.moment.copy(), state.wrench_cov.copy()
+    for name, load, own in (("force", force, slice(0, 3)), ("moment", moment, slice(3, 6))):
         if name in spread:
-            loads[name][seen[name]] += spread[name].load
+            load[seen[name]] += spread[name].load
             cov[seen[name], own, own] += spread[name].cov
-    return replace(state, **loads, wrench_cov=cov, given=given)
+    return replace(state, force=force, moment=moment, wrench_cov=cov, given=given)

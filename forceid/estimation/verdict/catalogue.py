@@ -465,10 +465,10 @@ LOADS = (
     ),
     Entry(
         "load-in-pieces", "ok",
-        "the {load} changes its character {edges} times, first at {first_s:.4g} s and last at {last_s:.4g} s: it "
-        "is another load in each piece, and `impulse` says what each gives",
-        "A step, an impact or a contact: between the edges the load is of one character, at them of none.",
-        "Nothing. Near an edge its place is part of the claim; the impulse is known far better than the peak.",
+        "the {load} changes its character {edges} times, first at {first_s:.4g} s, last at {last_s:.4g} s: "
+        "it is another load in each piece, and `impulse` says what each gives",
+        "A step, an impact or a contact: between two edges the load is of one character, and another beyond.",
+        "Nothing. The claim counts where an edge may lie; an impulse is known far better than a peak.",
     ),
     Entry(
         "beside-known", "ok",

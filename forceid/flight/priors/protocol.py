@@ -169,7 +169,7 @@ class LoadPrior:
         return chain[:, MOMENTUM] @ self.axes.T, chain @ self.rows.T, rate
 
     def chain(
-        self, step: Array, rotation: Array | None = None, begin: float = -np.inf
+        self, step: Array, rotation: Array | None = None, begin: float = 0.0
     ) -> tuple[Array, Array, Array]:
         """F, Q (time - 1, state, state) and P0 of the chain over steps (time - 1,) s, from the time `begin`.
 

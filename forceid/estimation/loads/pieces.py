@@ -1,0 +1,167 @@
+"""How likely a load in pieces is, and edges and sizes that make it likelier, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from forceid.flight.channels import Channel, driven_in_pieces, load_chain
+from forceid.flight.pieces import Pieces
+from forceid.flight.priors.matern import Matern
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman.building.process import Process, matern
+from forceid.kalman.engines import Engine, for_tuning
+from forceid.records import Array
+from forceid.rounding import ITERATIONS
+from forceid.significance import NUMBER, OUTLIER
+
+SIZES = np.exp([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])  # factors on size or rate, in one step of a search
+AT_A_TIME = 32  # tries whose models are held at once
+FARTHEST, FINEST = 8, 8  # steps by which an edge moves at first, and parts of one at last
+MOST_HASTE = 100.0  # rate in a piece over the least of the record: two orders of magnitude, as sizes
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How likely a channel is under a prior whose load comes in pieces.
+
+    place: log-likelihood that the place of an edge costs; given (edge,) s: edges that cost no place.
+    """
+
+    channel: Channel
+    prior: LoadPrior
+    engine: Engine
+    given: Array
+
+    @property
+    def place(self) -> float:
+        """What the place of an edge among all samples costs."""
+        return float(np.log(len(self.channel.time)))
+
+    def cost(self, pieces: Pieces) -> float:
+        """Log-likelihood that edges have to gain: their places, and a number each for the sizes."""
+        return float((~np.isin(pieces.edges, self.given)).sum() * self.place + len(pieces.edges) * NUMBER)
+
+    def by_axis(self, tried: Sequence[Pieces]) -> Array:
+        """Log-likelihood (try, axis), less a third of the cost each, of all at once."""
+        cost = np.array([self.cost(one) for one in tried])
+        return self.likelihood(tried) - cost[:, None] / 3
+
+    def likelihood(self, tried: Sequence[Pieces]) -> Array:
+        """Log-likelihood (try, axis) of all at once."""
+        ch, prior = self.channel, self.prior
+        kernel, axes, noise = prior.kernel, prior.axes, prior.tuned.noise**2
+        assert isinstance(kernel, Matern)
+        drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
+        lines = [line.scaled(np.abs(line.direction)) for line in (line.along(axes) for line in prior.lines)]
+
+        def chain(haste: float) -> Process:
+            return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
+
+        seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time
+        z = (ch.moved @ axes)[:, :, None]
+        found = [
+            for_tuning(self.engine)
+            .log_likelihood(
+                driven_in_pieces(chain, *seen, kernel.order, some, ch.color),
+                np.tile(z, (1, len(some), 1)),
+                OUTLIER,
+            )
+            .reshape(len(some), 3)
+            for some in batched(tried)
+        ]
+        return np.nan_to_num(np.concatenate(found), nan=-np.inf, neginf=-np.inf)
+
+    def of(self, pieces: Pieces) -> float:
+        """Log-likelihood less cost."""
+        return float(self.by_axis([pieces]).sum())
+
+
+def batched(tried: Sequence[Pieces]) -> list[Sequence[Pieces]]:
+    """A few of what is tried at a time."""
+    return [tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME)]
+
+
+def normal(pieces: Pieces) -> Pieces:
+    """The same with sizes of one at most."""
+    return replace(pieces, size=pieces.size / pieces.size.max(0))
+
+
+def best_of(evidence: Evidence, tried: Sequence[Pieces]) -> tuple[float, Pieces]:
+    """Of pieces with the same edges, the sizes likeliest on each axis, and how likely they are.
+
+    The first are as they were: another size has to gain a number.
+    """
+    likely = evidence.by_axis(tried) - NUMBER * (np.arange(len(tried)) > 0)[:, None]
+    size = np.stack([tried[k].size[:, axis] for axis, k in enumerate(likely.argmax(0))], 1)
+    return float(likely.max(0).sum()), replace(tried[0], size=size)
+
+
+def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
+    """Pieces after edges have moved and gone, and sizes changed, as long as that is likelier.
+
+    Edges move by less and less, down to a part of a step.
+    """
+    time = evidence.channel.time
+    step, value = float(np.median(np.diff(time))), evidence.of(pieces)
+    reach = FARTHEST * step
+    for _ in range(ITERATIONS):
+        before = value
+        for k in range(len(pieces.size)):
+            at = np.arange(len(pieces.size))[:, None] == k
+            sizes = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in SIZES]
+            value, pieces = max((value, pieces), best_of(evidence, [pieces, *sizes]), key=lambda one: one[0])
+        for tries in (hastened, fewer, shifted):
+            for k in range(len(pieces.size)):
+                if k < len(pieces.edges) + (tries is hastened) and (tried := tries(time, reach, pieces, k)):
+                    likely = evidence.by_axis(tried).sum(1)
+                    if likely.max() > value:
+                        value, pieces = float(likely.max()), tried[int(likely.argmax())]
+        if not value > before + NUMBER:
+            if reach < step / FINEST or not len(pieces.edges):
+                break
+            reach /= 4
+    return pieces
+
+
+def settled(evidence: Evidence, pieces: Pieces) -> Pieces:
+    """The pieces with their edges where they are likeliest, as many and as large as they are."""
+    time = evidence.channel.time
+    step, value = float(np.median(np.diff(time))), float(evidence.likelihood([pieces]).sum())
+    for reach in (step, step / 4, step / 16):
+        for k in np.tile(np.arange(len(pieces.edges)), 2):
+            if tried := shifted(time, reach, pieces, k):
+                likely = evidence.likelihood(tried).sum(1)
+                if likely.max() > value:
+                    value, pieces = float(likely.max()), tried[int(likely.argmax())]
+    return pieces
+
+
+def hastened(_: Array, __: float, pieces: Pieces, k: int) -> list[Pieces]:
+    """The pieces with one in which the load changes faster or slower."""
+    at = np.arange(len(pieces.haste)) == k
+    factors = [one for one in SIZES if 1 <= one * pieces.haste[k] <= MOST_HASTE]
+    return [replace(pieces, haste=np.where(at, one * pieces.haste, pieces.haste)) for one in factors]
+
+
+def fewer(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
+    """The pieces without an edge, its neighbor in its place or moved; what is before or behind it goes on."""
+    edges = np.delete(pieces.edges, k)
+    tried = [edges]
+    if k < len(edges):
+        bounds = np.concatenate([time[:1], np.delete(edges, k), time[-1:]])
+        places = np.linspace(pieces.edges[k] - reach, edges[k] + reach, 2 * FARTHEST + 1)
+        tried += [np.sort([*np.delete(edges, k), one]) for one in places if bounds[k] < one < bounds[k + 1]]
+    left = [(np.delete(pieces.size, k + side, 0), np.delete(pieces.haste, k + side)) for side in (0, 1)]
+    return [Pieces(one, *kept) for one in tried for kept in left]
+
+
+def shifted(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
+    """The pieces with an edge moved by up to three times `reach` s, no further than its neighbors."""
+    bounds = np.concatenate([time[:1], pieces.edges, time[-1:]])
+    new = pieces.edges[k] + reach * np.array([-3, -2, -1, 1, 2, 3])
+    others = np.delete(pieces.edges, k)
+    new = new[(new > bounds[k]) & (new < bounds[k + 2])]
+    return [replace(pieces, edges=np.sort([*others, one])) for one in new]
