@@ -41,7 +41,7 @@ def with_character(
     if not FEWEST <= len(time) <= CHANNEL_SAMPLES or not isinstance(prior.kernel, Matern):
         return prior
     pieces = WHOLE if prior.tuned.pieces is None else prior.tuned.pieces
-    level = prior.tuned.log_likelihood - Evidence(channel, prior, engine, free).cost(pieces)
+    level = Evidence(channel, prior, engine, free).of(pieces)
     for _ in range(ITERATIONS):
         evidence = Evidence(channel, prior, engine, free)
         found = added(evidence, pieces)

@@ -30,6 +30,8 @@ from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.methods.tuning import (
+    cut_force,
+    cut_moment,
     find_slow_errors,
     see_motion,
     settle_noise,
@@ -48,7 +50,9 @@ PASS: tuple[Stage, ...] = (
     tune_force,
     settle_noise,
     find_slow_errors,
+    cut_force,
     tune_moment,
+    cut_moment,
     add_instruments,
     solve,
     tune_on_flight,

@@ -88,11 +88,6 @@ def tuned_beside(
         prior = problem.shown.prior_on(channel)
     if prior is None:
         prior = tune_channel(channel, limits, lines, orders, engine, near, kind, pieces)
-    if not problem.hides:
-        others = problem.priors.get("force") if load == "moment" else None
-        given = None if others is None or others.tuned.pieces is None else others.tuned.pieces.edges
-        tune = partial(tune_channel, channel, limits, lines, orders, engine, kind=kind)
-        prior = with_character(channel, prior, engine, tune, given)
     kernel, hidden = prior.kernel, problem.kin.hidden
     if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
         return prior
@@ -152,6 +147,38 @@ def follow_each_other(problem: Problem) -> bool:
     if kin.stated[problem.source] or problem.errors is not None:
         return errors_shared(kin, force, problem.motion.gravity, problem.engine)
     return force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+
+
+@stage("force")
+def cut_force(problem: Problem) -> Problem:
+    """The prior of the force in pieces, where it changes its character."""
+    return in_pieces(problem, "force", problem.force_channel, problem.lines.force)
+
+
+@stage("moment")
+def cut_moment(problem: Problem) -> Problem:
+    """The prior of the moment in pieces, where it changes its character: most likely where the force does."""
+    if "moment" not in problem.priors:
+        return problem
+    return in_pieces(problem, "moment", problem.channels["moment"], problem.lines.moment)
+
+
+def in_pieces(problem: Problem, load: str, channel: Channel, lines: tuple[Line, ...]) -> Problem:
+    """The problem with a load in pieces, where the evidence is for them.
+
+    Not where errors of tracks follow each other: these have edges too. Nor where a deformation hides loads,
+    or sensors show them.
+    """
+    if problem.hides or problem.slow is not None or problem.motion.readings:
+        return problem
+    engine, kind = problem.engine, problem.settings.load_prior
+    prior, force = problem.priors[load], problem.priors["force"].tuned.pieces
+    prior = replace(prior, tuned=replace(prior.tuned, noise=np.ones(3)))  # the channel has it by now
+    tune = partial(tune_channel, channel, (1.0, 1.0), lines, engine=engine, kind=kind)
+    found = with_character(channel, prior, engine, tune, None if force is None else force.edges)
+    if found is prior:
+        return problem
+    return replace(problem, priors=problem.priors | {load: found})
 
 
 @stage("moment")
