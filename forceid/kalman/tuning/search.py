@@ -16,7 +16,7 @@ ENOUGH = 0.01  # gain in log-likelihood that a further step must promise
 TRUST, TRUST_AT_MOST = 0.1, 0.5  # of the box: how far the first step may go, and any
 OUTDONE, FARTHER_AT_MOST = 1.2, 4.0  # of its promise, that a step gained; and how far it is then taken again
 WORST = -np.sqrt(np.finfo(float).max)  # of a value: what stands for minus infinity in a sum
-FLATTEST = 1e-4  # curvature of a ridge over that of its coordinates: what differences of a likelihood still show
+FLATTEST = 1e-4  # curvature of a ridge over that of its coordinates: what differences still show
 
 
 def maximize(
