@@ -29,12 +29,15 @@ def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
     return ascended(value, p, spread)[0]
 
 
-def ascended(value: Callable[[Array], float], p: Array, spread: Array) -> tuple[Array, Array]:
+def ascended(
+    value: Callable[[Array], float], p: Array, spread: Array, sure: bool = False
+) -> tuple[Array, Array]:
     """A maximum of value(p) near p (k,), by the rule of Broyden, Fletcher, Goldfarb and Shanno.
 
-    spread (k, k): about the inverse of the curvature; returned with the maximum as the steps have found it.
+    spread (k, k): about the inverse of the curvature, or for sure that at p; returned with the maximum as the
+    steps have found it.
     """
-    best, H, sure = value(p), spread, False
+    best, H = value(p), spread
     slope = slope_of(value, p, best, H)
     for _ in range(ITERATIONS):
         step = H @ slope

@@ -88,15 +88,17 @@ def tune_together(
             return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
 
         start = np.zeros(4 + len(loud))
-        if spread is None:
-            # each load by itself costs little, and is nearly all where no sensor ties them
-            apiece = partial(of_center, cut, force, engine), partial(of_rotation, cut, moment, near, engine)
-            spreads = [spread_about(half, 2) for half in apiece]
-            if flight.sensors is None:
-                tops = [ascended(half, np.zeros(2), own) for half, own in zip(apiece, spreads, strict=True)]
-                start, spreads = np.concatenate([top for top, _ in tops]), [own for _, own in tops]
-            spread = block_diag(*spreads, np.eye(len(loud)) / len(cut.time))  # a reading tells of its noise
-        best, spread = ascended(value, start, spread)
+        apiece = partial(of_center, cut, force, engine), partial(of_rotation, cut, moment, near, engine)
+        if spread is None:  # that of each load by itself costs little; a reading tells of its noise
+            each = (spread_about(half, 2) for half in apiece)
+            spread = block_diag(*each, np.eye(len(loud)) / len(cut.time))
+        if flight.sensors is not None or flight.modes is not None:
+            best, spread = ascended(value, start, spread)
+        else:  # the likelihood of all is nearly that of each
+            known = spread[:2, :2], spread[2:4, 2:4]
+            tops = [ascended(half, start[:2], own) for half, own in zip(apiece, known, strict=True)]
+            start = np.concatenate([top for top, _ in tops])
+            best, spread = ascended(value, start, block_diag(*(own for _, own in tops)), sure=True)
         return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
     force, moment = force if alone else force.alike(), moment.alike()
