@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 
 from forceid.flight.channels import driven, lags, load_chain, second_difference, start_of
 from forceid.flight.color import Color
-from forceid.flight.whittle import Ordinates, Spectrum, ordinates
+from forceid.flight.whittle import UNIT, Ordinates, Spectrum, ordinates
 from forceid.kalman.building.lines import Line
 from forceid.kalman.building.process import matern
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Flags
+from forceid.rounding import SINGLE
 from forceid.significance import OUTLIER, PATIENCE, TENTH
 
 ENOUGH_SAMPLES = 100  # of a stretch: start, speed and a constant load take three of its fifty ordinates
@@ -76,6 +77,20 @@ class Sight:
         """The same of one order."""
         points, noise, value = self.peaks((order,), shared, same)
         return points[0], noise[0], value[0]
+
+    def alike(self, points: Array, was: int, order: int) -> Array:
+        """Search points (axis, 2) of an order whose load is about that of an order that `was`.
+
+        As strong at the slowest ordinate, and where it meets the noise.
+        """
+        slow, E = self.spectrum.w[0, 0] ** 2, np.exp(2 * points[:, 1])
+        load = self.spectrum.load(points, np.array([was]))[0]
+        meets = np.abs(np.log(load / self.spectrum.noise)).argmin(1)
+        fast = self.spectrum.w[0, np.maximum(meets, 1)] ** 2
+        falls = ((E + fast) / (E + slow)) ** (was / order)
+        corner = np.maximum((fast - falls * slow) / (falls - 1), SINGLE * slow)
+        level = np.log(UNIT[was] / UNIT[order]) + order * np.log(corner + fast) - was * np.log(E + fast)
+        return np.stack([points[:, 0] + 0.5 * level, 0.5 * np.log(corner)], 1)
 
 
 def first_sight(time: Array, z: Array, channels: Channels, limits: tuple[float, float]) -> Sight:

@@ -120,12 +120,21 @@ def tune_loads(
         )
         if unstated:  # a first look at the noise, under a prior of middle order
             (_, level, _), _ = by_axis(lambda same: search(2, limits, same), axes, pays_apart(2))
+    told: dict[int, Array] = {}
     if seen is not None and near is None:
-        expected = seen.peaks(orders, (level, level), together)[2].sum(1)
-        orders = in_doubt(dict(zip(orders, expected.tolist(), strict=True)))
+        points, _, expected = seen.peaks(orders, (level, level), together)
+        told = dict(zip(orders, points, strict=True))
+        orders = in_doubt(dict(zip(orders, expected.sum(1).tolist(), strict=True)))
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
+        if seen is not None and near is None:
+            first = told[order], level
+            if found:  # or as the order before, whichever is likelier
+                likes = np.clip(seen.alike(found[min(found)][0], min(found), order), *box(order))
+                both = np.stack([told[order], likes], 1)
+                which = objective(both[None], level[None], order)[0].argmax(1)
+                first = both[np.arange(axes), which], level
         found[order] = search(order, (level, level), together, first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)

@@ -90,3 +90,15 @@ def test_orders_that_no_doubt_about_their_evidence_makes_the_smoothest_are_not_s
     assert in_doubt(dict.fromkeys((1, 2, 3, 4), 0.0) | {6: -20.0}) == (4,)
     assert in_doubt({1: -50.0, 2: 0.0, 3: -8.0, 4: -30.0, 6: -60.0}) == (2, 3)
     assert 6 in in_doubt({1: -50.0, 2: -30.0, 3: -10.0, 4: -2.0, 6: 0.0})
+
+
+def test_a_load_of_another_order_is_as_strong_where_it_is_slow_and_where_it_meets_the_noise():
+    found = sighted(*drawn(1))
+    axes = len(found.spectrum.power)
+    points = np.tile([12.0, 3.0], (axes, 1))
+    rougher = found.alike(points, 4, 2)
+    was, load = (found.spectrum.load(p, np.array([k]))[0] for p, k in ((points, 4), (rougher, 2)))
+    meets = np.abs(np.log(was / found.spectrum.noise)).argmin(1)
+    for at in (0, meets):
+        each = np.arange(axes), at
+        np.testing.assert_allclose(load[each], was[each], rtol=0.05)
