@@ -22,7 +22,7 @@ from forceid.kalman.building.process import matern_density
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
-from forceid.rounding import SOLVED
+from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
@@ -196,7 +196,10 @@ def searched(
         (np.log(slowest), np.log(fastest)),
         *[(-SIGMAS, SIGMAS)] * (2 * modes),
     ]
-    done = minimize(value, first, jac=True, method="L-BFGS-B", bounds=bounds)
+    # of thousands of logarithms of likelihood, a step that gains a thousandth is the last
+    done = minimize(
+        value, first, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": TENTH * SINGLE}
+    )
     return float(done.fun), done.x
 
 

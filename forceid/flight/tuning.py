@@ -22,18 +22,19 @@ from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
+from forceid.flight.spectral_start import Channels, Peak, first_sight, sight
 from forceid.kalman.building.lines import Line
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.tuning.search import maximize
+from forceid.kalman.tuning.search import maximize, promise_apart
 from forceid.records import Array, Flags
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
-Peak = tuple[Array, Array, Array]  # search points (axis, 2), logarithms of the noise, values (axis,)
 ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
 MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are no matter
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
+DOUBT = PATIENCE / 2  # of a log-likelihood that spectra or slopes tell: half of what it decides on
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
 LEAK = 0.01  # of the load on the strongest axis
@@ -64,9 +65,10 @@ def tune_loads(
     noise, None for white; pieces: in which the load comes, with their sizes.
     """
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
+    edges = search_box(time, z, gain, 0)
 
     def box(order: int) -> tuple[Array, Array]:
-        lower, upper = (np.tile(edge, (axes, 1)) for edge in search_box(time, z, gain, order))
+        lower, upper = (np.tile([level + order * rate, rate], (axes, 1)) for level, rate in edges)
         return lower, upper
 
     def objective(points: Array, levels: Array, order: int) -> Array:
@@ -92,12 +94,22 @@ def tune_loads(
     def search(
         order: int,
         shared: tuple[ArrayLike, ArrayLike],
+        same: Flags,
         start: tuple[Array, ArrayLike] | None = None,
-        same: Flags | None = None,
         load: bool = True,
     ) -> Peak:
-        edges = box(order) if load else (box(order)[0],) * 2
-        return maximize(lambda p, s: objective(p, s, order), *edges, shared, start, same)
+        if start is None and seen is not None:
+            start = seen.peak(order, shared, same)[:2]
+        bounds = box(order) if load else (box(order)[0],) * 2
+        return maximize(lambda p, s: objective(p, s, order), *bounds, shared, start, same)
+
+    def pays_apart(order: int) -> Callable[[Peak], bool]:
+        def pays(peak: Peak) -> bool:
+            at, level, _ = peak
+            gain = promise_apart(lambda p, s: objective(p, s, order), *box(order), limits, at, level)
+            return gain > PATIENCE - DOUBT
+
+        return pays
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
         at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < AT_LIMIT) > 0.5
@@ -105,17 +117,36 @@ def tune_loads(
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])
-    first = None
+    together, first, seen = np.ones((axes, axes), bool), None, None
+    channels = Channels(runs, gain, drift, lines, color, box, for_tuning(engine))
     if near is not None:
         kernel, level = near.kernel, np.clip(np.log(near.noise), *limits)
         assert isinstance(kernel, Matern)
         orders, first = (kernel.order,), (np.clip(points_of(kernel), *box(kernel.order)), level)
-    elif limits[0] < 0.0:  # the noise was not stated: a first look at it, under a prior of middle order
-        (_, level, _), _ = by_axis(lambda same: search(2, limits, None, same), axes)
+        seen = sight(channels, kernel.order, *first) if channels.even else None
+    else:
+        unstated = limits[0] < 0.0
+        seen = (
+            first_sight(time, z, channels, limits if unstated else limits[:1] * 2) if channels.even else None
+        )
+        if unstated:  # a first look at the noise, under a prior of middle order
+            (_, level, _), _ = by_axis(lambda same: search(2, limits, same), axes, pays_apart(2))
+    told: dict[int, Array] = {}
+    if seen is not None and near is None:
+        points, _, expected = seen.peaks(orders, (level, level), together)
+        told = dict(zip(orders, points, strict=True))
+        orders = in_doubt(dict(zip(orders, expected.sum(1).tolist(), strict=True)))
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
-        found[order] = search(order, (level, level), first)
+        if seen is not None and near is None:
+            first = told[order], level
+            if found:  # or as the order before, whichever is likelier
+                likes = np.clip(seen.alike(found[min(found)][0], min(found), order), *box(order))
+                both = np.stack([told[order], likes], 1)
+                which = objective(both[None], level[None], order)[0].argmax(1)
+                first = both[np.arange(axes), which], level
+        found[order] = search(order, (level, level), together, first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)
         if worse == MISSED:
@@ -124,13 +155,15 @@ def tune_loads(
     peak, same = found[order], np.eye(axes, dtype=bool)
     if limits[1] > limits[0]:
         start = (peak[0], level)
-        peak, same = by_axis(lambda same: search(order, limits, start, same), axes)
+        peak, same = by_axis(lambda same: search(order, limits, same, start), axes, pays_apart(order))
     at, level, value = peak
     none = box(order)[0]
-    quiet = search(order, limits, (none, level), same, load=False)
+    each = objective(np.stack([at, none], 1)[None], level[None], order)[0]
+    quiet = none, level, each[:, 1]
+    if limits[1] > limits[0]:
+        quiet = search(order, limits, same, quiet[:2], load=False)
     if value.sum() - quiet[2].sum() < PATIENCE * axes:
         return tuned(order, *quiet[:2], float(quiet[2].sum()), np.ones(axes, bool))
-    each = objective(np.stack([at, none], 1)[None], level[None], order)[0]
     still = each[:, 0] - each[:, 1] < PATIENCE
     best = tuned(order, at, level, float(value.sum()), ~still if not still.all() else still)
     if still.any():
@@ -141,15 +174,18 @@ def tune_loads(
     return best
 
 
-def by_axis(search: Callable[[Flags], Peak], axes: int) -> tuple[Peak, Flags]:
+def by_axis(
+    search: Callable[[Flags], Peak], axes: int, pays_apart: Callable[[Peak], bool]
+) -> tuple[Peak, Flags]:
     """The peak under one noise for all axes, or under more where each is e^PATIENCE times as likely.
 
-    search(same (axis, axis)): the peak where axes share a noise; also which of them do. So an axis that shows
+    search(same (axis, axis)): the peak where axes share a noise; pays_apart: whether its likelihood may
+    gain as much where none do. Also returned: which of them do. So an axis that shows
     no noise, as of a planar video or an encoder, has no say in that of the others.
     """
     same: Flags = np.ones((axes, axes), bool)
     best = search(same)
-    if axes == 1:
+    if axes == 1 or not pays_apart(best):
         return best, same
     apart = np.eye(axes, dtype=bool)
     own = search(apart)
@@ -182,6 +218,29 @@ def points_of(kernel: Matern) -> Array:
     """The search points (axis, 2) of a kernel: those whose `natural` it is."""
     level = np.log(np.maximum(kernel.std, np.finfo(float).tiny)) + (kernel.order - 0.5) * np.log(kernel.rate)
     return np.stack([level, np.log(kernel.rate)], 1)
+
+
+def in_doubt(expected: dict[int, float]) -> tuple[int, ...]:
+    """The orders that may be the `smoothest`, or decide it, where evidence is expected with a DOUBT.
+
+    >>> in_doubt({1: -40.0, 2: 0.0, 3: -1.0, 4: -15.0})
+    (3,)
+    >>> in_doubt({1: -40.0, 2: 0.0, 3: -1.0, 4: -8.0})
+    (2, 3, 4)
+    """
+    first = smoothest(expected)
+    if len(expected) == 1:
+        return (first,)
+    turns = {
+        order: smoothest(expected | {order: value + off})
+        for order, value in expected.items()
+        for off in ((-DOUBT,) if order == first else (DOUBT,))
+    }
+    others = {order for order, found in turns.items() if found != first} | set(turns.values())
+    if others == {first}:
+        return (first,)
+    free = {order: value for order, value in expected.items() if order <= FREE}
+    return tuple(sorted({*others, first, max(free or expected, key=lambda order: expected[order])}))
 
 
 def smoothest(evidence: dict[int, float]) -> int:

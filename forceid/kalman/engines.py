@@ -33,6 +33,7 @@ class Engine:
     smooth_states: Callable[[StateSpace, Array], Array]
     log_likelihood: Callable[..., Array]
     filter_and_smooth_states: Callable[[StateSpace, Array], tuple[Filtered, Array]]
+    innovations: Callable[[StateSpace, Array], Array]
 
 
 def engine(name: str = "auto") -> Engine:
@@ -61,6 +62,7 @@ def engine(name: str = "auto") -> Engine:
         return Engine(
             name, module.filter, module.smooth, module.smooth_states, module.log_likelihood,
             lambda model, z: (module.filter(model, z), module.smooth_states(model, z)),
+            partial(linear.innovations, import_module(MODULES["numpy"])),
         )  # fmt: skip
     return Engine(
         name,
@@ -69,6 +71,7 @@ def engine(name: str = "auto") -> Engine:
         partial(linear.smooth_states, module),
         partial(linear.log_likelihood, module),
         partial(linear.filter_and_smooth_states, module),
+        partial(linear.innovations, module),
     )
 
 

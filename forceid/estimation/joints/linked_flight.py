@@ -17,9 +17,9 @@ from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
 from forceid.estimation.joints.constraints import Constraints
+from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.solution import Smoothing, Solution
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Reference, linear_flight

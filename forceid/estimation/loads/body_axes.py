@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from forceid.estimation.loads.fused_tuning import NO_GAIN
+from forceid.estimation.loads.ascent import NO_GAIN
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior, channel_model

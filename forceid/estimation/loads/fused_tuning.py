@@ -7,13 +7,15 @@ its smoothed path. Source: principal equations 4d, 4f.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Set
 from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
+from forceid.estimation.loads.ascent import ascended, spread_about
 from forceid.estimation.loads.lines import ROUNDS
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
@@ -27,17 +29,13 @@ from forceid.flight.model import (
     translation,
 )
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import SHORTEST, FlightState, settled
-from forceid.flight.tuning import LEAK, PROBE
+from forceid.flight.smoother import FlightState, settled
+from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
-from forceid.rounding import ITERATIONS
-from forceid.significance import NUMBER, OUTLIER, PATIENCE
+from forceid.significance import NUMBER, OUTLIER, PATIENCE, THOUSANDTH
 
-FARTHER = 1.5  # of a logarithm: as far as one step may lead
-NO_GAIN = 0.1  # of a log-likelihood: a step that promises less is no gain
-GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
@@ -65,11 +63,15 @@ def tune_together(
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.kind)]
     loud = [i for i in free if kinds[i].name not in stated]
 
+    spread: Array | None = None
+
     def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
+        nonlocal spread
         part = middle(len(flight.time), FLIGHT_SAMPLES)
         cut, near = flight_segment(flight, part), reference_segment(about, part)
         if alone:
-            by = bfgs_maximum(partial(of_rotation, cut, moment, near, engine), np.zeros(2))
+            half = partial(of_rotation, cut, moment, near, engine)
+            by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
         bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
 
@@ -85,26 +87,39 @@ def tune_together(
             halves = moving(*by[:2].tolist()), turning(*by[2:4].tolist())
             return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
 
-        best = bfgs_maximum(value, np.zeros(4 + len(loud)))
+        start = np.zeros(4 + len(loud))
+        apiece = partial(of_center, cut, force, engine), partial(of_rotation, cut, moment, near, engine)
+        if spread is None:  # that of each load by itself costs little; a reading tells of its noise
+            each = (spread_about(half, 2) for half in apiece)
+            spread = block_diag(*each, np.eye(len(loud)) / len(cut.time))
+        if flight.sensors is not None or flight.modes is not None:
+            best, spread = ascended(value, start, spread)
+        else:  # the likelihood of all is nearly that of each
+            known = spread[:2, :2], spread[2:4, 2:4]
+            tops = [ascended(half, start[:2], own) for half, own in zip(apiece, known, strict=True)]
+            start = np.concatenate([top for top, _ in tops])
+            best, spread = ascended(value, start, block_diag(*(own for _, own in tops)), sure=True)
         return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
     force, moment = force if alone else force.alike(), moment.alike()
-    _, _, _, about = settled(flight, force, moment, engine, first)
+    # a path that is off by less than that changes no likelihood
+    laid = partial(settled, engine=engine, near=THOUSANDTH)
+    _, _, _, about = laid(flight, force, moment, first=first)
     flight, force, moment = searched(about)
     flight = wandering(
         [i for i in free if f"{kinds[i].name}_walk" not in stated], flight, force, moment, about, engine
     )
-    model, z, _, about = settled(flight, force, moment, engine, about)
+    model, z, _, about = laid(flight, force, moment, first=about)
     level = float(engine.log_likelihood(model, z))
     # one after the other: one may be uneven, and the other not
     for load in () if even else ("moment",) if alone else ("force", "moment"):
         pair, turned = with_own_axes(load, force, moment, about)
-        model, z, _, reached = settled(flight, *pair, engine, turned)
+        model, z, _, reached = laid(flight, *pair, first=turned)
         if (likely := float(engine.log_likelihood(model, z))) > level + 5 * NUMBER:  # axes and proportions
             level, about, (force, moment) = likely, reached, pair
     for _ in range(ROUNDS):
         flight, force, moment = searched(about)
-        model, z, _, about = settled(flight, force, moment, engine, about)
+        model, z, _, about = laid(flight, force, moment, first=about)
         before, level = level, float(engine.log_likelihood(model, z))
         if not level > before + 5 * NUMBER:
             break
@@ -123,7 +138,9 @@ def by_the_flight(
     if not np.isfinite(white).any() or np.nanmean(white**2) < NIS_BAND[1]:
         return priors
     try:
-        _, force, moment = tune_together(flight, priors["force"], priors["moment"], engine)
+        _, force, moment = tune_together(
+            flight, priors["force"], priors["moment"], engine, first=state.reference
+        )
     except EstimationError:
         return priors
     return priors | {"force": force, "moment": moment}
@@ -198,6 +215,14 @@ def flight_likelihood(
         return -np.inf
 
 
+def of_center(flight: Flight, force: LoadPrior, engine: Engine, by: Array) -> float:
+    """Log-likelihood of the mass center by itself, its prior moved."""
+    try:
+        return float(engine.log_likelihood(*seen_part(flight, force.moved(by))))
+    except EstimationError:
+        return -np.inf
+
+
 def of_rotation(flight: Flight, moment: LoadPrior, about: Reference, engine: Engine, by: Array) -> float:
     """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved."""
     try:
@@ -246,43 +271,3 @@ def reference_segment(reference: Reference, s: slice) -> Reference:
     modes = None if reference.modes is None else reference.modes[s]
     rotation, chain = reference.rotation[s], reference.chain[s]
     return replace(reference, rotation=rotation, chain=chain, force=force, modes=modes)
-
-
-def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
-    """A maximum of value(p) near p (k,), by the rule of Broyden, Fletcher, Goldfarb and Shanno.
-
-    A size, a rate and the noise trade places along a ridge, where a search coordinate by coordinate stalls.
-
-    >>> bfgs_maximum(lambda p: -100 * float((p[0] - 0.5) ** 2 + (p[0] + p[1]) ** 2), np.zeros(2)).round(1)
-    array([ 0.5, -0.5])
-    """
-    best, H = value(p), np.eye(len(p))
-    slope, first = slope_of(value, p, best), True
-    for _ in range(ITERATIONS):
-        step = H @ slope
-        step *= min(1.0, FARTHER / max(float(np.abs(step).max()), 1e-300))
-        gain = float(slope @ step)
-        if gain < NO_GAIN:
-            break
-        share, level = 1.0, value(p + step)
-        while not level > best + GAINED_SHARE * share * gain and share > SHORTEST:
-            share /= 3
-            level = value(p + share * step)
-        if not level > best:
-            break
-        p, best = p + share * step, level
-        new = slope_of(value, p, best)
-        s, y = share * step, slope - new
-        slope, curved = new, float(s @ y)
-        if curved > 0:
-            if first:
-                H, first = H * curved / float(y @ y), False
-            left = np.eye(len(p)) - np.outer(s, y) / curved
-            H = left @ H @ left.T + np.outer(s, s) / curved
-    return p
-
-
-def slope_of(value: Callable[[Array], float], p: Array, here: float) -> Array:
-    """Gradient of value at p (k,), where it is `here`, by differences; zero where a side is not finite."""
-    found = np.array([(value(p + h) - here) / PROBE for h in PROBE * np.eye(len(p))])
-    return np.asarray(np.where(np.isfinite(found), found, 0.0))

@@ -16,6 +16,7 @@ from forceid.estimation.loads.hidden import beside_parabola, densities
 from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.tuning import ORDERS
+from forceid.flight.whittle import ordinates
 from forceid.kalman.building.process import matern_density
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Indices
@@ -24,7 +25,6 @@ from forceid.significance import OUTLIER
 RATES_TRIED = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 FAINTEST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
-GROUPS = 8  # of ordinates, an octave
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,8 @@ class Whitened:
     @cached_property
     def groups(self) -> tuple[Array, Indices, Array]:
         """Frequency (group,) Hz of the groups of ordinates, the first ordinate of each, and their count."""
-        frequency = np.fft.rfftfreq(len(self.innovation), float(np.median(np.diff(self.channel.time))))[1:-1]
-        index = np.arange(1, len(frequency) + 1)
-        alone = 2 * GROUPS  # from where on a group holds more than one
-        group = np.where(index <= alone, index, alone + np.ceil(GROUPS * np.log2(index / alone)))
-        starts = np.flatnonzero(np.diff(group, prepend=0))
-        count = np.diff(starts, append=len(group))
-        return np.add.reduceat(frequency, starts) / count, starts, count
+        at = ordinates(len(self.innovation), float(np.median(np.diff(self.channel.time))), None)
+        return at.w[0] / (2 * np.pi), at.first, at.count.astype(float)
 
     @property
     def frequency(self) -> Array:

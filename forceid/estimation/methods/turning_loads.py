@@ -12,9 +12,8 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
+from forceid.estimation.loads.ascent import NO_GAIN, bfgs_maximum
 from forceid.estimation.loads.fused_tuning import (
-    NO_GAIN,
-    bfgs_maximum,
     flight_likelihood,
     flight_segment,
     louder,

@@ -94,8 +94,7 @@ def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     Qc = np.zeros_like(A)
     A[..., :-1, 1:] = np.eye(order - 1)
     A[..., -1, :] = -np.stack([comb(order, i) * rate ** (order - i) for i in range(order)], -1)
-    q = 2.0 ** (2 * order - 1) * factorial(order - 1) ** 2 / factorial(2 * order - 2)
-    Qc[..., -1, -1] = q * std**2 * rate ** (2 * order - 1)
+    Qc[..., -1, -1] = driving_density(order, std, rate)
     # covariances of derivatives i and j are moments i + j of the spectrum, here of unit rate
     moment = np.cumprod([1.0, *((k + 0.5) / (order - k - 1.5) for k in range(order - 1))])
     i, j = np.indices((order, order))
@@ -111,8 +110,15 @@ def matern_density(order: int, std: ArrayLike, rate: ArrayLike, w: ArrayLike) ->
     >>> bool(np.isclose(matern_density(2, 3.0, 10.0, w).mean() * 8000.0 / (2 * np.pi), 9.0, rtol=1e-4))
     True
     """
-    driven = matern(order, std, rate).Qc[..., -1, -1]
-    return np.asarray(driven / (values(rate) ** 2 + values(w) ** 2) ** order)
+    return np.asarray(
+        driving_density(order, values(std), values(rate)) / (values(rate) ** 2 + values(w) ** 2) ** order
+    )
+
+
+def driving_density(order: int, std: Array, rate: Array) -> Array:
+    """Spectral density (...) of the white noise that drives a Matern load. Source: as `matern`."""
+    q = 2.0 ** (2 * order - 1) * factorial(order - 1) ** 2 / factorial(2 * order - 2)
+    return np.asarray(q * std**2 * rate ** (2 * order - 1))
 
 
 def resonator(frequency: ArrayLike, std: ArrayLike, bandwidth: ArrayLike) -> Process:

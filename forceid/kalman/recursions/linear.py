@@ -62,6 +62,24 @@ def filter_with_factors(passes: Passes, model: StateSpace, z: Array) -> tuple[Fi
     return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g), C
 
 
+def innovations(passes: Passes, model: StateSpace, z: Array) -> Array:
+    """Whitened innovations (time, model) of many models, each of a channel of its own, z (time, model).
+
+    As of `filter`, but for digits that the first samples after an unknown start may lose; NaN = missing.
+    """
+    found = []
+    for one, own in ((model.one(j), z[:, [j]]) for j in range(z.shape[1])):
+        F, Q, H, R, u = arrays(one, own)
+        runs = passes.covariance_pass(F, Q, H, R, one.P0, pattern(own), time_invariant(one))
+        if runs[-1] >= 0:
+            found.append(filter(passes, one, own).innovation)
+            continue
+        g = Gains(len(own), *runs[:-1])
+        x = passes.mean_pass(F, u, H, g.start, g.K, one.x0[None], own[:, None])
+        found.append(Filtered(one, own, x[:, 0], g).innovation)
+    return np.concatenate(found, 1)
+
+
 def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     """Fixed-interval smoother over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
 

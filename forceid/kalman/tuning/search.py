@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations_with_replacement, product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,9 @@ FINER_GRIDS = 2  # grids after the first, each half as wide
 NEWTON_ROUNDS, FINE = 12, 1 / 200  # Newton's steps at most, and their differences as part of the box
 ENOUGH = 0.01  # gain in log-likelihood that a further step must promise
 TRUST, TRUST_AT_MOST = 0.1, 0.5  # of the box: how far the first step may go, and any
-FLATTEST = 1e-3  # curvature over the largest one of the same problem that a step believes in
+OUTDONE, FARTHER_AT_MOST = 1.2, 4.0  # of its promise, that a step gained; and how far it is then taken again
+WORST = -np.sqrt(np.finfo(float).max)  # of a value: what stands for minus infinity in a sum
+FLATTEST = 1e-4  # curvature of a ridge over that of its coordinates: what differences still show
 
 
 def maximize(
@@ -88,52 +90,85 @@ def climb(
     same: Flags,
 ) -> tuple[Array, Array, Array]:
     """Newton's steps from a point, each trusted as far as the last one kept its promise."""
-    (problems, dims), free = lower.shape, bool((shared[1] > shared[0]).any())
-    low = np.concatenate([lower, shared[0][:, None]], 1)
-    width = np.concatenate([upper, shared[1][:, None]], 1) - low
-    h, x = FINE * width, np.concatenate([at, level[:, None]], 1)
-    offset = np.array(list(product((-1.0, 0.0, 1.0), repeat=dims)))
-    levels_off = np.array([-1.0, 0.0, 1.0]) if free else np.zeros(1)
-    grid = np.array([(*o, s) for s in levels_off for o in offset])
-    middle = int(np.abs(grid).sum(1).argmin())
-    reach, best = np.full(problems, TRUST), np.full(problems, -np.inf)
-    best_x, slope, bend = x, np.zeros((problems, dims + 1)), np.zeros((problems, dims + 1, dims + 1))
+    low, width, x = joined(lower, upper, shared, at, level)
+    reach, best, best_x = np.full(len(x), TRUST), np.full(len(x), -np.inf), x
+    slope, bend = np.zeros(x.shape), np.zeros((*x.shape, x.shape[1]))
+    promise, times = np.full(len(x), np.inf), np.ones(len(x))
     for _ in range(NEWTON_ROUNDS):
-        points = x[:, None, :-1] + offset * h[:, None, :-1]
-        levels = x[:, -1] + levels_off[:, None] * h[:, -1]
-        value = objective(np.broadcast_to(points, (len(levels), *points.shape)), levels)
-        value = np.nan_to_num(np.moveaxis(value, 0, 1).reshape(problems, -1), nan=-np.inf)
-        here = value[:, middle]
+        here, new_slope, new_bend = around(objective, x, width)
         # problems that share a number stand and fall together
-        better = np.array([here[mine].sum() > best[mine].sum() for mine in same])
-        if not np.isfinite(best).all():
-            better[:] = True
-        new_slope, new_bend = parabola(grid, value)
+        gain = same @ (np.maximum(here, WORST) - np.maximum(best, WORST))
+        better = (gain > 0) | np.isinf(best).any()
         slope[better], bend[better] = new_slope[better], new_bend[better]
         best_x, best = np.where(better[:, None], x, best_x), np.where(better, here, best)
-        reach = np.where(better, np.minimum(2 * reach, TRUST_AT_MOST), 0.2 * reach)
-        step, promise = newton(slope, bend, h, best_x, low, width, reach, same)
+        # a ridge that goes on as it is keeps more than was promised: then farther at once
+        onward = better & (gain > OUTDONE * promise)
+        reach = np.where(better, np.minimum(2 * reach, TRUST_AT_MOST), np.where(times > 1, 1.0, 0.2) * reach)
+        times = np.where(onward, np.minimum(2 * times, FARTHER_AT_MOST), 1.0)
+        step, promise = newton(slope, bend, FINE * width, best_x, low, width, reach, same)
         if promise.max() < ENOUGH:
             break
-        x = best_x + step
+        x = np.clip(best_x + times[:, None] * step, low, low + width)
     return best_x[:, :-1], best_x[:, -1], best
 
 
-def parabola(grid: Array, value: Array) -> tuple[Array, Array]:
-    """Slope and bend at the middle of values (problem, point) on a grid (point, dim) of steps -1, 0, 1.
+def promise_apart(
+    objective: Callable[[Array, Array], Array],
+    lower: Array,
+    upper: Array,
+    shared: tuple[ArrayLike, ArrayLike],
+    at: Array,
+    level: Array,
+) -> float:
+    """Gain in value that Newton's step promises at a point, as of `maximize`, if none shares a number."""
+    low, width, x = joined(lower, upper, shared, at, level)
+    _, slope, bend = around(objective, x, width)
+    far, none = np.full(len(x), np.inf), np.eye(len(x), dtype=bool)
+    return float(newton(slope, bend, FINE * width, x, low, width, far, none)[1].sum())
 
-    Zero where a value is not finite.
+
+def joined(
+    lower: Array, upper: Array, shared: tuple[ArrayLike, ArrayLike], at: Array, level: Array
+) -> tuple[Array, Array, Array]:
+    """Lower edge, width and a point (problem, dim + 1) of a box, its number last."""
+    low, high = (
+        np.concatenate([edge, np.broadcast_to(np.reshape(number, (-1, 1)), (len(edge), 1))], 1)
+        for edge, number in ((lower, shared[0]), (upper, shared[1]))
+    )
+    return low, high - low, np.concatenate([at, level[:, None]], 1)
+
+
+def around(objective: Callable[[Array, Array], Array], x: Array, width: Array) -> tuple[Array, Array, Array]:
+    """Value (problem,), slope and bend, in steps of a fine part of the width, at points and numbers x."""
+    grid = cross_of(np.asarray((width > 0).any(0)))
+    points = x + grid[:, None] * FINE * width
+    value = np.nan_to_num(objective(points[:, :, None, :-1], points[..., -1])[..., 0].T, nan=-np.inf)
+    return value[:, 0], *parabola(grid, value)
+
+
+def cross_of(moves: Flags) -> Array:
+    """Steps (point, dim) that tell slope and bend along coordinates that move: none, each, by twos."""
+    each = np.eye(len(moves))[moves]
+    both = np.reshape([a + b for a, b in combinations(each, 2)], (-1, len(moves)))
+    return np.concatenate([np.zeros((1, len(moves))), each, -each, both, -both])
+
+
+def parabola(grid: Array, value: Array) -> tuple[Array, Array]:
+    """Slope and bend at the first of the values (problem, point) at steps (point, dim) of a `cross_of`.
+
+    Zero where a value is not finite, and along what does not move.
     """
-    dims = grid.shape[1]
-    pairs = list(combinations_with_replacement(range(dims), 2))
-    columns = [np.ones(len(grid)), *grid.T, *(grid[:, a] * grid[:, b] for a, b in pairs)]
+    moves, dims = np.flatnonzero(grid.any(0)), grid.shape[1]
     known = np.isfinite(value).all(axis=1, keepdims=True)
-    c = np.where(known, value, 0.0) @ np.linalg.pinv(np.stack(columns, 1)).T
-    bend = np.zeros((len(value), dims, dims))
-    for (a, b), h in zip(pairs, c[:, 1 + dims :].T, strict=True):
-        bend[:, a, b] += h
-        bend[:, b, a] += h
-    return c[:, 1 : 1 + dims], bend
+    off = np.where(known, value - np.where(known, value[:, :1], 0.0), 0.0)[:, 1:]
+    ahead, behind, both = np.split(off, len(moves) * np.array([1, 2]), axis=1)
+    pairs = np.add(*np.split(both, 2, axis=1)) / 2
+    slope, bend = np.zeros((len(value), dims)), np.zeros((len(value), dims, dims))
+    slope[:, moves], bend[:, moves, moves] = (ahead - behind) / 2, ahead + behind
+    for (a, b), value_ab in zip(combinations(range(len(moves)), 2), pairs.T, strict=True):
+        mixed = value_ab - 0.5 * (ahead + behind)[:, [a, b]].sum(1)
+        bend[:, moves[a], moves[b]] = bend[:, moves[b], moves[a]] = mixed
+    return slope, bend
 
 
 def newton(
@@ -179,10 +214,13 @@ def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
     """
     step, go = np.zeros(len(slope)), most > least
     while go.any():
-        curved, axes = np.linalg.eigh(bend[np.ix_(go, go)])
-        steep = np.maximum(np.abs(curved), max(FLATTEST * np.abs(curved).max(), 1e-300))
+        some = bend[np.ix_(go, go)]
+        # in units of its own curvature each, so that a flat coordinate does not pass for a ridge
+        unit = np.sqrt(np.maximum(np.abs(np.diagonal(some)), 1e-300))
+        curved, axes = np.linalg.eigh(some / unit / unit[:, None])
+        steep = np.maximum(np.abs(curved), FLATTEST)
         tilted = slope[go] + bend[np.ix_(go, ~go)] @ step[~go]
-        step[go] = axes @ ((axes.T @ tilted) / steep)
+        step[go] = axes @ ((axes.T @ (tilted / unit)) / steep) / unit
         out = go & ((step < least) | (step > most))
         if not out.any():
             break

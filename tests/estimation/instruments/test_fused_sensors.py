@@ -14,8 +14,8 @@ from forceid.estimation.body.deformation import smooth_deformation
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.instruments.on_flight import fused, judge_sensors, sensors_of, with_sensors
+from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.channels import flight_of, force_channel, moment_channel, tune_channel
-from forceid.estimation.loads.fused_tuning import bfgs_maximum
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge_recording
