@@ -119,16 +119,15 @@ def tune_loads(
     level: Array = np.full(axes, limits[0])
     together, first, seen = np.ones((axes, axes), bool), None, None
     channels = Channels(runs, gain, drift, lines, color, box, for_tuning(engine))
+    stationary = channels.even and pieces is None  # what has a spectrum
     if near is not None:
         kernel, level = near.kernel, np.clip(np.log(near.noise), *limits)
         assert isinstance(kernel, Matern)
         orders, first = (kernel.order,), (np.clip(points_of(kernel), *box(kernel.order)), level)
-        seen = sight(channels, kernel.order, *first) if channels.even else None
+        seen = sight(channels, kernel.order, *first) if stationary else None
     else:
         unstated = limits[0] < 0.0
-        seen = (
-            first_sight(time, z, channels, limits if unstated else limits[:1] * 2) if channels.even else None
-        )
+        seen = first_sight(time, z, channels, limits if unstated else limits[:1] * 2) if stationary else None
         if unstated:  # a first look at the noise, under a prior of middle order
             (_, level, _), _ = by_axis(lambda same: search(2, limits, same), axes, pays_apart(2))
     told: dict[int, Array] = {}
