@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 from recordings import differences, markers, mean_motion
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.schema import BODY, ESTIMATE, HIDDEN, INTERFACE, KNOWN_LOADS, LOAD, MODAL, MOTION
+from forceid.files.schema import BODY, ESTIMATE, HIDDEN, IMPULSE, INTERFACE, KNOWN_LOADS, LOAD, MODAL, MOTION
 from forceid.files.stored import hdf5
 from forceid.files.stored.atomic import atomic
 from forceid.files.stored.hdf5 import read_motion, write_motion
@@ -176,7 +176,9 @@ def test_files_written_with_h5py_alone_by_the_contract_are_read(tmp_path):
         assert differences(recording, read_motion(tmp_path / "again.h5")) == ["sha256"], name
 
 
-@pytest.mark.parametrize("table", [BODY, MOTION, KNOWN_LOADS, ESTIMATE | HIDDEN | MODAL, LOAD, INTERFACE])
+@pytest.mark.parametrize(
+    "table", [BODY, MOTION, KNOWN_LOADS, ESTIMATE | HIDDEN | MODAL | IMPULSE, LOAD, INTERFACE]
+)
 def test_a_variable_with_the_name_of_a_dimension_measures_that_dimension_alone(table):
     dims = {dim for variable in table.values() for dim in variable.dims}
     assert all(table[name].dims == (name,) for name in dims & set(table))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Flags
-from forceid.significance import CHANCE
+from forceid.significance import CHANCE, PATIENCE
 
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 STANDARD = np.array([-2.5, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.5])  # errors of a place that are tried
@@ -46,17 +47,30 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
     evidence = Evidence(channel, prior, engine, pieces.edges)
     found = smoothed(channel, prior, pieces, engine)
     options = [pieces]
-    if len(pieces.edges) > 1:  # what is between two edges may change faster than the record tells
+    if len(pieces.edges) > 1:  # what is between two edges may change more and faster than the record tells
+        wide = as_large_as_it_is(channel.time, found @ prior.axes, prior, pieces)
         for factor in HASTES:
             haste = pieces.haste.copy()
             haste[1:-1] *= factor
-            options.append(settled(evidence, replace(pieces, haste=haste)))
+            options += [settled(evidence, replace(one, haste=haste)) for one in (pieces, wide)]
     each = [placed(evidence, one) for one in options]
-    share = np.exp(np.array([volume for _, _, volume in each]) - max(volume for _, _, volume in each))
-    share /= share.sum()
-    load = sum(w * (mean - found) for w, (mean, _, _) in zip(share, each, strict=True))
-    cov = sum(w * (own + outer(mean - found - load)) for w, (mean, own, _) in zip(share, each, strict=True))
-    return Spread(np.asarray(load), np.asarray(cov) + unseen(channel, prior, pieces, engine))
+    likely = np.array([volume for _, _, volume in each])
+    weight = np.exp(likely - likely.max())
+    load = np.einsum("k,kta->ta", weight / weight.sum(), [mean for mean, _, _ in each]) - found
+    # those that the record does not tell apart from the best count alike in what is claimed
+    alike = [(mean - found - load, own) for mean, own, volume in each if volume > likely.max() - PATIENCE]
+    cov = np.mean([own + outer(apart) for apart, own in alike], 0)
+    return Spread(load, cov + unseen(channel, prior, pieces, engine))
+
+
+def as_large_as_it_is(time: Array, load: Array, prior: LoadPrior, pieces: Pieces) -> Pieces:
+    """Pieces between two edges whose load (time, axis) may vary about its mean by as much as it is."""
+    size = pieces.size.copy()
+    for k, (begin, end) in enumerate(pairwise(pieces.edges), 1):
+        inside = slice(*np.searchsorted(time, (begin, end)))
+        level = np.sqrt((load[inside] ** 2).mean(0)) if load[inside].size else 0.0
+        size[k] = np.maximum(size[k], level / np.maximum(prior.kernel.std, np.finfo(float).tiny))
+    return replace(pieces, size=size)
 
 
 def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
@@ -95,7 +109,7 @@ def unseen(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -
     cov, step = np.zeros((len(channel.time), 3, 3)), float(np.median(np.diff(channel.time)))
     x = engine.smooth_states(channel_model(channel, prior), channel.moved)
     momentum = x[:, MOMENTUM] @ prior.axes.T
-    for begin, end in zip(pieces.edges, pieces.edges[1:], strict=False):
+    for begin, end in pairwise(pieces.edges):
         if end - begin < 2 * step:
             a = max(int(np.searchsorted(channel.time, begin, "right")) - 1, 0)
             b = min(int(np.searchsorted(channel.time, end)), len(channel.time) - 1)

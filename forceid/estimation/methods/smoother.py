@@ -53,6 +53,7 @@ PASS: tuple[Stage, ...] = (
     cut_force,
     tune_moment,
     cut_moment,
+    cut_force,
     add_instruments,
     solve,
     tune_on_flight,

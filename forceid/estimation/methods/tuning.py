@@ -151,7 +151,11 @@ def follow_each_other(problem: Problem) -> bool:
 
 @stage("force")
 def cut_force(problem: Problem) -> Problem:
-    """The prior of the force in pieces, where it changes its character."""
+    """The prior of the force in pieces, where it changes its character: at edges of the moment, if these are
+    known.
+    """
+    if "moment" in problem.priors and problem.priors["moment"].tuned.pieces is None:
+        return problem  # as before
     return in_pieces(problem, "force", problem.force_channel, problem.lines.force)
 
 
@@ -171,14 +175,13 @@ def in_pieces(problem: Problem, load: str, channel: Channel, lines: tuple[Line, 
     """
     if problem.hides or problem.slow is not None or problem.motion.readings:
         return problem
-    engine, kind = problem.engine, problem.settings.load_prior
-    prior, force = problem.priors[load], problem.priors["force"].tuned.pieces
+    prior, others = problem.priors[load], [prior for name, prior in problem.priors.items() if name != load]
+    given = [other.tuned.pieces.edges for other in others if other.tuned.pieces is not None]
     prior = replace(prior, tuned=replace(prior.tuned, noise=np.ones(3)))  # the channel has it by now
+    engine, kind = problem.engine, problem.settings.load_prior
     tune = partial(tune_channel, channel, (1.0, 1.0), lines, engine=engine, kind=kind)
-    found = with_character(channel, prior, engine, tune, None if force is None else force.edges)
-    if found is prior:
-        return problem
-    return replace(problem, priors=problem.priors | {load: found})
+    found = with_character(channel, prior, engine, tune, *given)
+    return problem if found is prior else replace(problem, priors=problem.priors | {load: found})
 
 
 @stage("moment")
