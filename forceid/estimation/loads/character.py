@@ -24,7 +24,7 @@ from forceid.significance import PATIENCE
 
 COARSE_SIZES = np.exp([1.5, 3.0])  # of a load between edges over that around them, at first: to a decade
 TRIED = 8  # parts of a stretch and half of it to either side, between which an edge is tried at first
-FEWEST = 16  # samples, below which no two characters show
+ENOUGH_FOR_TWO = 16  # samples, below which no two characters show
 
 Tune = Callable[..., LoadPrior]
 
@@ -38,7 +38,7 @@ def with_character(
     another load of the body has, which cost no place.
     """
     time, free = channel.time, np.zeros(0) if given is None else given
-    if not FEWEST <= len(time) <= CHANNEL_SAMPLES or not isinstance(prior.kernel, Matern):
+    if not ENOUGH_FOR_TWO <= len(time) <= CHANNEL_SAMPLES or not isinstance(prior.kernel, Matern):
         return prior
     pieces = WHOLE if prior.tuned.pieces is None else prior.tuned.pieces
     level = Evidence(channel, prior, engine, free).of(pieces)

@@ -23,7 +23,7 @@ from forceid.significance import CHANCE, PATIENCE
 
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 STANDARD = np.array([-2.5, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.5])  # errors of a place that are tried
-WIDEST = 4.0  # steps by which an edge is open at most: one that is more open is none
+MOST_OPEN = 4.0  # steps by which an edge is open at most: one that is more open is none
 BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
 
 
@@ -135,7 +135,7 @@ def directions(evidence: Evidence, pieces: Pieces) -> Array:
         # of an edge with itself, two steps either way and none
         bend[i, j] = bend[j, i] = (near[0, 1] + near[1, 0] - near[0, 0] - near[1, 1]) / 4
     curved, axes = np.linalg.eigh(bend / (BENT * step) ** 2)
-    std = 1 / np.sqrt(np.clip(curved, (WIDEST * step) ** -2, (CHANCE * step) ** -2))
+    std = 1 / np.sqrt(np.clip(curved, (MOST_OPEN * step) ** -2, (CHANCE * step) ** -2))
     return np.asarray(std[:, None] * axes.T)
 
 

@@ -17,9 +17,9 @@ from forceid.records import Array
 from forceid.rounding import ITERATIONS
 from forceid.significance import NUMBER, OUTLIER
 
-SIZES = np.exp([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])  # factors on size or rate, in one step of a search
+PIECE_SIZES = np.exp([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])  # factors on size or rate, in one step of a search
 AT_A_TIME = 32  # tries whose models are held at once
-FARTHEST, FINEST = 8, 8  # steps by which an edge moves at first, and parts of one at last
+FIRST_REACH, LAST_REACH = 8, 8  # steps by which an edge moves at first, and parts of one at last
 MOST_HASTE = 100.0  # rate in a piece over the least of the record: two orders of magnitude, as sizes
 
 
@@ -106,12 +106,12 @@ def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
     """
     time = evidence.channel.time
     step, value = float(np.median(np.diff(time))), evidence.of(pieces)
-    reach = FARTHEST * step
+    reach = FIRST_REACH * step
     for _ in range(ITERATIONS):
         before = value
         for k in range(len(pieces.size)):
             at = np.arange(len(pieces.size))[:, None] == k
-            sizes = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in SIZES]
+            sizes = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in PIECE_SIZES]
             value, pieces = max((value, pieces), best_of(evidence, [pieces, *sizes]), key=lambda one: one[0])
         for tries in (hastened, fewer, shifted):
             for k in range(len(pieces.size)):
@@ -120,7 +120,7 @@ def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
                     if likely.max() > value:
                         value, pieces = float(likely.max()), tried[int(likely.argmax())]
         if not value > before + NUMBER:
-            if reach < step / FINEST or not len(pieces.edges):
+            if reach < step / LAST_REACH or not len(pieces.edges):
                 break
             reach /= 4
     return pieces
@@ -142,7 +142,7 @@ def settled(evidence: Evidence, pieces: Pieces) -> Pieces:
 def hastened(_: Array, __: float, pieces: Pieces, k: int) -> list[Pieces]:
     """The pieces with one in which the load changes faster or slower."""
     at = np.arange(len(pieces.haste)) == k
-    factors = [one for one in SIZES if 1 <= one * pieces.haste[k] <= MOST_HASTE]
+    factors = [one for one in PIECE_SIZES if 1 <= one * pieces.haste[k] <= MOST_HASTE]
     return [replace(pieces, haste=np.where(at, one * pieces.haste, pieces.haste)) for one in factors]
 
 
@@ -152,7 +152,7 @@ def fewer(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
     tried = [edges]
     if k < len(edges):
         bounds = np.concatenate([time[:1], np.delete(edges, k), time[-1:]])
-        places = np.linspace(pieces.edges[k] - reach, edges[k] + reach, 2 * FARTHEST + 1)
+        places = np.linspace(pieces.edges[k] - reach, edges[k] + reach, 2 * FIRST_REACH + 1)
         tried += [np.sort([*np.delete(edges, k), one]) for one in places if bounds[k] < one < bounds[k + 1]]
     left = [(np.delete(pieces.size, k + side, 0), np.delete(pieces.haste, k + side)) for side in (0, 1)]
     return [Pieces(one, *kept) for one in tried for kept in left]
