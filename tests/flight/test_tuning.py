@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from forceid.flight.channels import Start, load_chain, search_box, start_of, tuning_segments
 from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
-from forceid.kalman.tuning.search import maximize
+from forceid.kalman.tuning.search import maximize, uphill
 from forceid.significance import PATIENCE
 
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
@@ -76,6 +76,13 @@ def test_the_higher_of_two_hills_is_found():
     at, _, value = maximize(hills, np.zeros((1, 1)), np.ones((1, 1)), (0.0, 0.0))
     assert at[0, 0] == pytest.approx(0.85, abs=1 / 256)
     assert value.sum() == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_coordinate_without_a_bend_of_its_own_goes_no_farther_than_its_bounds():
+    ridge = np.array([[-2.0, 1.0], [1.0, 0.0]])
+    step = uphill(np.array([0.5, 0.5]), ridge, np.full(2, -3.0), np.full(2, 3.0))
+    assert (np.abs(step) <= 3.0).all()
+    assert np.isfinite(step).all()
 
 
 def test_a_maximum_outside_the_box_is_met_at_its_edge():

@@ -216,7 +216,8 @@ def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
     while go.any():
         some = bend[np.ix_(go, go)]
         # in units of its own curvature each, so that a flat coordinate does not pass for a ridge
-        unit = np.sqrt(np.maximum(np.abs(np.diagonal(some)), 1e-300))
+        least_bent = max(np.finfo(float).eps * float(np.abs(some).max()), 1e-300)
+        unit = np.sqrt(np.maximum(np.abs(np.diagonal(some)), least_bent))
         curved, axes = np.linalg.eigh(some / unit / unit[:, None])
         steep = np.maximum(np.abs(curved), FLATTEST)
         tilted = slope[go] + bend[np.ix_(go, ~go)] @ step[~go]
