@@ -74,6 +74,18 @@ class KnownLoadSetting(Section):
     moment_std: float = Field(default=0.0, ge=0.0)
 
 
+class BodyStdSetting(Section):
+    """How uncertain the body is that the file states: standard deviations, which the claims then count.
+
+    mass and inertia as shares of themselves, the inertia about each of its principal axes; mass_center: of
+    each coordinate (m), in the axes of the body.
+    """
+
+    mass: float = Field(default=0.0, ge=0.0, lt=1.0)
+    mass_center: float = Field(default=0.0, ge=0.0)
+    inertia: float = Field(default=0.0, ge=0.0, lt=1.0)
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -120,7 +132,7 @@ class Settings(Section):
     for at these frequencies only (Hz). known_load: loads that are known; the force and the moment estimated
     are those of all others. part, joint: bodies that joints hold together, for the forces in these. material:
     name and constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of
-    /body/material.
+    /body/material. body_std: how uncertain mass, mass center and inertia are.
     """
 
     method: Method = "smoother"
@@ -140,6 +152,7 @@ class Settings(Section):
     part: tuple[PartSetting, ...] = ()
     joint: tuple[JointSetting, ...] = ()
     material: dict[str, str | float | tuple[float, ...]] | None = None
+    body_std: BodyStdSetting = BodyStdSetting()
 
 
 def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:

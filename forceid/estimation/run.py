@@ -62,6 +62,7 @@ from forceid.estimation.verdict.shape import (
     judge_size,
 )
 from forceid.estimation.verdict.tracks import judge_mending
+from forceid.estimation.verdict.uncertain_body import with_uncertain_body
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
@@ -158,7 +159,11 @@ def estimate_beside(
                 raise
             solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
         solution = with_known_axes(solution)
-    solution = replace(solution, findings=(*judge_mending(mended), *solution.findings))
+    open_state = with_uncertain_body(
+        solution.state, solution.kinematics, solution.deformation, settings.body_std
+    )
+    said = (*judge_mending(mended), *solution.findings)
+    solution = replace(solution, state=open_state, findings=said)
     witness = witness_of(body, motion, solution.state, solution.kinematics.color)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)

@@ -103,7 +103,7 @@ def allow_for_edges(problem: Problem) -> Problem:
 
 def judge_lever(problem: Problem) -> Problem:
     """The moment of a force about a mass center that errs slowly."""
-    if problem.slow is None or not problem.kin.attitude:
+    if problem.slow is None or not problem.kin.attitude or problem.settings.body_std.mass_center:
         return problem
     return problem.noting(lever_finding(problem.state))
 

@@ -284,9 +284,9 @@ NOISE = (
         "moment-lever", "degraded",
         "the moment is about the mass center of the model: where that is {off_mm:.0f} mm off, as in bodies "
         "of parts that are known by tables, the force makes {moment:.2g} N m of it, and the claim of "
-        "{claim:.2g} N m leaves that out; check masses and their places",
+        "{claim:.2g} N m leaves that out; state body_std.mass_center, or check masses and their places",
         "Force times the error of the mass center is an error of the moment. The claimed error lacks it.",
-        "Check masses and places, or give the moment about a point that you know (moment_about).",
+        "State how far off it may be (body_std), or give the moment about a point you know (moment_about).",
     ),
     Entry(
         "innovations-large", "degraded",
