@@ -89,6 +89,7 @@ def test_slow_loads_have_no_edges():
     assert all(searched(drawn(seed)[0]).tuned.pieces is None for seed in range(20))
 
 
+@pytest.mark.long
 def test_a_contact_too_weak_to_be_found_whole_by_itself_is_where_another_load_has_its_edges():
     edges = np.array([0.5221, 0.5837])
     channel = drawn(6, edges, 2.0)[0]

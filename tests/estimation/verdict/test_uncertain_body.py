@@ -14,8 +14,12 @@ STD = {"mass": 0.03, "mass_center": 0.004, "inertia": 0.05}
 
 
 def recorded():
-    recipe = SceneRecipe(scene="frisbee", duration=0.6, sample_rate=250.0, noise_std=1e-4, seed=11)
-    return simulate(recipe)
+    """A top in free fall of which no gravity is told: its weight is the force."""
+    recipe = SceneRecipe(scene="top", duration=0.6, sample_rate=250.0, noise_std=1e-4, seed=11)
+    fallen = simulate(recipe)
+    weight = fallen.body.total_mass * fallen.motion.gravity
+    truth = fallen.truth | {"force": fallen.truth["force"] + weight}
+    return replace(fallen, motion=replace(fallen.motion, gravity=np.zeros(3)), truth=truth)
 
 
 def wrong_body(body, rng):
