@@ -34,7 +34,9 @@ ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
 MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are no matter
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
-DOUBT = PATIENCE / 2  # of a log-likelihood that spectra or slopes tell: half of what it decides on
+DOUBT = (
+    PATIENCE  # of a log-likelihood: by as much a spectrum may err between two orders, short records the most
+)
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
 LEAK = 0.01  # of the load on the strongest axis
@@ -107,7 +109,7 @@ def tune_loads(
         def pays(peak: Peak) -> bool:
             at, level, _ = peak
             gain = promise_apart(lambda p, s: objective(p, s, order), *box(order), limits, at, level)
-            return gain > PATIENCE - DOUBT
+            return gain > PATIENCE / 2  # slopes at a point tell half of what they decide on
 
         return pays
 
@@ -222,7 +224,7 @@ def points_of(kernel: Matern) -> Array:
 def in_doubt(expected: dict[int, float]) -> tuple[int, ...]:
     """The orders that may be the `smoothest`, or decide it, where evidence is expected with a DOUBT.
 
-    >>> in_doubt({1: -40.0, 2: 0.0, 3: -1.0, 4: -15.0})
+    >>> in_doubt({1: -40.0, 2: -3.0, 3: -1.0, 4: -20.0})
     (3,)
     >>> in_doubt({1: -40.0, 2: 0.0, 3: -1.0, 4: -8.0})
     (2, 3, 4)

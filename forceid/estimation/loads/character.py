@@ -18,7 +18,7 @@ from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import KERNEL, LOAD, LoadPrior, channel_model
 from forceid.kalman.engines import Engine
-from forceid.kalman.model import StateSpace
+from forceid.kalman.model import Filtered
 from forceid.records import Array
 from forceid.rounding import ITERATIONS
 from forceid.significance import PATIENCE
@@ -67,7 +67,7 @@ def with_character(
 def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
     """The pieces with an edge or two more, where the prior drives a load hardest or is surprised most."""
     time, tried = evidence.channel.time, []
-    for first, last in (*uneven(driving(evidence)), *surprises(evidence)):
+    for first, last in suspected(evidence):
         reach = (last - first) // 2
         at = np.unique(np.linspace(first - reach, last + reach, TRIED + 1).astype(int))
         at = at[(at > 0) & (at < len(time) - 1)]
@@ -82,27 +82,32 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         if len(more.edges) > len(pieces.edges)
     ]
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
-    return best if np.isfinite(likely) else None
+    return best if likely > evidence.of(pieces) else None
 
 
-def surprises(evidence: Evidence) -> list[tuple[int, int]]:
-    """The steps about the sample behind which a load drawn anew gains most, if that is what a place costs."""
-    channel, prior = evidence.channel, evidence.prior
-    gain = drawn_anew(channel_model(channel, prior), channel.moved, evidence.engine, prior.vectors)
+def suspected(evidence: Evidence) -> list[tuple[int, int]]:
+    """First and last step of stretches that drive a load the hardest, and about where drawing it anew gains.
+
+    As much as the place of an edge costs.
+    """
+    ch, prior = evidence.channel, evidence.prior
+    model = channel_model(ch, prior)
+    f, x = evidence.engine.filter_and_smooth_states(model, ch.moved)
+    gain = drawn_anew(f, prior.vectors)
     gain[[0, -1]] = 0.0
     at = int(gain.argmax())
-    return [(max(at - TRIED // 2, 0), at + TRIED // 2)] if gain[at] > evidence.place else []
+    surprising = [(max(at - TRIED // 2, 0), at + TRIED // 2)] if gain[at] > evidence.place else []
+    return uneven(driving(ch.time, prior, x[:, : prior.states])) + surprising
 
 
-def drawn_anew(model: StateSpace, z: Array, engine: Engine, vectors: int) -> Array:
+def drawn_anew(f: Filtered, vectors: int) -> Array:
     """Log-likelihood (time,) that a load gains which is drawn anew behind a sample, along axes that gain.
 
     By the adjoint of the filter: what a state moved behind a sample changes in all later innovations.
     vectors: states of the chain that come in threes. Source: de Jong and Penzer, J. Am. Stat. Assoc. 93
     (1998) 796.
     """
-    f = engine.filter(model, z)
-    T, n = len(z), len(model.x0)
+    model, T, n = f.model, len(f.x), f.x.shape[1]
     run = np.repeat(np.arange(len(f.gains.start)), np.diff(f.gains.start, append=T))
     seen = np.asarray(np.isfinite(f.innovation).all(1))
     white, W, K = np.where(seen[:, None], f.innovation, 0.0), f.gains.W, f.gains.K
@@ -137,13 +142,14 @@ def sized_anew(pieces: Pieces, edges: Array) -> list[Pieces]:
     return [pieces, *(replace(pieces, size=factor * pieces.size) for factor in (*louder, *quieter))]
 
 
-def driving(evidence: Evidence) -> Array:
-    """What drives the load over each step (step, axis), as smoothed, in units of what the prior expects."""
-    ch, prior = evidence.channel, evidence.prior
-    x = evidence.engine.smooth_states(channel_model(ch, prior), ch.moved)[:, : prior.states]
+def driving(time: Array, prior: LoadPrior, x: Array) -> Array:
+    """What drives the load over each step (step, axis), in units of what the prior expects.
+
+    x (time, state): its chain, as smoothed.
+    """
     order = prior.kernel.order
     last = slice(KERNEL + 3 * (order - 1), KERNEL + 3 * order)
-    F, Q, _ = prior.chain(np.diff(ch.time), None, ch.time[0])
+    F, Q, _ = prior.chain(np.diff(time), None, time[0])
     w = x[1:, last] - np.einsum("tij,tj->ti", F[:, last], x[:-1])
     return np.asarray(w / np.sqrt(np.diagonal(Q[:, last, last], axis1=1, axis2=2)))
 
@@ -161,7 +167,7 @@ def uneven(w: Array) -> list[tuple[int, int]]:
         follows = np.fft.irfft(np.abs(np.fft.rfft(one, 2 * steps)) ** 2)[:steps]
         each = 1 / (2 * float(((follows / follows[0]) ** 2).sum()) - 1)  # numbers a step
         energy = one**2 / np.mean(one**2)
-        total, best, length = np.concatenate([[0.0], np.cumsum(energy)]), (PATIENCE / 2, 0, 0), steps // 2
+        total, best, length = np.concatenate([[0.0], np.cumsum(energy)]), (PATIENCE, 0, 0), steps // 2
         while length >= 2:
             first = np.arange(0, steps - length + 1, max(length // 2, 1))
             inside = total[first + length] - total[first]

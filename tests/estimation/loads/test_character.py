@@ -97,7 +97,7 @@ def test_a_contact_too_weak_to_be_found_whole_by_itself_is_where_another_load_ha
     told = with_character(channel, tune(), ENGINE, tune, edges)
     assert told.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
     alone = with_character(channel, tune(), ENGINE, tune)
-    assert len(alone.tuned.pieces.edges) < len(edges)
+    assert alone.tuned.pieces is None or len(alone.tuned.pieces.edges) < len(edges)
 
 
 def test_near_an_edge_its_place_is_part_of_the_claim():
