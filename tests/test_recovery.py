@@ -63,6 +63,7 @@ def test_intervals_of_the_smoother_cover_the_truth(boomerang):
         assert 0.9 <= (error < 1.96 * std)[inner].mean() <= 1.0
 
 
+@pytest.mark.long
 def test_boomerang_without_stated_noise_is_as_good():
     recording = read_motion(SYNTHETIC / "flexible_boomerang.h5")
     recording = replace(recording, motion=replace(recording.motion, noise_std={}))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.linalg import eigh, solve
 from scipy.spatial.transform import Rotation
 
@@ -113,6 +114,7 @@ def test_loads_without_a_resultant_are_told_apart_where_the_stiffness_is_known()
     assert np.nanmedian(np.diagonal(apart.load_cov, axis1=1, axis2=2)) > 100 * claim.max() ** 2
 
 
+@pytest.mark.long
 def test_markers_too_few_for_the_modes_of_a_body_tell_the_forces_on_them_as_well_as_they_claim():
     recording, load = pinched(np.zeros(3))
     position = recording.motion.position.copy()
@@ -123,6 +125,7 @@ def test_markers_too_few_for_the_modes_of_a_body_tell_the_forces_on_them_as_well
     assert np.trace(modal.cov, axis1=1, axis2=2).mean() > 4 * np.trace(whole.cov, axis1=1, axis2=2).mean()
 
 
+@pytest.mark.long
 def test_air_that_answers_the_bending_is_told_with_the_forces_and_named():
     w2, shape = eigh(lattice(), np.diag(np.repeat(MASS, 3)))
     w2, shape, time = w2[6:], shape[:, 6:], np.arange(600) / 500

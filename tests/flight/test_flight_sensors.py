@@ -150,6 +150,7 @@ def test_a_reading_of_a_deforming_body_is_the_second_derivative_of_where_the_sen
 
 
 @pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.long
 def test_with_sensors_the_claimed_covariance_is_the_error_and_far_below_that_of_markers_alone(causal):
     rng, nees, nis, gain = np.random.default_rng(3 + causal), [], [], []
     for _ in range(6):
@@ -199,6 +200,7 @@ def with_clock(flight, std):
     return replace(flight, sensors=replace(flight.sensors, clock_std=np.full(2, std)))
 
 
+@pytest.mark.long
 def test_a_clock_that_is_late_is_found_as_well_as_is_claimed_and_ruins_what_ignores_it():
     nees, ignored = [], []
     for seed in range(4):

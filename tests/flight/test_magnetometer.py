@@ -127,6 +127,7 @@ def estimates(recording):
     return found
 
 
+@pytest.mark.long
 def test_a_field_of_unknown_direction_is_found_and_frames_between_which_it_is_read_are_not_lost():
     (_, _, alone), (_, _, beside) = estimates(recorded(3, np.arange(100) % 4 > 0, 100))
     field = np.array([beside.tuned[f"magnetic_field_world_{axis}"] for axis in "xyz"])

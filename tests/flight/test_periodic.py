@@ -120,6 +120,7 @@ def test_a_load_without_a_beat_keeps_its_matern_prior():
     assert found.numbers("force") == plain.numbers("force")
 
 
+@pytest.mark.long
 def test_a_load_that_repeats_is_told_better_than_by_a_matern_prior_and_as_well_as_claimed():
     error, claim, plain = [], [], []
     for seed in range(1, 4):

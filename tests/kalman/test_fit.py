@@ -71,6 +71,7 @@ def test_tuned_parameters_are_as_far_off_as_their_covariance_says():
     assert np.median(off) < chi2(3).ppf(0.75)  # heavier tails than normal: rates are known to a factor
 
 
+@pytest.mark.long
 def test_smoother_with_tuned_parameters_is_within_a_tenth_of_the_bound_and_calibrated():
     ratio, known, nees = [], [], []
     inner = slice(20, -20)

@@ -157,6 +157,7 @@ def dense_noise(time, noise, R):
     return N + np.kron(np.eye(len(time)), R)
 
 
+@pytest.mark.long
 def test_the_smoother_under_colored_noise_is_dense_least_squares():
     rng = np.random.default_rng(8)
     time, step, signal, noise, R = signal_and_noise(rng)

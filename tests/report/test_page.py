@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from forceid.records import Finding, Verdict
 from forceid.report.page import render_page
@@ -34,6 +35,7 @@ def test_page_tells_verdict_settings_and_provenance(page):
     assert "toss &lt;3&gt;" in page
 
 
+@pytest.mark.long
 def test_page_of_a_long_record_stays_small(throw):
     estimate, truth = throw(40_000)
     assert len(render_page(estimate, truth)) < 3e6

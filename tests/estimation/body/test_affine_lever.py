@@ -73,6 +73,7 @@ def test_poses_that_allow_for_deformation_show_no_noise_below_the_stated():
     assert np.sqrt(((found.force - recording.truth["force"])[60:-60] ** 2).mean()) < 0.1
 
 
+@pytest.mark.long
 def test_total_mass_and_markers_that_do_not_move_as_one_are_never_ok():
     found = estimate_recording(plate_flight(0, 5, "total mass"), load_settings(lines="none"))
     assert found.verdict.level == "degraded"

@@ -56,6 +56,7 @@ def test_gaps_leave_the_longest_run():
 
 
 @pytest.mark.parametrize("r", [0.4, 0.9])
+@pytest.mark.long
 def test_force_and_moment_beside_errors_with_a_memory_are_known_as_claimed(r):
     """A body under a slow force; 5 records, told nothing of the errors."""
     time, mass, J = STEP * np.arange(300), 2.0, np.diag([0.02, 0.03, 0.04])

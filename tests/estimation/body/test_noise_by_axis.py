@@ -42,6 +42,7 @@ def in_plane(third):
     return np.array(rms), np.array(over), said
 
 
+@pytest.mark.long
 def test_an_axis_that_is_flat_or_loud_leaves_force_and_claim_in_the_plane_as_they_are():
     equal, honest, said = in_plane(1.0)
     for third in (0.0, 10.0):

@@ -78,6 +78,7 @@ def test_sensors_beside_rare_markers_halve_the_error_and_more_and_say_how_large_
     assert judge_sensors(flight, state) == ()
 
 
+@pytest.mark.long
 def test_noise_that_nobody_stated_is_found():
     recording = recorded(stated_noise=False, marker_every=4)
     flight, state = with_all(recording)
@@ -186,6 +187,7 @@ def test_clocks_that_are_off_by_many_samples_are_found_said_and_no_longer_matter
     assert (rms(error[MIDDLE]) < 1.4 * rms(claimed[MIDDLE])).all()
 
 
+@pytest.mark.long
 def test_a_gyro_bridges_rare_markers_past_half_a_turn_and_nothing_is_amiss():
     spin = (1.0, 2.0, 1.1 * np.pi * 80.0)
     recording = recorded(marker_every=4, duration=0.3, spin=spin)

@@ -29,6 +29,7 @@ def off(estimate, force, moment):
 
 @pytest.mark.parametrize("on_body", [False, True])
 @pytest.mark.parametrize("method", ["smoother", "savgol"])
+@pytest.mark.long
 def test_other_loads_are_found_beside_a_known_one_within_their_claims(on_body, method):
     for seed in (31,) if method == "smoother" else (31, 32):
         recording, force, moment, settings = flown(seed, on_body)

@@ -238,6 +238,7 @@ def test_the_noise_that_is_claimed_follows_from_that_of_the_markers():
     assert 1e-2 * NOISE < np.median(claim) < 1.0
 
 
+@pytest.mark.long
 def test_a_tuning_that_does_not_fit_is_replaced_before_its_time(monkeypatch):
     monkeypatch.setattr(stream, "TUNING_TIME", 0.3)
     monkeypatch.setattr(stream, "MOST_FRAMES", 256)

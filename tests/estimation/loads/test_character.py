@@ -100,6 +100,7 @@ def test_a_contact_too_weak_to_be_found_whole_by_itself_is_where_another_load_ha
     assert alone.tuned.pieces is None or len(alone.tuned.pieces.edges) < len(edges)
 
 
+@pytest.mark.long
 def test_near_an_edge_its_place_is_part_of_the_claim():
     edges = (0.5221, 0.5337)
     channel, load, _ = drawn(7, edges, 200.0)

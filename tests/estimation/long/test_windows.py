@@ -42,6 +42,7 @@ def test_a_short_recording_is_estimated_at_once():
     )
 
 
+@pytest.mark.long
 def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
     recording, settings = flight(), load_settings(lines="none")
     whole, pieces = estimate_recording(recording, settings), estimate_windows(recording, settings)

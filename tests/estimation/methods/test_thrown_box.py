@@ -31,6 +31,7 @@ def thrown_box(seed, number, folder):
 
 
 @pytest.mark.parametrize("which", [WORLD_95, BODY_17])
+@pytest.mark.long
 def test_a_thrown_box_without_markers_ends_with_force_and_moment_within_their_claims(which, tmp_path):
     found = judge_throw(*thrown_box(*which, tmp_path))
     assert found.said == "degraded"

@@ -37,6 +37,7 @@ def of_one_sample(recording, body_std, k):
     return found.force[k], found.moment[k], found.wrench_cov[k], found.center[k]
 
 
+@pytest.mark.long
 def test_force_and_moment_of_bodies_stated_wrong_are_as_far_off_as_claimed():
     recording, rng, k = recorded(), np.random.default_rng(5), 75
     truth = recording.truth

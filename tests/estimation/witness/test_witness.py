@@ -127,6 +127,7 @@ def test_estimate_that_is_wrong_on_one_axis_is_said_to_be_and_its_claim_covers_i
     np.testing.assert_array_equal(cov[:, 1:, 1:], state.wrench_cov[:, 1:, 1:])
 
 
+@pytest.mark.long
 def test_deformation_off_the_markers_leaks_into_neither_route_and_comes_back_from_a_file(estimated, tmp_path):
     recording = stretching(0.05)
     result = estimated(recording, model="rigid")
