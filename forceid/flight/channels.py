@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
-from forceid.kalman.building.process import Process, discretize, integrate, superpose, with_mean
+from forceid.kalman.building.clock import discretize_steps
+from forceid.kalman.building.process import Process, integrate, superpose, with_mean
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags
 from forceid.rounding import SINGLE
@@ -79,7 +80,7 @@ def driven(
     chain, noise_var = colored(chain, gain, noise_var, color)
     # equal steps share their matrices: a regular clock has one
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), unique[:, None])
+    F, Q = discretize_steps(chain, unique)
     Q[..., 0, 0] += drift * unique[:, None]
     if len(unique) > 1:
         F, Q = F[which], Q[which]
@@ -127,9 +128,8 @@ def driven_in_pieces(
 
 def over_steps(chain: Process, kernel: Flags, steps: Array) -> tuple[Array, Array, Array]:
     """F, Q (step, model, state, state) of chains over steps (step,) s, and what their kernels add to Q."""
-    F, Q = discretize(Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), steps[:, None])
     alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
-    return F, Q, discretize(Process(chain.A[None], alone[None], chain.P0, chain.output), steps[:, None])[1]
+    return *discretize_steps(chain, steps), discretize_steps(replace(chain, Qc=alone), steps)[1]
 
 
 def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:

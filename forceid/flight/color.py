@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gamma, kv
 
-from forceid.kalman.building.process import Process, block_diagonal, discretize, matern, matern_density
+from forceid.kalman.building.clock import discretize_steps
+from forceid.kalman.building.process import Process, block_diagonal, matern, matern_density
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 
@@ -58,7 +59,7 @@ class Color:
         """
         one, errors, T = matern(self.order, 1.0, self.rate), root.shape[-1], len(root)
         unique, which = np.unique(np.round(step, 12), return_inverse=True)
-        each = discretize(Process(one.A[None], one.Qc[None], one.P0, one.output), unique)
+        each = discretize_steps(one, unique)
         F, Q = (np.asarray(np.kron(np.eye(errors), a)[which], float) for a in each)
         H = np.zeros((*root.shape[:-1], errors * self.order))
         H[..., :: self.order] = np.sqrt(self.share) * root

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.flight.vibration import ModeState, Vibration
-from forceid.kalman.building.process import discretize
+from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.model import StateSpace
 from forceid.motion import Frames, Products
 from forceid.records import Array
@@ -81,7 +81,7 @@ def chains(prior: Vibration, step: Array) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chains of all modes."""
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     process = prior.process
-    F, Q = discretize(replace(process, A=process.A[None], Qc=process.Qc[None]), unique[:, None])
+    F, Q = discretize_steps(process, unique)
     F, Q = (np.stack([block_diag(*each) for each in a])[which] for a in (F, Q))
     return F, Q, block_diag(*process.P0)
 

@@ -11,8 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from forceid.flight.priors.body_fixed import swept
+from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.lines import Line
-from forceid.kalman.building.process import discretize, integrate
+from forceid.kalman.building.process import integrate
 from forceid.records import Array
 
 
@@ -31,7 +32,7 @@ def add_lines(
     """
     F, Q, P0 = chain
     for line, own in zip(lines, places(len(P0), lines), strict=True):
-        F_line, Q_line = discretize(integrate(integrate(line.process, 0.0), 0.0), unique)
+        F_line, Q_line = discretize_steps(integrate(integrate(line.process, 0.0), 0.0), unique)
         spread = np.zeros((len(unique), len(P0), 4))
         # its Y and H along its direction, its two states as they are
         early, mean = swept(step, rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))

@@ -21,8 +21,9 @@ from forceid.flight.color import root_of
 from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.body_fixed import fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
+from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.lines import Line
-from forceid.kalman.building.process import Process, discretize
+from forceid.kalman.building.process import Process
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
 
@@ -189,7 +190,7 @@ class LoadPrior:
 
         hastes, hasty = np.unique(pieces.haste, return_inverse=True)
         chains = [load_chain(self.kernel.hastened(float(haste)).process, self.start) for haste in hastes]
-        each = [discretize(Process(c.A[None], c.Qc[None], c.P0, c.output), unique[:, None]) for c in chains]
+        each = [discretize_steps(chain, unique) for chain in chains]
         F, Q, P0 = (interleave(np.stack(a)) for a in (*zip(*each, strict=True), [c.P0 for c in chains]))
         if self.tuned.pieces is None:
             F, Q, P0 = F[0], Q[0], P0[0]

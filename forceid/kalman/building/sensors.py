@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError
+from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import (
     Diffusion,
     Process,
@@ -194,5 +195,5 @@ def transitions(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     _, which = np.unique(np.round(h / (SINGLE * h.mean())), return_inverse=True)
     # the mean of those that share a tick: a step by itself is not rounded
     each = np.bincount(which, h) / np.bincount(which)
-    F, Q = discretize(process, each[:, None] if many else each)
+    F, Q = discretize_steps(process, each)
     return F[which], Q[which]

@@ -178,13 +178,11 @@ def newton(
 
     slope, bend: in steps h. The last coordinate is one for all problems that are the `same`.
     """
-    scale = np.where(h > 0, h, 1.0)
-    down, up = (low - x) / scale, (low + width - x) / scale
+    scale, far = np.where(h > 0, h, 1.0), reach[:, None] / FINE
+    down, up = np.maximum((low - x) / scale, -far), np.minimum((low + width - x) / scale, far)
     step, gain = np.zeros_like(x), np.zeros(len(x))
     for group in np.unique(same, axis=0):
         step[group] = shared_step(slope[group], bend[group], down[group], up[group])
-        size = (np.abs(step[group]) * FINE).max()
-        step[group] *= np.minimum(1.0, reach[group] / max(size, 1e-300))[:, None]
         rises = (slope * step).sum(1) + 0.5 * np.einsum("pi,pij,pj->p", step, bend, step)
         gain[group] = rises[group].sum()
     return step * scale, gain
@@ -206,7 +204,8 @@ def shared_step(slope: Array, bend: Array, down: Array, up: Array) -> Array:
 def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
     """Newton's step on a quadratic between bounds, with every curvature taken as one of a hill.
 
-    A coordinate that would leave its bounds goes to the bound, and the others make the best of that.
+    Where a coordinate comes to its bound it stays there, and the others go on from there: so the quadratic
+    itself never falls on the way.
 
     >>> ridge = np.array([[-2.0, 1.9], [1.9, -2.0]])
     >>> uphill(np.array([0.1, 0.1]), ridge, np.array([-9.0, -9.0]), np.array([9.0, 0.5])).round(3).tolist()
@@ -219,12 +218,13 @@ def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
         least_bent = max(np.finfo(float).eps * float(np.abs(some).max()), 1e-300)
         unit = np.sqrt(np.maximum(np.abs(np.diagonal(some)), least_bent))
         curved, axes = np.linalg.eigh(some / unit / unit[:, None])
-        steep = np.maximum(np.abs(curved), FLATTEST)
-        tilted = slope[go] + bend[np.ix_(go, ~go)] @ step[~go]
-        step[go] = axes @ ((axes.T @ (tilted / unit)) / steep) / unit
-        out = go & ((step < least) | (step > most))
-        if not out.any():
-            break
-        step[out] = np.clip(step[out], least[out], most[out])
-        go &= ~out
+        steep, way = np.maximum(np.abs(curved), FLATTEST), np.zeros(len(slope))
+        way[go] = axes @ ((axes.T @ ((slope + bend @ step)[go] / unit)) / steep) / unit
+        room = np.where(way > 0, most, least) - step
+        part = np.divide(room, way, out=np.full(len(way), np.inf), where=go & (way != 0))
+        first = int(part.argmin())
+        if part[first] >= 1:
+            return step + way
+        step += part[first] * way
+        step[first], go[first] = (most if way[first] > 0 else least)[first], False
     return step

@@ -1,0 +1,75 @@
+"""Loads over every step of a clock: exact at a few steps of its range, and by a polynomial between."""
+
+from __future__ import annotations
+
+from math import factorial
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+from forceid.kalman.building.process import Diffusion, Process, discretize
+from forceid.records import Array
+from forceid.rounding import ITERATIONS
+
+RANGES_IN_OCTAVE = 2  # ranges of steps: over one, noise that grows by h^16 keeps fourteen digits of its own
+
+
+def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
+    """Transition F and noise covariance Q (step, ..., state, state) of a process over steps (step,) s.
+
+    process: A, Qc (..., state, state). As exact as `discretize`, for many steps at once: a clock with jitter
+    has as many as frames. F and Q are entire functions of the step, so a polynomial through Chebyshev points
+    of a short range has them to rounding. Source: Trefethen (2013), Approximation theory, 8.
+
+    >>> from forceid.kalman.building.process import matern
+    >>> load, step = matern(2, std=1.0, rate=30.0), np.linspace(0.0099, 0.0101, 400)
+    >>> F, Q = discretize_steps(load, step)
+    >>> bool(np.allclose(F[7], discretize(load, step[7])[0], rtol=1e-13, atol=0))
+    True
+    """
+    lead = process.A.ndim - 2
+    process = Process(process.A[None], process.Qc[None], process.P0, process.P0)
+
+    def exactly(h: Array) -> tuple[Array, Array]:
+        return discretize(process, h.reshape(-1, *[1] * lead))
+
+    if len(step) <= ITERATIONS:
+        return exactly(step)
+    # a step of no length stands by itself
+    part = np.where(step > 0, np.frexp(step**RANGES_IN_OCTAVE)[1], np.iinfo(np.int32).min)
+    bounds = [(step[part == k].min(), step[part == k].max(), part == k) for k in np.unique(part)]
+    fastest = float(np.abs(np.linalg.eigvals(process.A.real)).max(initial=0.0))
+    powers = 2 * process.A.shape[-1]
+    nodes, shares = [], []
+    for low, high, own in bounds:
+        middle, half = 0.5 * (high + low), 0.5 * (high - low)
+        count = points_for(half * (fastest + powers / middle)) if half > 0 else 1
+        if count >= own.sum():
+            nodes.append(step[own])
+            shares.append((own, np.eye(own.sum())))
+            continue
+        at = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        through = chebvander(at, count - 1).T * 2 / count
+        through[0] /= 2
+        nodes.append(middle + half * at)
+        shares.append((own, chebvander((step[own] - middle) / half, count - 1) @ through))
+    found = exactly(np.concatenate(nodes))
+    F, Q = (np.empty((len(step), *a.shape[1:]), a.dtype) for a in found)
+    ends = np.cumsum([len(h) for h in nodes])
+    for (own, share), end in zip(shares, ends, strict=True):
+        first = end - share.shape[1]
+        for whole, a in ((F, found[0]), (Q, found[1])):
+            whole[own] = np.tensordot(share, a[first:end], 1)
+    return F, Q
+
+
+def points_for(bend: float) -> int:
+    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding: its coefficients fall as bend^k / k!.
+
+    >>> points_for(0.0), points_for(1.0)
+    (1, 15)
+    """
+    count, most = 1, np.finfo(float).eps * np.exp(-bend)
+    while 2 * (bend / 2) ** count / factorial(count) > most:
+        count += 1
+    return count

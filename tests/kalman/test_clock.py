@@ -1,0 +1,56 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from forceid.kalman.building.clock import discretize_steps
+from forceid.kalman.building.process import discretize, integrate, matern, resonator, superpose
+
+
+def scaled(error, Q):
+    """Errors of covariances (step, state, state) in units of their standard deviations."""
+    size = np.sqrt(np.diagonal(Q, axis1=-2, axis2=-1))
+    return np.abs(error) / np.maximum(size[..., :, None] * size[..., None, :], np.finfo(float).tiny)
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    order=st.integers(1, 4),
+    turn=st.floats(1e-4, 1e2),
+    jitter=st.floats(1e-6, 0.9),
+    seed=st.integers(0, 9),
+)
+def test_every_step_of_a_clock_with_jitter_has_the_matrices_it_has_alone(order, turn, jitter, seed):
+    rate = 20.0
+    chain = integrate(integrate(matern(order, 1.5, rate), var=1.0), var=1.0)
+    step = turn / rate * (1 + jitter * np.random.default_rng(seed).uniform(-1, 1, 150))
+    F, Q = discretize_steps(chain, step)
+    F_alone, Q_alone = discretize(chain, step)
+    size = np.sqrt(np.diagonal(Q_alone, axis1=-2, axis2=-1))
+    # states in units of the noise of a step, the spread of the start where it is more
+    size = np.maximum(size, np.sqrt(np.diagonal(chain.P0)))
+    assert (np.abs(F - F_alone) * size[:, None, :] / size[:, :, None]).max() < 1e-11
+    assert scaled(Q - Q_alone, Q_alone).max() < 1e-11
+
+
+def test_gaps_and_steps_of_no_length_are_exact_beside_short_steps():
+    chain = superpose(matern(2, 1.0, 30.0), resonator(9.0, 0.3, 0.1))
+    step = np.r_[0.0, np.random.default_rng(5).uniform(0.009, 0.011, 300), 0.05, 0.7, 40.0]
+    F, Q = discretize_steps(chain, step)
+    F_alone, Q_alone = discretize(chain, step)
+    np.testing.assert_array_equal(F[0], np.eye(len(chain.A)))
+    assert not Q[0].any()
+    np.testing.assert_allclose(F, F_alone, rtol=1e-11, atol=1e-11 * np.abs(F_alone).max())
+    assert scaled(Q - Q_alone, Q_alone)[1:].max() < 1e-11
+
+
+def test_many_processes_over_many_steps_are_each_by_itself():
+    each = [matern(2, 1.0, rate) for rate in (3.0, 40.0)]
+    both = type(each[0])(
+        *(np.stack([getattr(c, n) for c in each]) for n in ("A", "Qc", "P0")), each[0].output
+    )
+    step = np.random.default_rng(6).uniform(0.004, 0.03, 200)
+    F, Q = discretize_steps(both, step)
+    for k, one in enumerate(each):
+        F_one, Q_one = discretize_steps(one, step)
+        np.testing.assert_allclose(F[:, k], F_one, rtol=1e-11, atol=1e-13 * np.abs(F_one).max())
+        np.testing.assert_allclose(Q[:, k], Q_one, rtol=1e-11, atol=1e-13 * np.abs(Q_one).max())
