@@ -73,14 +73,14 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         at = at[(at > 0) & (at < len(time) - 1)]
         tried += [time[[one]] for one in at]
         tried += [time[[one, other]] for i, one in enumerate(at) for other in at[i + 1 :]]
-    if len(evidence.given):
-        tried.append(evidence.given)
-    wider = [pieces.cut(edges) for edges in tried]
+    wider = [(pieces.cut(edges), edges) for edges in tried]
     found = [
         best_of(evidence, sized_anew(more, edges))
-        for more, edges in zip(wider, tried, strict=True)
+        for more, edges in wider
         if len(more.edges) > len(pieces.edges)
     ]
+    if len(evidence.given) and len((more := pieces.cut(evidence.given)).edges) > len(pieces.edges):
+        found.append(as_large_as_likely(evidence, more, evidence.given))
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
     return best if likely > evidence.of(pieces) else None
 
@@ -140,6 +140,14 @@ def sized_anew(pieces: Pieces, edges: Array) -> list[Pieces]:
     louder = [np.where(inside[:, None], factor, 1.0) for factor in COARSE_SIZES]
     quieter = [np.where(inside[:, None], 1.0, 1 / factor) for factor in COARSE_SIZES]
     return [pieces, *(replace(pieces, size=factor * pieces.size) for factor in (*louder, *quieter))]
+
+
+def as_large_as_likely(evidence: Evidence, pieces: Pieces, edges: Array) -> tuple[float, Pieces]:
+    """How likely pieces of the likeliest sizes between edges are, and these: an impact may be of any size."""
+    likely, found = best_of(evidence, sized_anew(pieces, edges))
+    while (again := best_of(evidence, sized_anew(found, edges)))[0] > likely:
+        likely, found = again
+    return likely, found
 
 
 def driving(time: Array, prior: LoadPrior, x: Array) -> Array:

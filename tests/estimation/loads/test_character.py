@@ -85,6 +85,16 @@ def test_an_impact_between_two_samples_is_known_by_its_impulse():
     assert std < 0.05 * np.linalg.norm(impulse)
 
 
+@pytest.mark.parametrize("size", [100.0, 300.0, 1000.0, 10000.0])
+def test_an_impact_of_any_size_is_where_another_load_has_it(size):
+    """Its own channel tells its impulse, and hardly its length: a wide weak piece gives as much."""
+    given = np.array([0.5211, 0.5243])
+    channel = drawn(12, (0.5221, 0.5236), size)[0]
+    tune = partial(tune_channel, channel, (1.0, 1.0), (), engine=ENGINE)
+    told = with_character(channel, tune(), ENGINE, tune, given)
+    assert told.tuned.pieces.edges == pytest.approx(given, abs=1e-9)
+
+
 def test_slow_loads_have_no_edges():
     assert all(searched(drawn(seed)[0]).tuned.pieces is None for seed in range(20))
 
