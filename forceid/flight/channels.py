@@ -114,14 +114,17 @@ def driven_in_pieces(
     P0 = np.stack([one.P0 for one, _ in each])
     places = np.split(which, np.cumsum([len(cut.step) for cut in cuts])[:-1])
     fast = np.split(hasty, np.cumsum([len(one.haste) for one in tried])[:-1])
-    found = []
-    for pieces, cut, place, haste in zip(tried, cuts, places, fast, strict=True):
-        own_haste, size = haste[cut.piece], np.repeat(pieces.size[..., None], len(at), -1)
-        parts = F[own_haste, place], Q[own_haste, place], own[own_haste, place]
-        found.append(pieces.drawn(*parts, P0[haste], size, (mean, kernel), cut))
-    F, Q, P0 = (
-        np.concatenate(parts, axis) for parts, axis in zip(zip(*found, strict=True), (1, 1, 0), strict=True)
-    )
+    found = [
+        pieces.drawn(
+            (F, Q, own, P0), np.repeat(pieces.size[..., None], len(at), -1), (mean, kernel), cut, place, haste
+        )
+        for pieces, cut, place, haste in zip(tried, cuts, places, fast, strict=True)
+    ]
+    kinds = np.cumsum([0, *(len(one[0]) for one in found)])
+    kind = np.stack([one[2] + before for one, before in zip(found, kinds, strict=False)], 1)
+    F, Q = (np.concatenate([one[k] for one in found])[kind] for k in (0, 1))
+    F, Q = (a.reshape(len(a), -1, *a.shape[3:]) for a in (F, Q))
+    P0 = np.concatenate([one[3] for one in found])
     R = np.tile(each[0][1], len(tried))[..., None, None]
     return StateSpace(F, Q, gain * each[0][0].output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
 

@@ -25,16 +25,6 @@ class Split:
     owner: Indices
     piece: Indices
 
-    def joined(self, F: Array, Q: Array) -> tuple[Array, Array]:
-        """F, Q (step, ..., state, state) over the steps of the clock, of those over the parts."""
-        last = np.append(np.flatnonzero(np.diff(self.owner)), len(self.owner) - 1)
-        whole_F, whole_Q = F[last], Q[last]
-        for part in np.flatnonzero(np.diff(self.owner) == 0)[::-1]:
-            k = self.owner[part]
-            whole_Q[k] += whole_F[k] @ Q[part] @ whole_F[k].swapaxes(-1, -2)
-            whole_F[k] = whole_F[k] @ F[part]
-        return whole_F, whole_Q
-
 
 @dataclass(frozen=True)
 class Pieces:
@@ -73,22 +63,49 @@ class Pieces:
         return Pieces(edges, self.size[was], self.haste[was])
 
     def drawn(
-        self, F: Array, Q: Array, own: Array, P0: Array, size: Array, states: tuple[Flags, Flags], cut: Split
-    ) -> tuple[Array, Array, Array]:
-        """F, Q (step, ..., state, state) and P0 (..., state, state) of a chain whose load comes in pieces.
+        self,
+        tables: tuple[Array, Array, Array, Array],
+        size: Array,
+        states: tuple[Flags, Flags],
+        cut: Split,
+        length: Indices,
+        haste: Indices,
+    ) -> tuple[Array, Array, Indices, Array]:
+        """F, Q (kind, ..., state, state) of a chain whose load comes in pieces, each step's kind, and P0.
 
-        Given those over the parts of a cut clock of a load of size one throughout; own (part, ..., state,
-        state): what is the load's of Q; P0 (piece, ..., state, state); size (piece, ..., state): those of the
-        axis of each state; states (state,): which are the mean of the load, and which those of its kernel.
+        tables: F, Q (haste, length, ..., state, state) of a load of size one throughout, what is the load's
+        of Q, and P0 (haste, ..., state, state); size (piece, ..., state): those of the axis of each state;
+        states (state,): which are the mean of the load, and which those of its kernel; length (part,), haste
+        (piece,): where in the tables those of a cut clock and of each piece are.
         """
         mean, kernel = states
-        piece = cut.piece
-        F, Q = F.copy(), Q + (pairs(size)[piece] - 1) * own
-        for k in np.flatnonzero(np.diff(piece, prepend=piece[:1])):
-            anew = np.where(kernel, size[piece[k]], 1.0 * mean)
-            Q[k] += F[k] @ (pairs(anew) * P0[piece[k]]) @ F[k].swapaxes(-1, -2)
-            F[k] *= ~(mean | kernel)
-        return *cut.joined(F, Q), pairs(np.where(kernel, size[piece[0]], 1.0)) * P0[piece[0]]
+        F, Q, own, P0 = tables
+        # what steps of one length do in one piece is the same
+        each, which = np.unique(cut.piece * F.shape[1] + length, return_inverse=True)
+        piece = each // F.shape[1]
+        at = haste[piece], each % F.shape[1]
+        F, Q = F[at], Q[at] + (pairs(size)[piece] - 1) * own[at]
+        P0 = P0[haste]
+        kind = which[np.flatnonzero(np.diff(cut.owner, append=len(cut.owner)))]
+        first = np.flatnonzero(np.diff(cut.piece, prepend=cut.piece[:1]))
+        own_F: list[Array] = []
+        own_Q: list[Array] = []
+        for step in np.unique(cut.owner[first]):
+            through, noise = np.eye(F.shape[-1]), np.zeros(F.shape[-2:])
+            for part in np.flatnonzero(cut.owner == step):
+                f, q, k = F[which[part]], Q[which[part]], cut.piece[part]
+                if part in first:  # the load is drawn anew
+                    anew = np.where(kernel, size[k], 1.0 * mean)
+                    q = q + f @ (pairs(anew) * P0[k]) @ f.swapaxes(-1, -2)
+                    f = f * ~(mean | kernel)
+                through, noise = f @ through, f @ noise @ f.swapaxes(-1, -2) + q
+            kind[step] = len(F) + len(own_F)
+            own_F.append(through)
+            own_Q.append(noise)
+        F, Q = (
+            np.concatenate([a, np.reshape(own, (-1, *a.shape[1:]))]) for a, own in ((F, own_F), (Q, own_Q))
+        )
+        return F, Q, kind, pairs(np.where(kernel, size[cut.piece[0]], 1.0)) * P0[cut.piece[0]]
 
 
 WHOLE = Pieces(np.zeros(0), np.ones((1, 3)), np.ones(1))  # a load of one character

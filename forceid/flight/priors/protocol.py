@@ -195,11 +195,10 @@ class LoadPrior:
         if self.tuned.pieces is None:
             F, Q, P0 = F[0], Q[0], P0[0]
         else:
-            at, fast = np.arange(size), hasty[cut.piece]
+            at = np.arange(size)
             states = (at >= CONSTANT.start) & (at < KERNEL), (at >= KERNEL) & (at < n)
-            whole = F[fast, which], Q[fast, which], Q[fast, which]
-            F, Q, P0 = pieces.drawn(*whole, P0[hasty], pieces.size[:, at % 3], states, cut)
-            unique, which = step, np.arange(len(step))
+            F, Q, kind, P0 = pieces.drawn((F, Q, Q, P0), pieces.size[:, at % 3], states, cut, which, hasty)
+            F, Q, unique, which = F[kind], Q[kind], step, np.arange(len(step))
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
             if self.body_axes is not None:
