@@ -53,6 +53,7 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
             haste = pieces.haste.copy()
             haste[1:-1] *= factor
             options += [settled(evidence, replace(one, haste=haste)) for one in (pieces, wide)]
+        options += [settled(evidence, one) for one in shortened(channel.time, pieces)]
     each = [placed(evidence, one) for one in options]
     likely = np.array([volume for _, _, volume in each])
     weight = np.exp(likely - likely.max())
@@ -60,7 +61,7 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
     # those that the record does not tell apart from the best count alike in what is claimed
     alike = [(mean - found - load, own) for mean, own, volume in each if volume > likely.max() - PATIENCE]
     cov = np.mean([own + outer(apart) for apart, own in alike], 0)
-    return Spread(load, cov + unseen(channel, prior, pieces, engine))
+    return Spread(load, cov)
 
 
 def as_large_as_it_is(time: Array, load: Array, prior: LoadPrior, pieces: Pieces) -> Pieces:
@@ -73,6 +74,19 @@ def as_large_as_it_is(time: Array, load: Array, prior: LoadPrior, pieces: Pieces
     return replace(pieces, size=size)
 
 
+def shortened(time: Array, pieces: Pieces) -> list[Pieces]:
+    """The pieces, one of a few steps between edges as an impact within a step each, that gives as much."""
+    found, step = [], float(np.median(np.diff(time)))
+    for k, (begin, end) in enumerate(pairwise(pieces.edges)):
+        if step / 2 < end - begin < MOST_OPEN * step:
+            edges, size, haste = pieces.edges.copy(), pieces.size.copy(), pieces.haste.copy()
+            edges[k : k + 2] = 0.5 * (begin + end) + step * np.array([-0.25, 0.25])
+            size[k + 1] *= (end - begin) / (step / 2)
+            haste[k + 1] = 1.0
+            found.append(Pieces(edges, size, haste))
+    return found
+
+
 def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
     """The load (time, 3) over all places of the edges, its spread (time, 3, 3), and how likely these are.
 
@@ -80,7 +94,7 @@ def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
     """
     channel, prior, engine = evidence.channel, evidence.prior, evidence.engine
     found = smoothed(channel, prior, pieces, engine)
-    load, cov = np.zeros_like(found), np.zeros((*found.shape, 3))
+    load, cov = np.zeros_like(found), unseen(channel, prior, pieces, engine)
     volume = float(evidence.likelihood([pieces]).sum())
     for direction in directions(evidence, pieces):
         tried = [one for one in (shifted_by(channel.time, pieces, s * direction) for s in STANDARD) if one]
@@ -107,8 +121,9 @@ def unseen(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -
     impulse over the step, the logarithm of ten.
     """
     cov, step = np.zeros((len(channel.time), 3, 3)), float(np.median(np.diff(channel.time)))
-    x = engine.smooth_states(channel_model(channel, prior), channel.moved)
-    momentum = x[:, MOMENTUM] @ prior.axes.T
+    if not (np.diff(pieces.edges) < 2 * step).any():
+        return cov
+    momentum = states_in(channel, prior, pieces, engine)[:, MOMENTUM] @ prior.axes.T
     for begin, end in pairwise(pieces.edges):
         if end - begin < 2 * step:
             a = max(int(np.searchsorted(channel.time, begin, "right")) - 1, 0)
@@ -148,10 +163,13 @@ def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
 
 def smoothed(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
     """The load (time, 3), world axes, that a channel shows in pieces."""
+    return states_in(channel, prior, pieces, engine)[:, : prior.states] @ prior.rows.T
+
+
+def states_in(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
+    """The chain (time, state) of a load in pieces, as a channel shows it."""
     tried = replace(prior, tuned=replace(prior.tuned, pieces=pieces))
-    return (
-        engine.smooth_states(channel_model(channel, tried), channel.moved)[:, : prior.states] @ prior.rows.T
-    )
+    return engine.smooth_states(channel_model(channel, tried), channel.moved)
 
 
 def with_edges_known(

@@ -95,6 +95,19 @@ def test_an_impact_of_any_size_is_where_another_load_has_it(size):
     assert told.tuned.pieces.edges == pytest.approx(given, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", [23, 24, 25])
+def test_an_impact_found_as_a_piece_of_a_few_steps_is_claimed_as_what_it_may_be(seed):
+    """As short as any the samples do not show, which is beyond what a load spread over the piece may vary."""
+    at = 0.5226
+    channel, load, _ = drawn(seed, (at - 5e-4, at + 5e-4), 300.0)
+    prior = searched(channel)
+    assert np.diff(prior.tuned.pieces.edges) > 2 * STEP
+    found, cov = load_under(channel, prior)
+    spread, near = spread_of(channel, prior, ENGINE), np.abs(TIME - at) < 0.03
+    error = np.sqrt(((found + spread.load - load)[near] ** 2).mean())
+    assert error < 1.5 * np.sqrt(np.trace((cov + spread.cov)[near].mean(0)) / 3)
+
+
 def test_slow_loads_have_no_edges():
     assert all(searched(drawn(seed)[0]).tuned.pieces is None for seed in range(20))
 
