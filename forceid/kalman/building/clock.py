@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import factorial
-
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
+from scipy.special import gammaln
 
 from forceid.kalman.building.process import Diffusion, Process, discretize
 from forceid.records import Array
@@ -43,10 +42,11 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     nodes, shares = [], []
     for low, high, own in bounds:
         middle, half = 0.5 * (high + low), 0.5 * (high - low)
-        count = points_for(half * (fastest + powers / middle)) if half > 0 else 1
-        if count >= own.sum():
+        most = int(own.sum())
+        count = points_for(half * (fastest + powers / middle), most) if half > 0 else 1
+        if count >= most:
             nodes.append(step[own])
-            shares.append((own, np.eye(own.sum())))
+            shares.append((own, np.eye(most)))
             continue
         at = np.cos(np.pi * (np.arange(count) + 0.5) / count)
         through = chebvander(at, count - 1).T * 2 / count
@@ -63,13 +63,17 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     return F, Q
 
 
-def points_for(bend: float) -> int:
-    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding: its coefficients fall as bend^k / k!.
+def points_for(bend: float, most: int) -> int:
+    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding, `most` if it takes so many.
 
-    >>> points_for(0.0), points_for(1.0)
-    (1, 15)
+    Its coefficients fall as bend^k / k!.
+
+    >>> points_for(0.0, 99), points_for(1.0, 99), points_for(98.3, 200)
+    (1, 15, 200)
     """
-    count, most = 1, np.finfo(float).eps * np.exp(-bend)
-    while 2 * (bend / 2) ** count / factorial(count) > most:
-        count += 1
-    return count
+    if bend == 0:
+        return 1
+    count = np.arange(1, most)
+    left = np.log(2) + count * np.log(bend / 2) - gammaln(count + 1)
+    enough = left <= np.log(np.finfo(float).eps) - bend
+    return int(count[enough][0]) if enough.any() else most

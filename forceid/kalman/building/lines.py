@@ -26,6 +26,7 @@ COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
 AT_ONCE = 4  # lines that one look takes up, the tallest ones
 PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
+ALONG = tuple(s for n in (1, 2, 3) for s in combinations(range(3), n))  # axes that a line may lie along
 ROOM = 40_000_000  # numbers held at a time, 320 MB
 
 
@@ -193,47 +194,52 @@ def find_line(
 
     model: three channels, and the load without these lines, as in `excite`; filtered: what it made of the
     record. Each axis has to gain PATIENCE, and so has a frequency that is not a harmonic's own. Axes that
-    would explain the record as well (a nutation shows a moment about either cross axis) share the line.
+    would explain the record as well (a nutation shows a moment about either cross axis) share the line, and
+    so does any with which it explains more: that there is a line need not be shown again.
     World axes, because supports, fields and jets that act in a line stand still in the laboratory: a free
     direction is wrong by an angle that the record fixes to some degrees only, and leaks onto axes that
     have no line.
     """
     span, center = float(np.ptp(time)), candidate.frequency
     v = winsorized(filtered.innovation)
-    subsets = [s for n in (1, 2, 3) for s in combinations(range(3), n)]
+    count = np.array([len(along) for along in ALONG])
 
     def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
         signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
         vector = np.einsum("tcafi,tc->fai", white, v)
-        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in subsets]), 0, -1)
-        price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
-        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
-        price = price + np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
-        return gained - price[:, None] - PATIENCE * np.array([len(s) for s in subsets]), std
+        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in ALONG]), 0, -1)
+        return gained, std
 
-    def best_of(frequency: Array, decay: Array) -> tuple[float, float, Array, Array]:
+    def best_of(frequency: Array, decay: Array) -> tuple[float, float, int, float, Array, Array]:
         frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
         possible = (frequency * span >= 1) & (frequency < 0.5 * (len(time) - 1) / span)
         frequency, decay = frequency[possible], decay[possible]
         parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
         gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
-        f = int(gained.max(1).argmax())
-        return float(frequency[f]), float(decay[f]), gained[f], std[f]
+        price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
+        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
+        price += np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
+        worth = gained - price[:, None] - PATIENCE * count
+        f, best = np.unravel_index(int(worth.argmax()), worth.shape)
+        return float(frequency[f]), float(decay[f]), int(best), float(worth[f, best]), gained[f], std[f]
 
     off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE / span
-    at, decay, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
-    if gained.max() > 0 and (at != center or decay * span > COHERENT):
+    at, decay, best, worth, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
+    if worth > 0 and (at != center or decay * span > COHERENT):
         finer = np.append(at + off / PER_CYCLE, center)
-        at, decay, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
-    if gained.max() <= 0:
+        at, decay, best, worth, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
+    if worth <= 0:
         return ()
-    count = np.array([len(s) for s in subsets])
-    alike = (count == count[gained.argmax()]) & (gained > gained.max() - PATIENCE)
-    shared = tuple(sorted({axis for i in np.flatnonzero(alike) for axis in subsets[i]}))
-    size = float(std[subsets.index(shared)])
-    return tuple(Line(at, size, decay, np.eye(3)[axis], driven=False) for axis in shared)
+    # those that explain it as well, and once there is a line, each that it is likelier with
+    alike = count == count[best]
+    alike &= gained > gained[best] - PATIENCE
+    base = {axis for i in np.flatnonzero(alike) for axis in ALONG[i]}
+    more = [i for i, along in enumerate(ALONG) if base <= {*along}]
+    shared = max(more, key=lambda i: gained[i] - NUMBER * count[i])
+    size = float(std[shared])
+    return tuple(Line(at, size, decay, np.eye(3)[axis], driven=False) for axis in ALONG[shared])
 
 
 def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
