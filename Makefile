@@ -6,6 +6,8 @@ BUILT_FROM := pyproject.toml evidence/pyproject.toml setup.py $(wildcard forceid
 
 # the tests start a hundred processes: byte code is kept for them, whatever the shell says
 test test-long kernels: export PYTHONDONTWRITEBYTECODE :=
+# two workers on two cores: each with one thread of BLAS
+test test-long kernels: export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: charts demo test test-long lint kernels bench study docs wheel clean
 demo: .venv/ready

@@ -43,6 +43,7 @@ def rms(error):
     return np.sqrt((error**2).mean(0))
 
 
+@pytest.mark.long
 def test_cube_in_free_flight_feels_nothing():
     settings = load_import_settings(ROOT / "config" / "cube_toss_flight.toml")
     recordings = import_sources([REAL / "cube_toss" / "tosses.csv"], settings)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from forceid.estimation.loads.hidden import band_of, densities
 from forceid.estimation.loads.whitened import Whitened
@@ -18,6 +19,7 @@ from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
 from forceid.records import Array
 
+POWERS_APART = 1e4  # times the power of the noise of a channel that what else is read may make of it
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
 
 
@@ -52,7 +54,7 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     span, fastest = float(np.ptp(part.time)), found.frequency[-1]
     wide = np.geomspace(0.5 / span, BEYOND * fastest, 96)
     noise, smooth, _ = densities(part, prior, wide)
-    lost = np.where(wide[:, None] < fastest, noise / (noise + smooth), 1.0)
+    lost = shares_lost(wide, fastest, noise, smooth, claimed)
     band = band_of(part, prior, np.geomspace(1 / span, fastest, 128)).max()
     width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
     growth = np.ones(3)
@@ -68,3 +70,23 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
         std = np.sqrt(np.maximum(claimed[axis] + error - own, 0.0) / claimed[axis])
         growth[axis] = max(float(weight @ std / weight.sum()), 1.0)
     return growth
+
+
+def shares_lost(frequency: Array, fastest: float, noise: Array, smooth: Array, claimed: Array) -> Array:
+    """Share (frequency, axis) of the amplitude of a load that a smoother misses, all of it where faster.
+
+    noise, smooth (frequency, axis): densities, as loads. What else is read makes the noise another size than
+    that of the channel alone: the size with which the smoother's variance is the one claimed (axis,).
+    """
+    width, seen = np.gradient(frequency) * 2, frequency < fastest
+    lost = np.ones_like(noise)
+    for axis, (N, S) in enumerate(zip(noise[seen].T, smooth[seen].T, strict=True)):
+        beyond = width[~seen] @ smooth[~seen, axis]
+
+        def excess(log: float, N: Array = N, S: Array = S, left: float = claimed[axis] - beyond) -> float:
+            return float(width[seen] @ (N * S / (N + S * np.exp(-log)))) - left
+
+        span = np.log(POWERS_APART)
+        log = brentq(excess, -span, span) if excess(-span) < 0 < excess(span) else 0.0
+        lost[seen, axis] = N / (N + S * np.exp(-log))
+    return lost

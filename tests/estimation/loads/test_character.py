@@ -85,7 +85,7 @@ def test_an_impact_between_two_samples_is_known_by_its_impulse():
     assert std < 0.05 * np.linalg.norm(impulse)
 
 
-@pytest.mark.parametrize("size", [100.0, 300.0, 1000.0, 10000.0])
+@pytest.mark.parametrize("size", [100.0, 10000.0])
 def test_an_impact_of_any_size_is_where_another_load_has_it(size):
     """Its own channel tells its impulse, and hardly its length: a wide weak piece gives as much."""
     given = np.array([0.5211, 0.5243])
@@ -95,6 +95,7 @@ def test_an_impact_of_any_size_is_where_another_load_has_it(size):
     assert told.tuned.pieces.edges == pytest.approx(given, abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [23, 24, 25])
 def test_an_impact_found_as_a_piece_of_a_few_steps_is_claimed_as_what_it_may_be(seed):
     """As short as any the samples do not show, which is beyond what a load spread over the piece may vary."""
