@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.loads.pieces import Evidence, best_of, moved, normal
+from forceid.estimation.loads.pieces import Evidence, best_of, longest, moved
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.matern import Matern
@@ -50,17 +50,19 @@ def with_character(
             break
         near = prior
         for _ in range(2):  # what moves under one prior is tuned, and moves again
-            loud = near.with_kernel(near.kernel.scaled(found.size.max(0)))
-            near = tune(pieces=normal(found), near=loud)
-            found = moved(replace(evidence, prior=near), normal(found))
+            size = found.size[longest(time, found)]
+            found = replace(found, size=found.size / size)
+            near = tune(pieces=found, near=near.with_kernel(near.kernel.scaled(size)))
+            found = moved(replace(evidence, prior=near), found)
         if not near.tuned.log_likelihood - evidence.cost(found) > level:
             break
-        other = tune(pieces=normal(found))
+        found = replace(found, size=found.size / found.size[longest(time, found)])
+        other = tune(pieces=found)
         value = other.tuned.log_likelihood - evidence.cost(found)
         own = not np.isin(found.edges, free).all()
         if not value > level + PATIENCE * own:  # edges that another load has are likely ones
             break
-        prior, pieces, level = other, normal(found), value
+        prior, pieces, level = other, found, value
     return prior
 
 

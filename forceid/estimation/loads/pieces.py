@@ -84,9 +84,9 @@ def batched(tried: Sequence[Pieces]) -> list[Sequence[Pieces]]:
     return [tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME)]
 
 
-def normal(pieces: Pieces) -> Pieces:
-    """The same with sizes of one at most."""
-    return replace(pieces, size=pieces.size / pieces.size.max(0))
+def longest(time: Array, pieces: Pieces) -> int:
+    """The piece that lasts longest: the load is of its size, and as much larger or smaller in others."""
+    return int(np.diff(pieces.edges, prepend=time[0], append=time[-1]).argmax())
 
 
 def best_of(evidence: Evidence, tried: Sequence[Pieces]) -> tuple[float, Pieces]:

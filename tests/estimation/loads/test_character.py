@@ -83,6 +83,7 @@ def test_an_impact_between_two_samples_is_known_by_its_impulse():
     gone = impulse - 600.0 * (edges[1] - edges[0]) * direction
     assert np.linalg.norm(gone) < 3 * std + 3.0 * (TIME[b] - TIME[a])  # and what the slow waves give
     assert std < 0.05 * np.linalg.norm(impulse)
+    assert (prior.kernel.std < 10).all()  # N, of the slow waves: the prior is that of the longest piece
 
 
 @pytest.mark.parametrize("size", [100.0, 10000.0])
