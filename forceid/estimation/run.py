@@ -24,7 +24,7 @@ from forceid.estimation.first_moments import given_stress, observed_first_moment
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import KnownWrench
-from forceid.estimation.loads.order_uncertainty import grown
+from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.methods.look import Look

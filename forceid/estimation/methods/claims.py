@@ -10,14 +10,14 @@ from forceid.estimation.body.deformation import as_smoothed, load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads import free_oscillation, inner_wheel
 from forceid.estimation.loads.body_axes import body_fixed_priors
-from forceid.estimation.loads.edges import spread_of, with_edges_known
-from forceid.estimation.loads.hidden import faster_on_modes, hidden_load, lines_at_spin
-from forceid.estimation.loads.impulses import edges_of, impulses
+from forceid.estimation.loads.hidden import free_oscillation, inner_wheel
+from forceid.estimation.loads.hidden.left_out import faster_on_modes, hidden_load, lines_at_spin
+from forceid.estimation.loads.hidden.order_uncertainty import growth_along_world
+from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
-from forceid.estimation.loads.order_uncertainty import growth_along_world
-from forceid.estimation.loads.whitened import whitened
+from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
+from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note

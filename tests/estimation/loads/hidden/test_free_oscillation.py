@@ -10,7 +10,7 @@ from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 
-FRISBEE = Path(__file__).parents[3] / "data" / "synthetic" / "frisbee.h5"
+FRISBEE = Path(__file__).parents[4] / "data" / "synthetic" / "frisbee.h5"
 
 
 @pytest.mark.long

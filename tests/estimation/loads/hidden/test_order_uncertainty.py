@@ -3,9 +3,9 @@
 import numpy as np
 
 from forceid.estimation.loads.channels import tune_channel
-from forceid.estimation.loads.hidden import densities
-from forceid.estimation.loads.order_uncertainty import growth_of
-from forceid.estimation.loads.whitened import whitened
+from forceid.estimation.loads.hidden.left_out import densities
+from forceid.estimation.loads.hidden.order_uncertainty import growth_of
+from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.building.process import discretize, integrate, matern

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.loads.whitened import Whitened
+from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState

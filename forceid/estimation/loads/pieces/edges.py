@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from forceid.estimation.loads.pieces import Evidence, settled
+from forceid.estimation.loads.pieces.evidence import Evidence, settled
 from forceid.flight.channels import Channel
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from forceid.estimation.loads.hidden import band_of, densities
-from forceid.estimation.loads.whitened import Whitened
+from forceid.estimation.loads.hidden.left_out import band_of, densities
+from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
 from forceid.records import Array

@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.config import load_settings
 from forceid.estimation.loads.channels import tune_channel
-from forceid.estimation.loads.hidden import beside_parabola, densities, hidden_load
+from forceid.estimation.loads.hidden.left_out import beside_parabola, densities, hidden_load
 from forceid.estimation.long.windows import widest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result

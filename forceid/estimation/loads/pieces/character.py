@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.loads.pieces import Evidence, best_of, longest, moved
+from forceid.estimation.loads.pieces.evidence import Evidence, best_of, longest, moved
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.matern import Matern

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from forceid.estimation.loads.channels import tune_channel
-from forceid.estimation.loads.character import with_character
-from forceid.estimation.loads.edges import spread_of
-from forceid.estimation.loads.impulses import change_cov
+from forceid.estimation.loads.pieces.character import with_character
+from forceid.estimation.loads.pieces.edges import spread_of
+from forceid.estimation.loads.pieces.impulses import change_cov
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine

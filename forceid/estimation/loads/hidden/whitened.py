@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.estimation.loads.hidden import beside_parabola, densities
+from forceid.estimation.loads.hidden.left_out import beside_parabola, densities
 from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.tuning import ORDERS
