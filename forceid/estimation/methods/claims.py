@@ -79,14 +79,16 @@ def turn_with_body(problem: Problem) -> Problem:
 def allow_for_edges(problem: Problem) -> Problem:
     """Edges of the loads, whose places are open to a part of a step or to more."""
     channels, priors, flight, state = problem.channels, problem.priors, problem.flight, problem.state
-    time, apart = (
-        flight.time,
-        {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()},
-    )
-    spread = {name: one for name, one in apart.items() if one is not None}
+    time = flight.time
+    apart = {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()}
+    seen = {name: np.isin(time, channels[name].time) for name in channels}
+    spread = {
+        name: one.at(np.maximum(np.cumsum(seen[name]) - 1, 0))
+        for name, one in apart.items()
+        if one is not None
+    }
     if not spread:
         return problem
-    seen = {name: np.isin(time, channels[name].time) for name in spread}
     fall = (time - time[0])[:, None] * flight.gravity
     given = np.concatenate([flight.mass * (state.velocity - fall), state.H], 1)
     each = [
@@ -97,7 +99,11 @@ def allow_for_edges(problem: Problem) -> Problem:
         note("load-in-pieces", load=name, edges=len(at), first_s=float(at[0]), last_s=float(at[-1]))
         for name, at in ((name, edges_of(priors[name])) for name in spread)
     ]
-    found = impulses(flight, each, given, problem.engine)
+    for name, own in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+        if name in spread:
+            given[:, own] += spread[name].mean[:, :3]
+    places = [spread.get(name) for name in ("force", "moment")]
+    found = impulses(flight, each, given, places, problem.engine)
     return replace(problem, state=with_edges_known(state, spread, seen, given), impulses=found).noting(*said)
 
 

@@ -18,7 +18,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, Indices
 from forceid.significance import CHANCE, PATIENCE
 
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
@@ -29,10 +29,35 @@ BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less t
 
 @dataclass(frozen=True)
 class Spread:
-    """What the places of edges that are as likely add to a load (time, 3), and to its covariance."""
+    """What the places of edges that are as likely add to momentum and load of a channel (time, 6).
 
-    load: Array
-    cov: Array
+    apart (alternative, time, 6): deviations of momentum and load, each weighed by the root of its share;
+    unseen (time, 3, 3): variance of the load at samples that do not show it.
+    """
+
+    mean: Array
+    apart: Array
+    unseen: Array
+
+    @property
+    def load(self) -> Array:
+        """What is added to the load (time, 3)."""
+        return self.mean[:, 3:]
+
+    @property
+    def cov(self) -> Array:
+        """What is added to its covariance (time, 3, 3)."""
+        load = self.apart[:, :, 3:]
+        return np.asarray(np.einsum("kta,ktb->tab", load, load) + self.unseen)
+
+    def at(self, samples: Indices) -> Spread:
+        """The same at some samples (time,) of the channel."""
+        return Spread(self.mean[samples], self.apart[:, samples], self.unseen[samples])
+
+    def of_change(self, first: int, last: int) -> Array:
+        """What is added to the covariance (3, 3) of the change of momentum between two samples."""
+        change = self.apart[:, last, :3] - self.apart[:, first, :3]
+        return np.asarray(change.T @ change)
 
 
 def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | None:
@@ -48,20 +73,21 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
     found = smoothed(channel, prior, pieces, engine)
     options = [pieces]
     if len(pieces.edges) > 1:  # what is between two edges may change more and faster than the record tells
-        wide = as_large_as_it_is(channel.time, found @ prior.axes, prior, pieces)
+        wide = as_large_as_it_is(channel.time, found[:, 3:] @ prior.axes, prior, pieces)
         for factor in HASTES:
             haste = pieces.haste.copy()
             haste[1:-1] *= factor
             options += [settled(evidence, replace(one, haste=haste)) for one in (pieces, wide)]
         options += [settled(evidence, one) for one in shortened(channel.time, pieces)]
     each = [placed(evidence, one) for one in options]
-    likely = np.array([volume for _, _, volume in each])
+    likely = np.array([volume for _, volume in each])
     weight = np.exp(likely - likely.max())
-    load = np.einsum("k,kta->ta", weight / weight.sum(), [mean for mean, _, _ in each]) - found
+    change = np.einsum("k,kta->ta", weight / weight.sum(), [one.mean for one, _ in each]) - found
     # those that the record does not tell apart from the best count alike in what is claimed
-    alike = [(mean - found - load, own) for mean, own, volume in each if volume > likely.max() - PATIENCE]
-    cov = np.mean([own + outer(apart) for apart, own in alike], 0)
-    return Spread(load, cov)
+    alike = [one for one, volume in each if volume > likely.max() - PATIENCE]
+    apart = [np.concatenate([(one.mean - found - change)[None], one.apart]) for one in alike]
+    unseen = np.mean([one.unseen for one in alike], 0)
+    return Spread(change, np.concatenate(apart) / np.sqrt(len(alike)), unseen)
 
 
 def as_large_as_it_is(time: Array, load: Array, prior: LoadPrior, pieces: Pieces) -> Pieces:
@@ -87,26 +113,26 @@ def shortened(time: Array, pieces: Pieces) -> list[Pieces]:
     return found
 
 
-def placed(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array, float]:
-    """The load (time, 3) over all places of the edges, its spread (time, 3, 3), and how likely these are.
+def placed(evidence: Evidence, pieces: Pieces) -> tuple[Spread, float]:
+    """Momentum and load over all places of the edges, how far apart these are, and how likely.
 
     As a log-likelihood, over the volume of the places.
     """
     channel, prior, engine = evidence.channel, evidence.prior, evidence.engine
     found = smoothed(channel, prior, pieces, engine)
-    load, cov = np.zeros_like(found), unseen(channel, prior, pieces, engine)
+    total, away = found.copy(), [np.zeros((0, *found.shape))]
     volume = float(evidence.likelihood([pieces]).sum())
     for direction in directions(evidence, pieces):
         tried = [one for one in (shifted_by(channel.time, pieces, s * direction) for s in STANDARD) if one]
         likely = evidence.likelihood(tried).sum(1)
         share = np.exp(likely - likely.max())
-        apart = np.array([smoothed(channel, prior, one, engine) - found for one in tried])
-        volume += float(np.log(np.linalg.norm(direction)))
         share /= share.sum()
+        apart = np.array([smoothed(channel, prior, one, engine) - found for one in tried])
         mean = np.einsum("k,kta->ta", share, apart)
-        load += mean
-        cov += np.einsum("k,ktab->tab", share, outer(apart - mean))
-    return found + load, cov, volume
+        total += mean
+        away.append(np.sqrt(share)[:, None, None] * (apart - mean))
+        volume += float(np.log(np.linalg.norm(direction)))
+    return Spread(total, np.concatenate(away), unseen(channel, prior, pieces, engine)), volume
 
 
 def outer(a: Array) -> Array:
@@ -162,8 +188,9 @@ def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
 
 
 def smoothed(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
-    """The load (time, 3), world axes, that a channel shows in pieces."""
-    return states_in(channel, prior, pieces, engine)[:, : prior.states] @ prior.rows.T
+    """Momentum and load (time, 6), world axes, that a channel shows in pieces."""
+    x = states_in(channel, prior, pieces, engine)
+    return np.concatenate([x[:, MOMENTUM] @ prior.axes.T, x[:, : prior.states] @ prior.rows.T], 1)
 
 
 def states_in(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
@@ -177,11 +204,13 @@ def with_edges_known(
 ) -> FlightState:
     """A state whose loads are, near their edges, the mean over the places of these, and claimed as that.
 
-    seen (time,), by name: samples that the channel of a load has; given (time, 6): momentum by the loads.
+    spread: by name, at the samples of the flight; seen (time,), by name: samples that the channel of a load
+    has; given (time, 6): momentum by the loads.
     """
     force, moment, cov = state.force.copy(), state.moment.copy(), state.wrench_cov.copy()
     for name, load, own in (("force", force, slice(0, 3)), ("moment", moment, slice(3, 6))):
         if name in spread:
-            load[seen[name]] += spread[name].load
-            cov[seen[name], own, own] += spread[name].cov
+            at = seen[name]
+            load[at] += spread[name].load[at]
+            cov[at, own, own] += spread[name].cov[at]
     return replace(state, force=force, moment=moment, wrench_cov=cov, given=given)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.estimation.loads.pieces.edges import Spread
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.kalman.engines import Engine
@@ -19,12 +20,17 @@ from forceid.records import Array, Impulses
 
 
 def impulses(
-    flight: Flight, priors: Sequence[tuple[LoadPrior, Reference | None]], given: Array, engine: Engine
+    flight: Flight,
+    priors: Sequence[tuple[LoadPrior, Reference | None]],
+    given: Array,
+    spread: Sequence[Spread | None],
+    engine: Engine,
 ) -> Impulses:
     """The impulses of each piece between the edges of all loads; edges within a step of each other are one.
 
     priors: of the force, and of the moment with the reference of its rotation, where that is seen; given
-    (time, 6): momentum that the loads have given so far.
+    (time, 6): momentum that the loads have given so far; spread: of each load, at the samples of
+    the flight, what the places of its edges leave open.
     """
     time, step = flight.time, float(np.median(np.diff(flight.time)))
     all_edges = np.sort(np.concatenate([edges_of(prior) for prior, _ in priors]))
@@ -38,6 +44,8 @@ def impulses(
         model, z = seen_part(flight, prior, about)
         for piece, (a, b) in enumerate(zip(first, last, strict=True)):
             cov[piece, own, own] = prior.axes @ change_cov(model, z, a, b, engine) @ prior.axes.T
+            if (places := spread[k]) is not None:
+                cov[piece, own, own] += places.of_change(a, b)
     if len(priors) == 2:
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
     return Impulses(bounds[:-1], bounds[1:], given[last] - given[first], cov)

@@ -170,3 +170,23 @@ def test_the_change_of_momentum_has_the_covariance_of_all_samples_together():
     left = w @ np.linalg.solve(np.eye(T * n) + A.T @ A, w.T)
     found = change_cov(model, short.moved, 4, 9, ENGINE)
     np.testing.assert_allclose(np.diagonal(found), np.diagonal(left), rtol=0.02)
+
+
+@pytest.mark.long
+def test_the_impulse_of_a_contact_is_as_far_off_as_claimed():
+    """With what the places of its edges leave open, which is most of it for a short one."""
+    rng, off = np.random.default_rng(17), []
+    for seed in range(100, 116):
+        begin, length, size = rng.uniform(0.5, 0.9), rng.uniform(0.012, 0.2), 10 ** rng.uniform(1.0, 2.0)
+        channel, load, direction = drawn(seed, (begin, begin + length), size)
+        prior = searched(channel)
+        spread, model = spread_of(channel, prior, ENGINE), channel_model(channel, prior)
+        first, last = prior.tuned.pieces.edges[[0, -1]]
+        a, b = np.searchsorted(TIME, first, "right") - 1, np.searchsorted(TIME, last)
+        x = ENGINE.smooth(model, channel.moved).x
+        found = prior.axes @ (x[b] - x[a])[3:6] + (spread.mean[b] - spread.mean[a])[:3]
+        cov = prior.axes @ change_cov(model, channel.moved, a, b, ENGINE) @ prior.axes.T
+        slow = load - size * direction * ((begin < TIME) & (begin + length > TIME))[:, None]
+        gone = found - size * length * direction - np.trapezoid(slow[a : b + 1], TIME[a : b + 1], axis=0)
+        off.append(gone @ np.linalg.solve(cov + spread.of_change(a, b), gone) / 3)
+    assert 0.6 < np.sqrt(np.mean(off)) < 1.4
