@@ -4,7 +4,7 @@ import numpy as np
 
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.left_out import densities
-from forceid.estimation.loads.hidden.order_uncertainty import growth_of
+from forceid.estimation.loads.hidden.order_uncertainty import growth_of, shares_lost
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
@@ -127,3 +127,14 @@ def test_a_search_that_misses_the_peak_of_one_order_hides_no_rougher_one():
     for seed in (0, 2, 4, 13):
         channel, _ = drawn(2, seed, samples=480, step=1 / 120, rate=20.0, mass=0.1, sigma=1.5e-4)
         assert tune_channel(channel, (1.0, 1.0), ()).kernel.order <= 3
+
+
+def test_what_a_smoother_misses_follows_from_its_claim_whatever_else_it_reads():
+    """Readings between frames make the noise so many times as large: the claim alone tells how many."""
+    frequency, times = np.geomspace(0.1, 80.0, 96), np.array([1.0, 0.1, 3.0])
+    seen, width = frequency < 20.0, 2 * np.gradient(frequency)
+    load = 1 / (1 + (frequency[:, None] / np.array([1.0, 3.0, 9.0])) ** 6)
+    noise = np.tile(1e-4 * frequency[:, None] ** 4, 3)
+    share = np.where(seen[:, None], times * noise / (times * noise + load), 1.0)
+    found = shares_lost(frequency, 20.0, noise, load, width @ (share * load))
+    np.testing.assert_allclose(found, share, rtol=1e-9)
