@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import DataError, EstimationError
+from forceid.estimation.affine.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
@@ -20,7 +21,6 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.thin_mass import with_known_moment
-from forceid.estimation.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import KnownWrench
@@ -257,10 +257,10 @@ def assemble(
     """
     kin, motion = solution.kinematics, recording.motion
     of_all = solution if known is None else replace(solution, state=known.added(solution.state))
-    affine, unobserved = observed_first_moments(recording, settings, of_all)
+    affine, unobserved = observed_first_moments(of_all, settings)
     state = given_stress(solution.state, affine, known.part.moment if known else np.zeros(3))
     shape = shape_at(kin, solution.deformation.amplitude)
-    turning = polar_motion(affine, kin.inertia.tensor) if affine else {}
+    turning = polar_motion(affine)
     rotation, deformation = in_gauge(
         settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
     )

@@ -51,7 +51,7 @@ class FlightState:
     where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
     their bias (channel,) at the end with bias_std; steady (number,) of the sensors with steady_std, zero
     where not in doubt; modes (time, state): chains of the modes of the body,
-    modal_cov (time, 6 + mode, mode): of wrench and their loads with these;
+    modal_cov (time, 6 + 3 mode, 3 mode): of the wrench, and of amplitude, rate and load of each, with these;
     gauge_innovation (time, gauge) whitened, of the strain gauges used; given (time, 6): what force and moment
     have given so far, where one has edges between samples, which its samples do not tell.
     """
@@ -318,8 +318,10 @@ def read_state(
     if flight.modes is not None:
         modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
         gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
-        driven = slice(end + ModeState.LOAD, end + modes.shape[1], flight.modes.prior.states)
-        modal_cov = np.concatenate([read_wrench @ P_all[:, :, driven], P_all[:, driven, driven]], 1)
+        chains = np.arange(end, end + modes.shape[1]).reshape(-1, flight.modes.prior.states)
+        moving = chains[:, : len(ModeState)].ravel()
+        own = P_all[:, moving[:, None], moving]
+        modal_cov = np.concatenate([read_wrench @ P_all[:, :, moving], own], 1)
         end += modes.shape[1] + gauged - deformed
     biases, sensors = slice(end, end + white.shape[1] - gauged), flight.sensors
     steady, steady_std = (np.zeros(0) if sensors is None else sensors.steady_in(a) for a in (x[-1], std))

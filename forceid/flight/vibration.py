@@ -1,25 +1,38 @@
-"""The prior of a mode: an oscillator under a load that wanders, its four numbers by maximum likelihood."""
+"""The prior of a mode: an oscillator under a load that wanders, its four numbers by maximum likelihood.
+
+How smooth that load is, its order, the record tells as well, for all modes together.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from forceid.flight.channels import driven, tuning_segments
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import AT_ONCE
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.tuning.search import maximize
 from forceid.records import Array
-from forceid.significance import OUTLIER
+from forceid.significance import OUTLIER, PATIENCE
 
 FREQUENCIES = 16  # looked at first, evenly spread, beside the tallest of the periodogram
-DAMPED, REMEMBERED = (0.01, 0.1, 1.0), (0.003, 0.1, 3.0)  # rates over the frequency, looked at first
+SHAPES = np.array(list(product((0.01, 0.1, 1.0), (0.003, 0.1, 3.0))))  # damping and rate over the frequency
 DETUNED = 0.3  # of a logarithm: how far the frequency may move from the best of these
+STILL = 1e-6  # of an amplitude: as good as none
+HIDDEN = np.geomspace(1e-3, 1.0, 31)  # of it: sizes tried of motion that may hide in noise
+HASTENED = (
+    1.0,
+    2.0,
+    4.0,
+)  # times the rate of the order below, tried first: a smoother load bends at a higher one
 
 
 class ModeState(IntEnum):
@@ -57,6 +70,13 @@ class Vibration:
         return np.asarray(np.sqrt(self.process.P0[..., 2, 2]))
 
     @property
+    def motion(self) -> Array:
+        """Rows (mode, 3, 3) that read amplitude, rate and acceleration off a mode's first three states."""
+        rows = np.tile(np.eye(3), (len(self.rate), 1, 1))
+        rows[:, 2, 0], rows[:, 2, 1] = -(self.frequency**2), -2 * self.damping
+        return rows
+
+    @property
     def process(self) -> Process:
         """States (q, q', f and its derivatives) of each mode, stationary from the start; the output is q."""
         load = matern(self.order, np.ones_like(self.rate), self.rate)
@@ -91,46 +111,105 @@ def vibrating(prior: Vibration, noise_var: Array, step: Array) -> StateSpace:
     return driven(prior.process, 1.0, noise_var, np.zeros(noise_var.shape[1]), step)
 
 
-def tune_vibrations(time: Array, q: Array, noise_var: Array, engine: Engine | None = None) -> Vibration:
+def tune_vibrations(
+    time: Array,
+    q: Array,
+    noise_var: Array,
+    engine: Engine | None = None,
+    orders: tuple[int, ...] = ORDERS,
+) -> Vibration:
     """The most likely prior of each of the amplitudes q (time, mode), seen with noise_var (time, mode).
 
-    Every mode by itself; NaN = missing. From the best of a grid, on it the lines that stand out of the
-    periodogram.
+    Every mode by itself, but for the order of their loads: the likeliest of orders, ascending. NaN = missing.
+    The roughest from the best of a grid, on it the lines that stand out of the periodogram; each other from
+    the one below, and those lines. A mode that is not e^PATIENCE times as likely to move as not moves like
+    the one that moves most clearly, as far as it may by a standard error: absence of evidence is not zero.
     """
-    likelihood, modes = for_tuning(engine).log_likelihood, q.shape[1]
+    likelihood, modes, step = for_tuning(engine).log_likelihood, q.shape[1], np.diff(time)
     runs = tuning_segments(q)
-    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
 
-    def objective(points: Array, _levels: Array) -> Array:
+    def objective(points: Array, order: int) -> Array:
         mode = np.broadcast_to(np.arange(modes)[:, None], points.shape[:-1]).ravel()
-        prior = Vibration(*np.exp(points.reshape(-1, 4)).T)
+        prior = prior_of(points.reshape(-1, 4), order)
         total = np.zeros(len(mode))
         for run in runs:
             model = vibrating(prior, noise_var[run][:, mode], np.diff(time[run]))
             total += likelihood(model, q[run][:, mode, None], OUTLIER)
         return np.asarray(total.reshape(points.shape[:-1]))
 
-    seen = np.isfinite(q)
-    var = np.nanmean(q**2, 0)
-    size = np.sqrt(np.maximum(var - np.nanmean(np.where(seen, noise_var, np.nan), 0), 1e-2 * var))
-    slow, fast = 2 * np.pi / span, 0.9 * np.pi / step
+    size = signal_size(q, noise_var)
+    span = float(np.ptp(time))
+    slow, fast = 2 * np.pi / span, 0.9 * np.pi / float(np.median(step))
+    tried = first_points(time, q, size, slow, fast)
+    lines = tried[:, FREQUENCIES * len(SHAPES) :]
+    low, high = np.empty((modes, 4)), np.empty((modes, 4))
+    low[:], high[:] = np.log([slow, 0.1 / span, 1.0, 0.1 / span]), np.log([fast, fast, 1.0, fast])
+    low[:, 2], high[:, 2] = np.log(0.1 * size), np.log(10 * size)
+    best, value, order = np.zeros(0), np.full(modes, -np.inf), 0
+    for each in orders:
+        tried = np.clip(tried, low[:, None], high[:, None])
+        at = tried[np.arange(modes), np.nan_to_num(objective(tried[None], each)[0], nan=-np.inf).argmax(1)]
+        near = np.array([DETUNED, np.inf, np.inf, np.inf])
+        box = np.maximum(low, at - near), np.minimum(high, at + near)
+        at, _, values = maximize(partial(unshared, objective, each), *box, (0.0, 0.0), (at, 0.0))
+        if values.sum() < value.sum() - PATIENCE:
+            break  # smoother ones are less likely still
+        if values.sum() > value.sum():
+            best, value, order = at, values, each
+        near_by = np.repeat(at[:, None], len(HASTENED), 1)
+        near_by[..., 3] += np.log(HASTENED)
+        tried = np.concatenate([near_by, lines], 1)
+
+    def sized(shape: Array, std: Array) -> Array:
+        points = np.broadcast_to(shape, (modes, len(std), 4)).copy()
+        points[..., 2] = np.log(std * np.sqrt(variance_of(q))[:, None])
+        return np.asarray(np.nan_to_num(objective(points[None], order)[0], nan=-np.inf))
+
+    moved = value - sized(best[:, None], np.array([STILL]))[:, 0]
+    if (still := moved < PATIENCE).any():
+        shape = np.array([*low[0, :2], 0.0, low[0, 3]]) if still.all() else best[moved.argmax()]
+        likely = sized(shape, HIDDEN)
+        most = (likely >= likely.max(1, keepdims=True) - 0.5) * np.arange(1, len(HIDDEN) + 1)
+        best[still] = shape
+        best[still, 2] = np.log(HIDDEN[most.max(1) - 1] * np.sqrt(variance_of(q)))[still]
+    return prior_of(best, order)
+
+
+def prior_of(at: Array, order: int) -> Vibration:
+    """The prior at points (mode, 4) of a search: logarithms of frequency, damping, size and rate."""
+    frequency, damping, std, rate = np.exp(at).T
+    return Vibration(frequency, damping, std, rate, order)
+
+
+def unshared(objective: Callable[[Array, int], Array], order: int, points: Array, _: Array) -> Array:
+    """An objective for `maximize` of modes that share no number."""
+    return objective(points, order)
+
+
+def variance_of(q: Array) -> Array:
+    """Mean square (mode,) of amplitudes, noise and all."""
+    return np.asarray(np.nanmean(q**2, 0))
+
+
+def signal_size(q: Array, noise_var: Array) -> Array:
+    """About the standard deviation (mode,) of amplitudes, without their noise; a tenth of all at least."""
+    var = variance_of(q)
+    noise = np.nanmean(np.where(np.isfinite(q), noise_var, np.nan), 0)
+    return np.asarray(np.sqrt(np.maximum(var - noise, 1e-2 * var)))
+
+
+def first_points(time: Array, q: Array, size: Array, slow: float, fast: float) -> Array:
+    """Where a search begins (mode, point, 4): logarithms of frequency, damping, size and rate of the load.
+
+    Frequencies evenly spread between slow and fast (rad/s), and those that stand out of the periodogram.
+    """
     power = np.abs(np.fft.rfft(np.nan_to_num(q), 2 * len(q), axis=0)[1:]) ** 2
-    line = 2 * np.pi * np.fft.rfftfreq(2 * len(q), span / (len(q) - 1))[1:]
+    line = 2 * np.pi * np.fft.rfftfreq(2 * len(q), float(np.ptp(time)) / (len(q) - 1))[1:]
     power[(line < slow) | (line > fast)] = 0.0
     tallest = line[np.argsort(-power, axis=0)[:AT_ONCE]].T
-    spread = np.geomspace(slow, fast, FREQUENCIES)
-    first = np.concatenate([np.broadcast_to(spread, (modes, FREQUENCIES)), tallest], 1)
-    shape = np.array(list(product(DAMPED, REMEMBERED)))
-    grid = np.empty((modes, first.shape[1], len(shape), 4))
+    spread = np.broadcast_to(np.geomspace(slow, fast, FREQUENCIES), (len(size), FREQUENCIES))
+    first = np.concatenate([spread, tallest], 1)
+    grid = np.empty((*first.shape, len(SHAPES), 4))
     grid[..., 0], grid[..., 2] = first[:, :, None], size[:, None, None]
-    grid[..., 1], grid[..., 3] = (first[:, :, None] * rate for rate in shape.T)
-    grid = np.log(grid.reshape(modes, -1, 4))
-    value = np.nan_to_num(objective(grid[None], np.zeros((1, modes)))[0], nan=-np.inf)
-    at = grid[np.arange(modes), value.argmax(1)]
-    low = np.log(np.broadcast_to([slow, 0.1 / span, 1.0, 0.1 / span], at.shape)).copy()
-    high = np.log(np.broadcast_to([fast, fast, 1.0, fast], at.shape)).copy()
-    low[:, 0], high[:, 0] = (np.clip(at[:, 0] + d, low[:, 0], high[:, 0]) for d in (-DETUNED, DETUNED))
-    low[:, 2], high[:, 2] = np.log(0.1 * size), np.log(10 * size)
-    at = np.clip(at, low, high)
-    found = maximize(objective, low, high, (0.0, 0.0), (at, 0.0))[0]
-    return Vibration(*np.exp(found).T)
+    grid[..., 1], grid[..., 3] = (first[:, :, None] * rate for rate in SHAPES.T)
+    return np.asarray(np.log(grid.reshape(len(size), -1, 4)))

@@ -14,13 +14,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from forceid.errors import EstimationError
-from forceid.estimation.affine.channels import AffineChannels
+from forceid.estimation.body.affine_fit import fit_affine
+from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.material import Solid
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.kalman.building.process import Process, discretize, matern
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
-from forceid.records import Array
+from forceid.records import Array, Flags
 from forceid.significance import NUMBER
 
 PHASE_STEP = 0.3  # rad of the fastest vibration in a step of Runge and Kutta: 2e-5 of its amplitude
@@ -60,8 +61,8 @@ class AppliedMoments:
 
 @dataclass(frozen=True)
 class Elastic:
-    """What an elastic body makes of a load: solid, E (3, 3), z (time, 9) of noise (time, 9, 9), H (9, 9) from
-    F to z; rotation (time, 3, 3) of the axes of loads.
+    """What an elastic body makes of a load: solid, E (3, 3); z (time, 9), F as frames show it with noise
+    (time, 9, 9), NaN where they do not; rotation (time, 3, 3) of the axes of loads.
     """
 
     solid: Solid
@@ -69,7 +70,6 @@ class Elastic:
     time: Array
     z: Array
     noise: Array
-    H: Array
     rotation: Array
 
     def part(self, of: slice) -> Elastic:
@@ -79,20 +79,20 @@ class Elastic:
 
 
 def applied_moments(
-    channels: AffineChannels, F: Array, dF: Array, solid: Solid, body_axes: bool, engine: Engine
+    kin: Kinematics, E: Array, F: Array, dF: Array, solid: Solid, axes: Array, engine: Engine
 ) -> AppliedMoments:
     """Applied first moments, from a path F, dF (time, 3, 3) that is about right.
 
-    body_axes: whether the load is smooth along axes of the body, else along those of the world; its arms are
-    along the reference axes. EstimationError where the path does not smooth.
+    E (3, 3) kg m2: second moment; axes (time, 3, 3): rotations of those along which the load is smooth, its
+    arms are along the reference axes. EstimationError where the path does not smooth.
     """
-    count, groups = 3 * len(channels.columns), len(channels.groups)
-    own = np.arange(3 * groups).reshape(groups, 3)[-len(channels.columns) :].T.ravel()
-    z = np.stack([c.z for c in channels.columns], 2).reshape(-1, count)
-    turn = channels.rotation if body_axes else np.tile(np.eye(3), (len(z), 1, 1))
-    H, E = np.kron(np.eye(3), channels.axes.T @ channels.second_moment), channels.second_moment
-    noise = channels.noise[:, own[:, None], own]
-    body = Elastic(solid, E, channels.time, z, noise, np.asarray(H), turn)
+    assert kin.markers is not None
+    lost: Flags = np.asarray(np.isnan(kin.pose.center).any(1))
+    seen = np.where(lost[:, None, None], np.nan, kin.markers.measured)
+    fit = fit_affine(seen, kin.markers.X, kin.noise["position"] ** 2)
+    column = np.where(np.isfinite(fit.cov).all((1, 2), keepdims=True), fit.cov, np.eye(4))[:, 1:, 1:]
+    noise = np.einsum("ab,tcd->tacbd", np.eye(3), column).reshape(-1, 9, 9)
+    body = Elastic(solid, E, kin.time, fit.F.reshape(-1, 9), noise, axes)
     x = np.concatenate([F.reshape(-1, 9), dF.reshape(-1, 9)], 1)
     prior = tuned_prior(body, x, engine)
     for look in range(LINEARIZATIONS):
@@ -103,7 +103,7 @@ def applied_moments(
         if look < LINEARIZATIONS - 1:
             prior = resized(body, x, path.P, prior, engine)
     rows = np.zeros((len(x), 27, x.shape[1]))
-    rows[:, :9, 18:27], rows[:, 9:, :18] = row_by_row(turn, np.eye(3)), np.eye(18)
+    rows[:, :9, 18:27], rows[:, 9:, :18] = row_by_row(axes, np.eye(3)), np.eye(18)
     K = (rows[:, :9] @ x[..., None]).reshape(-1, 3, 3)
     path_F, path_dF = (x[:, a : a + 9].reshape(-1, 3, 3) for a in (0, 9))
     return AppliedMoments(path_F, path_dF, K, rows @ path.P @ rows.mT, prior)
@@ -184,9 +184,7 @@ def model_of(body: Elastic, steps: tuple[Array, Array], x: Array, prior: Applied
     P0 = np.zeros((n, n))
     P0[:9, :9], P0[9:18, 9:18] = UNKNOWN_START**2 * np.eye(9), speed**2 * np.eye(9)
     P0[18:, 18:] = np.kron(unit.P0, np.diag(prior.std**2))
-    H = np.zeros((len(body.H), n))
-    H[:, :9] = body.H
-    return StateSpace(Phi, Q, H, body.noise, np.concatenate([x[0, :18], np.zeros(9 * s)]), P0, u)
+    return StateSpace(Phi, Q, np.eye(9, n), body.noise, np.concatenate([x[0, :18], np.zeros(9 * s)]), P0, u)
 
 
 def flow(body: Elastic, x: Array, prior: AppliedPrior) -> tuple[Array, Array]:

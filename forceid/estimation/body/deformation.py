@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.flight.elastic import ElasticPrior, seen_modes, tune_elastic
+from forceid.flight.elastic import LOAD_ORDERS, ElasticPrior, seen_modes, tune_elastic
 from forceid.flight.smoother import FlightState
+from forceid.flight.tuning import ORDERS
 from forceid.flight.vibration import ModeState, Vibration, tune_vibrations, vibrating
 from forceid.kalman.engines import Engine
 from forceid.motion import Products, exp, inertia_products
@@ -25,6 +27,8 @@ class Deformation:
     prior, of those of hidden mass too, None where they were not smoothed; load_cov (time, mode, mode): of the
     loads of elastic modes; answered: the prior of these, with the loads that answer them; with_wrench (time,
     6, mode): covariance of force and moment with those loads, None where they were not smoothed together.
+    motion_cov (time, 3 mode, 3 mode): of amplitude, rate and acceleration of each affine mode, with the
+    moment moment_motion (time, 3, 3 mode) where they were smoothed together; None elsewhere.
     """
 
     amplitude: Array
@@ -37,6 +41,17 @@ class Deformation:
     load_cov: Array | None = None
     answered: ElasticPrior | None = None
     with_wrench: Array | None = None
+    motion_cov: Array | None = None
+    moment_motion: Array | None = None
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations (time, mode) m/s2 of the amplitudes; zero where they were not smoothed."""
+        if self.prior is None or self.path is None:
+            return np.zeros_like(self.rate)
+        chains = self.path.reshape(len(self.path), -1, self.prior.states)[:, : self.rate.shape[1]]
+        own = self.prior.motion[: self.rate.shape[1]]
+        return np.asarray(np.einsum("kb,tkb->tk", own[:, 2], chains[..., : len(ModeState)]))
 
 
 def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) -> Deformation:
@@ -56,16 +71,23 @@ def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) ->
             kin, None, np.zeros((len(kin.time), modes * len(ModeState))), np.zeros((len(kin.time), modes))
         )
     noise_var = np.nan_to_num(kin.amplitude_var, nan=1.0)
-    told = prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine)
+    # beside a flight every order costs its passes a state for each mode
+    orders = ORDERS if kin.apart else LOAD_ORDERS
+    told = prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine, orders)
     if kin.hidden is not None:
         prior = kin.hidden.moving_as(told, 3 * int(kin.seen.sum()) - 6)
     path = np.zeros((len(kin.time), len(prior.std) * prior.states))
     var = np.tile(prior.std**2, (len(kin.time), 1))
     models = vibrating(told, noise_var, np.diff(kin.time))
+    moving = np.zeros((len(kin.time), modes, 3, modes, 3)) if kin.model == "affine" else None
     for j, at in enumerate(range(0, modes * prior.states, prior.states)):
         found = (engine.filter if causal else engine.smooth)(models.one(j), kin.amplitude[:, j])
         path[:, at : at + prior.states], var[:, j] = found.x, found.P[:, 0, 0]
-    return deforming(kin, prior, path, var)
+        if moving is not None:
+            own = found.P[:, : len(ModeState), : len(ModeState)]
+            moving[:, j, :, j] = told.motion[j] @ own @ told.motion[j].T
+    smooth = deforming(kin, prior, path, var)
+    return smooth if moving is None else replace(smooth, motion_cov=moving.reshape(len(var), 3 * modes, -1))
 
 
 def deforming(
@@ -120,8 +142,15 @@ def as_smoothed(kin: Kinematics, deformation: Deformation, state: FlightState) -
     found = deforming(kin, deformation.prior, state.modes, deformation.amplitude_var)
     if state.modal_cov is None:
         return found
-    cross, cov = state.modal_cov[:, :6], state.modal_cov[:, 6:]
-    return replace(found, answered=deformation.answered, load_cov=cov, with_wrench=cross)
+    cross, cov, load = state.modal_cov[:, :6], state.modal_cov[:, 6:], slice(ModeState.LOAD, None, 3)
+    found = replace(
+        found, answered=deformation.answered, load_cov=cov[:, load, load], with_wrench=cross[..., load]
+    )
+    if kin.model != "affine":
+        return found
+    assert deformation.prior is not None
+    own = block_diag(*deformation.prior.motion)
+    return replace(found, motion_cov=own @ cov @ own.T, moment_motion=cross[:, 3:] @ own.T)
 
 
 def products_of(kin: Kinematics) -> Products:

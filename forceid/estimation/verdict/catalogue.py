@@ -638,9 +638,9 @@ AFFINE = (
     ),
     Entry(
         "first-moments-open", "degraded",
-        "the markers lie in a plane and the body has breadth across it: first moments are told for arms "
-        "along {directions} reference directions, the others are open; give a marker off the plane",
-        "Some of the nine first moments of force need the stretch across the plane of the markers.",
+        "the markers lie in a plane and the body has breadth across it: its first moments of force are open; "
+        "give a marker off the plane",
+        "The nine first moments of force need the stretch across the plane of the markers.",
         "Add a marker off the plane.",
     ),
     Entry(
@@ -654,12 +654,6 @@ AFFINE = (
         "first moments applied are not told from the stress in the body: {error}",
         "A material is stated, but the motion does not go together with it.",
         "Look at the constants under [material] or in /body/material.",
-    ),
-    Entry(
-        "no-first-moments", "degraded",
-        "first moments of force are not told: {error}",
-        "Force and moment are given. The other first moments are not.",
-        "Do what the sentence says.",
     ),
     Entry(
         "no-modal-force", "ok",

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from forceid.estimation.body.deforming.modes import split_rigid, strain_shapes
+from forceid.estimation.body.deforming.modes import split_rigid
+from forceid.estimation.body.deforming.strains import strain_axes, strain_shapes
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.motion import pose_gain, pose_rank
 from forceid.principal import summation_operator
@@ -110,7 +111,8 @@ def shapes_of(body: Body, kin: Kinematics) -> tuple[tuple[str, ...], Array]:
         name, shapes = tuple(f"{word} {k}" for k in range(1, len(kin.shapes) + 1)), kin.shapes
     else:
         on_seen = np.zeros_like(kin.shape)
-        strains = strain_shapes(kin.shape[kin.seen])
+        marked = kin.shape[kin.seen]
+        strains = strain_shapes(marked, strain_axes(marked)[0])
         shapes = np.zeros((len(strains), *on_seen.shape))
         shapes[:, kin.seen] = strains
         shapes = split_rigid(shapes, kin.shape, weight)[1] * kin.seen[:, None]

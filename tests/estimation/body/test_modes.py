@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
-from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError
 from forceid.estimation.body.deforming.mode_selection import observable_modes, observed_shapes
@@ -18,8 +17,8 @@ from forceid.estimation.body.deforming.modes import (
     mean_shape,
     principal_deformations,
     split_rigid,
-    strain_shapes,
 )
+from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.motion.pose import exp
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
@@ -117,28 +116,6 @@ def test_record_without_a_whole_frame_shows_no_mode():
     assert principal_deformations(residual, 1.0)[0].shape == (0, 7, 3)
 
 
-@pytest.mark.parametrize(("extent", "count"), [([1, 1, 1], 6), ([1, 1, 0], 3), ([1, 0, 0], 1)])
-def test_solid_plane_and_line_can_stretch_in_six_three_and_one_ways(extent, count):
-    turn = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_matrix()
-    body = (SHAPE * extent) @ turn.T
-    patterns = strain_shapes(body)
-    assert patterns.shape == (count, 7, 3)
-    assert np.linalg.matrix_rank(patterns.reshape(count, -1)) == count
-    for pattern in patterns:  # each is E X with E symmetric
-        E = np.linalg.lstsq(body, pattern, rcond=1e-9)[0]
-        np.testing.assert_allclose(body @ E, pattern, atol=1e-12)
-        moment = np.cross(body, pattern).sum(0) if count == 1 else np.zeros(3)
-        np.testing.assert_allclose(moment, 0, atol=1e-12)
-
-
-def test_affine_motion_of_a_solid_is_rigid_motion_and_stretches():
-    G = np.random.default_rng(6).standard_normal((3, 3))
-    basis = np.column_stack([summation_operator(SHAPE), strain_shapes(SHAPE).reshape(6, -1).T])
-    field = (SHAPE @ G.T + [1.0, 2.0, 3.0]).ravel()
-    left = field - basis @ np.linalg.lstsq(basis, field, rcond=None)[0]
-    np.testing.assert_allclose(left, 0, atol=1e-12)
-
-
 def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
     rng = np.random.default_rng(9)
     q = 0.01 * rng.standard_normal((300, 1))
@@ -158,7 +135,7 @@ def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
 def test_variance_of_amplitudes_is_what_monte_carlo_finds():
     residual = SIGMA * np.random.default_rng(1).standard_normal((5000, 7, 3))
     residual[:, 5] = np.nan
-    shapes = np.stack([planted(), strain_shapes(SHAPE)[0]])
+    shapes = np.stack([planted(), strain_shapes(SHAPE, np.eye(3))[0]])
     q, var = fit_amplitudes(residual, shapes, summation_operator(SHAPE), SIGMA**2)
     np.testing.assert_allclose(q.var(axis=0) / var[0], 1, atol=0.08)
 

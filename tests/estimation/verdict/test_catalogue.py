@@ -84,7 +84,7 @@ def test_findings_come_back_from_a_file_as_they_were():
     found = judge([note("spikes", count=3, readings=90, markers="a 3", time_s=0.1), note("one-marker")])
     assert read_verdict(verdict_attrs(found)) == found
     assert read_verdict(verdict_attrs(judge([]))) == judge([])
-    folded = judge([note("no-first-moments", error="a line\nand another"), note("one-marker")])
+    folded = judge([note("no-applied-moments", error="a line\nand another"), note("one-marker")])
     assert read_verdict(verdict_attrs(folded)) == folded
 
 

@@ -18,15 +18,14 @@ from forceid.estimation.body.deforming.modes import (
     mean_spin,
     principal_deformations,
     split_rigid,
-    strain_shapes,
 )
 from forceid.estimation.body.deforming.shapes import rank_of
+from forceid.estimation.body.deforming.strains import affine_shapes
 from forceid.estimation.body.markers import MarkerSet
 from forceid.flight.elastic import Elastic
 from forceid.motion import fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices
-from forceid.rounding import SINGLE
 from forceid.significance import TENTH
 
 FOLLOWED = 20  # elastic modes with states in a flight: as many again cost eight times the arithmetic
@@ -52,22 +51,16 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> Shap
     A modal body deforms in the modes that it brings with it, which take its unmarked masses along; in its
     principal deformations where it brings none. most: of them, None for all that show.
     """
-    inertia, modes, residual = markers.inertia, markers.modes, markers.residual
+    modes, residual = markers.modes, markers.residual
     shape, weight, seen, sigma = markers.shape, markers.weight, markers.seen, markers.noise_std
     none = Shapes(np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size)))
     if model == "rigid" or rank_of(shape, weight > 0) < 6:
         return none
-    hidden = bool((inertia.weight[~seen] > 0).any())
     if model == "affine":
-        whole = hidden and inertia.nodal is not None  # what strains, strains everywhere
-        raw = strain_shapes(shape) if whole else strain_shapes(shape) * seen[:, None]
-        gauge = inertia.nodal if whole and inertia.nodal is not None else weight
-        flat = split_rigid(raw, shape, gauge)[1].reshape(len(raw), -1)
-        U, size, _ = np.linalg.svd(flat.T, full_matrices=False)
-        shapes = U[:, size > SINGLE * size[0]].T.reshape(-1, *shape.shape)
-        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
-        if not np.isfinite(q).any(0).all():  # in no frame are markers enough
+        shapes = affine_shapes(markers)
+        if not len(shapes):  # in no frame are markers enough
             return none
+        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
         var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
         return replace(none, shape=shapes, var=var)
     if modes is not None and modes.compliance is not None:

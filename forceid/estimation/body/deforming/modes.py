@@ -177,20 +177,6 @@ def principal_deformations(residual: Array, noise_var: float, most: int | None =
     return shapes[:, top].T.reshape(count, *residual.shape[1:]), np.maximum(variance[top] - noise_var, 0.0)
 
 
-def strain_shapes(shape: Array) -> Array:
-    """The affine shapes of a body: nodal patterns (mode, node, 3) of the symmetric strains it can show.
-
-    Six for a solid body, three for a plane one (strains in its plane), one for a line. Strain k is the
-    pattern E_k X with E_k symmetric, in the principal axes of the shape. Source: principal equations 4g.
-    """
-    centered = shape - shape.mean(0)
-    _, size, axes = np.linalg.svd(centered, full_matrices=False)
-    spread = axes[size > 1e-6 * size[0]]
-    pairs = [(a, b) for i, a in enumerate(spread) for b in spread[i:]]
-    strains = [0.5 * (np.outer(a, b) + np.outer(b, a)) for a, b in pairs]
-    return np.array([shape @ E for E in strains])
-
-
 def fit_amplitudes(
     residual: Array,
     shapes: Array,
