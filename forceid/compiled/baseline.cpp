@@ -8,6 +8,7 @@
 #include "../kalman/strips.hpp"
 #include "../kalman/passes.hpp"
 #include "../kalman/fixed_lag.hpp"
+#include "../kalman/steps.hpp"
 #include "../flight/flight.hpp"
 #include "../motion/poses.hpp"
 #include "../pseudorigid/polar.hpp"
@@ -15,4 +16,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}};
+    {fixed_lag::follow}, {::steps::discretized}};

@@ -56,11 +56,17 @@ struct Lags {
                      Array z, Array noise, double most);
 };
 
+// kalman/steps.hpp
+struct Steps {
+  Two (*discretized)(Array A, Array Qc, Array step);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
   Bodies bodies;
   Lags lags;
+  Steps steps;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

@@ -10,6 +10,7 @@ V3
 #include "../kalman/strips.hpp"
 #include "../kalman/passes.hpp"
 #include "../kalman/fixed_lag.hpp"
+#include "../kalman/steps.hpp"
 #include "../flight/flight.hpp"
 #include "../motion/poses.hpp"
 #include "../pseudorigid/polar.hpp"
@@ -17,5 +18,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}};
+    {fixed_lag::follow}, {::steps::discretized}};
 #endif
