@@ -74,4 +74,5 @@ PYBIND11_MODULE(_engine, module) {
   def("steps", bodies.steps);
   def("follow", chosen.lags.follow);
   def("discretized", chosen.steps.discretized);
+  def("misfit", chosen.spectra.misfit);
 }

@@ -61,12 +61,18 @@ struct Steps {
   Two (*discretized)(Array A, Array Qc, Array step);
 };
 
+// flight/spectra.hpp
+struct Spectra {
+  Two (*misfit)(Array rows, Array power, Array density);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
   Bodies bodies;
   Lags lags;
   Steps steps;
+  Spectra spectra;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA
