@@ -75,4 +75,5 @@ PYBIND11_MODULE(_engine, module) {
   def("follow", chosen.lags.follow);
   def("discretized", chosen.steps.discretized);
   def("misfit", chosen.spectra.misfit);
+  def("whitened", chosen.whitening.whitened);
 }

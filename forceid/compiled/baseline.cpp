@@ -9,6 +9,7 @@
 #include "../kalman/passes.hpp"
 #include "../kalman/fixed_lag.hpp"
 #include "../kalman/steps.hpp"
+#include "../kalman/whitening.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../motion/poses.hpp"
@@ -17,4 +18,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}, {whitening::whitened}};

@@ -61,6 +61,11 @@ struct Steps {
   Two (*discretized)(Array A, Array Qc, Array step);
 };
 
+// kalman/whitening.hpp
+struct Whitening {
+  Out (*whitened)(Array F, Array H, Array K, Array W, Array signal);
+};
+
 // flight/spectra.hpp
 struct Spectra {
   Two (*misfit)(Array rows, Array power, Array density);
@@ -73,6 +78,7 @@ struct Kernels {
   Lags lags;
   Steps steps;
   Spectra spectra;
+  Whitening whitening;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

@@ -11,6 +11,7 @@ V3
 #include "../kalman/passes.hpp"
 #include "../kalman/fixed_lag.hpp"
 #include "../kalman/steps.hpp"
+#include "../kalman/whitening.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../motion/poses.hpp"
@@ -19,5 +20,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}, {whitening::whitened}};
 #endif
