@@ -73,4 +73,7 @@ PYBIND11_MODULE(_engine, module) {
   def("bipolar", bodies.bipolar);
   def("steps", bodies.steps);
   def("follow", chosen.lags.follow);
+  def("discretized", chosen.steps.discretized);
+  def("misfit", chosen.spectra.misfit);
+  def("whitened", chosen.whitening.whitened);
 }

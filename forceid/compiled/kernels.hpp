@@ -56,11 +56,29 @@ struct Lags {
                      Array z, Array noise, double most);
 };
 
+// kalman/steps.hpp
+struct Steps {
+  Two (*discretized)(Array A, Array Qc, Array step);
+};
+
+// kalman/whitening.hpp
+struct Whitening {
+  Out (*whitened)(Array F, Array H, Array K, Array W, Array signal);
+};
+
+// flight/spectra.hpp
+struct Spectra {
+  Two (*misfit)(Array rows, Array power, Array density);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
   Bodies bodies;
   Lags lags;
+  Steps steps;
+  Spectra spectra;
+  Whitening whitening;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

@@ -10,12 +10,15 @@ V3
 #include "../kalman/strips.hpp"
 #include "../kalman/passes.hpp"
 #include "../kalman/fixed_lag.hpp"
+#include "../kalman/steps.hpp"
+#include "../kalman/whitening.hpp"
 #include "../flight/flight.hpp"
+#include "../flight/spectra.hpp"
 #include "../motion/poses.hpp"
 #include "../pseudorigid/polar.hpp"
 #include "../pseudorigid/splitting.hpp"
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}, {whitening::whitened}};
 #endif

@@ -70,6 +70,7 @@ from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
 from forceid.rounding import SOLVED
+from forceid.threads import threads_for
 from forceid.timing import in_order, recorded, stage
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    with recorded() as spent, stage("rest"):
+    with recorded() as spent, stage("rest"), threads_for(3 * len(recording.body.node)):
         recording = with_stated(recording, settings)
         try:
             result, _ = estimate_whole(recording, settings)

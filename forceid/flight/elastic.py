@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
+from forceid.compiled import engine as compiled
 from forceid.flight.channels import CHANNEL_SAMPLES, FLIGHT_SAMPLES, middle
 from forceid.flight.modes import chains
 from forceid.flight.vibration import Vibration
@@ -85,6 +86,20 @@ class Spectra:
         """Means (band, ...) of a density (bin, ...) over the frequencies of each band."""
         first = np.flatnonzero(np.diff(self.band, prepend=-1))
         return np.asarray(np.add.reduceat(density, first, axis=0) / self.count[:, None])
+
+    def misfit(self, p: Array) -> tuple[Array, Array]:
+        """Minus the log-likelihood (band,) of an ordinate whose modes have densities p (band, mode), and its
+        slopes (band, mode).
+        """
+        if compiled is not None:
+            found: tuple[Array, Array] = compiled.misfit(self.rows, self.power, p)
+            return found
+        D = self.rows
+        S = np.eye(len(D)) + (D * p[:, None]) @ D.T
+        inverse = np.linalg.inv(S)
+        left = inverse @ (self.power @ inverse)
+        value = np.linalg.slogdet(S)[1] + np.einsum("bij,bji->b", inverse, self.power)
+        return np.asarray(value), np.asarray((D * ((inverse - left) @ D)).sum(1))
 
 
 def spectra_of(time: Array, observed: Array, rows: Array) -> Spectra | None:
@@ -217,14 +232,9 @@ def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> t
     gain = 1 / ((own**2 - w**2) ** 2 + (2 * width * w) ** 2)
     load = (size * elastic.size * np.exp(UNEVEN * shares)) ** 2
     density = load * gain * matern_density(order, 1.0, rate, w) / spectra.step
-    p = spectra.over_bands(density)
-    D = spectra.rows
-    S = np.eye(len(D)) + (D * p[:, None]) @ D.T
-    inverse = np.linalg.inv(S)
-    left = inverse @ (spectra.power @ inverse)
-    count = HANN * spectra.count
-    value = count @ (np.linalg.slogdet(S)[1] + np.einsum("bij,bji->b", inverse, spectra.power))
-    slope = count[:, None] * (D * ((inverse - left) @ D)).sum(1)
+    p, count = spectra.over_bands(density), HANN * spectra.count
+    each, slope = spectra.misfit(p)
+    value, slope = count @ each, count[:, None] * slope
     by_rate = (2 * order - 1) - 2 * order * rate**2 / (rate**2 + w**2)
     by_own = (
         -4 * own * gain * (own * (own**2 - w**2) + 2 * (width - np.pi / spectra.span) * width * w**2 / own)

@@ -24,7 +24,7 @@ from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
-from forceid.kalman.model import StateSpace
+from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
 from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array, KnownPart
@@ -119,9 +119,8 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     F, Q, P0 = prior.chain(step, carrier, flight.time[0])
     scale = np.ones(len(P0))
     scale[:3] = 1 / flight.mass  # the chain holds m c
-    F *= scale[:, None]
-    F /= scale
-    Q *= np.outer(scale, scale)
+    F, Q = (a[:1] if same_at_all_times(a) else a for a in (F, Q))
+    F, Q = F * scale[:, None] / scale, Q * np.outer(scale, scale)
     P0 = P0 * np.outer(scale, scale)
     u, gravity = np.zeros((len(step), len(P0))), flight.gravity @ prior.axes
     u[:, :3] = 0.5 * step[:, None] ** 2 * gravity
@@ -130,6 +129,7 @@ def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) 
     if (seen := np.isfinite(flight.center).all(1)).any():
         x0[:3] = flight.center[seen][0] @ prior.axes
     H[:, :3] = prior.axes
+    F, Q = at_all_times(F, len(step)), at_all_times(Q, len(step))
     return StateSpace(F, Q, H, flight.pose_cov[:, :3, :3], x0, P0, u)
 
 
@@ -174,7 +174,7 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Referenc
 def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
-    F, Q, P0 = prior.chain(step, reference.rotation, flight.time[0])
+    F, Q, P0 = map(np.array, prior.chain(step, reference.rotation, flight.time[0]))
     Y, H = moment_increments(reference, F)
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.flight.vibration import ModeState, Vibration
 from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.model import StateSpace
+from forceid.kalman.model import StateSpace, at_all_times
 from forceid.motion import Frames, Products
 from forceid.records import Array
 
@@ -81,9 +81,11 @@ def chains(prior: Vibration, step: Array) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chains of all modes."""
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     process = prior.process
-    F, Q = discretize_steps(process, unique)
-    F, Q = (np.stack([block_diag(*each) for each in a])[which] for a in (F, Q))
-    return F, Q, block_diag(*process.P0)
+    F, Q = (np.stack([block_diag(*each) for each in a]) for a in discretize_steps(process, unique))
+    P0 = block_diag(*process.P0)
+    if len(unique) > 1:
+        F, Q = F[which], Q[which]
+    return at_all_times(F, len(step)), at_all_times(Q, len(step)), P0
 
 
 def bent(

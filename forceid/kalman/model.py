@@ -93,7 +93,7 @@ class Filtered:
         F, u = self.model.F, self.model.u
         pred = np.empty_like(self.x)
         pred[0] = self.model.x0
-        pred[1:] = along(F if F.ndim == 2 or len(F) > 1 else F[0], self.x[:-1])
+        pred[1:] = along(F, self.x[:-1])
         if u is not None:
             pred[1:] += u if u.ndim == 1 or self.x.ndim == 2 else u[:, None]
         return pred
@@ -157,6 +157,16 @@ class Smoothed:
         return expand(np.sqrt(np.maximum(var, 0.0)), self.start, len(self.x))
 
 
+def same_at_all_times(a: Array) -> bool:
+    """Whether a matrix (time, ...) is held once, and is the same at all times."""
+    return len(a) == 1 or a.strides[0] == 0
+
+
+def at_all_times(a: Array, time: int) -> Array:
+    """A matrix (1 or time, ...) at so many times: one that stays the same is held once, and read alone."""
+    return a if len(a) == time else np.broadcast_to(a, (time, *a.shape[1:]))
+
+
 def expand(runs: Array, start: Indices, time: int) -> Array:
     """Values (run, ...) that hold from start (run,) on, for each sample (time, ...)."""
     return np.repeat(runs, np.diff(np.append(start, time)), axis=0)
@@ -164,7 +174,7 @@ def expand(runs: Array, start: Indices, time: int) -> Array:
 
 def along(a: Array, x: Array) -> Array:
     """Matrix times vector: a (., .), or (time, ., .) or (time, signal, ., .); x (time, [signal,] .)."""
-    if a.ndim == 3 and len(a) == 1:
+    if a.ndim == 3 and same_at_all_times(a):
         a = a[0]
     if a.ndim == 2:
         return np.asarray(x @ a.T)

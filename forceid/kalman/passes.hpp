@@ -40,9 +40,14 @@ INLINE void multiply(const double *__restrict a, const double *__restrict b, dou
     }
 }
 
+// four rows of a at a time: a write to each cache line for every four numbers, not for each
 INLINE void transpose_here(const double *__restrict a, double *__restrict t, int n, int m) {
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < m; ++j) t[j * n + i] = a[i * m + j];
+  int i = 0;
+  for (; i + 4 <= n; i += 4, a += 4 * m)
+    for (int j = 0; j < m; ++j)
+      for (int s = 0; s < 4; ++s) t[j * n + i + s] = a[s * m + j];
+  for (; i < n; ++i, a += m)
+    for (int j = 0; j < m; ++j) t[j * n + i] = a[j];
 }
 
 SHARED(n * m <= 16, transpose, (const double *__restrict a, double *__restrict t, int n, int m), (a, t, n, m))
@@ -251,9 +256,12 @@ template <int N, int M> struct Covariance {
 
 INLINE void row_times_here(const double *a, const double *x, double *y, int n, int m) { // y = a x
   for (int i = 0; i < n; ++i) {
-    double s = 0.0;
-    for (int j = 0; j < m; ++j) s += a[i * m + j] * x[j];
-    y[i] = s;
+    double s[4] = {};
+    int j = 0;
+    for (; j + 4 <= m; j += 4)
+      for (int l = 0; l < 4; ++l) s[l] += a[i * m + j + l] * x[j + l];
+    for (; j < m; ++j) s[0] += a[i * m + j] * x[j];
+    y[i] = (s[0] + s[1]) + (s[2] + s[3]);
   }
 }
 
@@ -284,6 +292,10 @@ Runs covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen
   std::copy(P0.data(), P0.data() + n * n, now.P_pred.begin());
   std::vector<Size> start;
   Buffer P_pred, P, K, W;
+  if (!steady) { // a run for every sample
+    P_pred.reserve(T * n * n), P.reserve(T * n * n);
+    K.reserve(T * n * m), W.reserve(T * m * m);
+  }
   Size failed = -1;
   {
     Rest rest;
@@ -619,6 +631,7 @@ Later information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool 
   Buffer later, now(n * n, 0.0), D(n * n), X(n * (n + m)), S(m * m), W(m * m), H_s(m * n), YH(n * m),
       told(n * n), F_t(n * n), work(n * std::max(n, m)), white(m * n);
   std::vector<int> channel(m);
+  if (!steady) later.reserve(T * n * n); // a run for every sample
   Size failed = -1;
   {
     Rest rest;
@@ -681,50 +694,65 @@ Later information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool 
   return {Tensor<Size>(std::move(last), {r}), Out(std::move(later), {r, n, n}), failed};
 }
 
-// Lower C with C C^T = P in place, by correlations; a pivot that is zero to rounding ends its column.
-INLINE void semidefinite_root(double *P, double *size, double *column, int n) {
-  for (int i = 0; i < n; ++i) size[i] = std::sqrt(std::max(P[i * n + i], 1e-300));
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j <= i; ++j) P[i * n + j] /= size[i] * size[j];
-  for (int j = 0; j < n; ++j) {
-    const double pivot = P[j * n + j];
-    const double inverse = pivot > 1e-15 ? 1.0 / std::sqrt(pivot) : 0.0;
-    for (int i = j; i < n; ++i) P[i * n + j] *= inverse;
-    for (int i = 0; i < j; ++i) P[i * n + j] = 0.0;
-    for (int i = j + 1; i < n; ++i) column[i] = P[i * n + j];
-    for (int i = j + 1; i < n; ++i) {
-      const double f = column[i];
-      for (int l = j + 1; l <= i; ++l) P[i * n + l] -= f * column[l];
-    }
+// y -= f0 x0 + f1 x1 from column `first` on; columns before it may change as well
+INLINE void subtract_two(double f0, const double *x0, double f1, const double *x1, double *y, int first, int n) {
+  using strips::read, strips::write, strips::WIDE;
+  int l = n;
+  for (; l > first && l >= WIDE; l -= WIDE) {
+    const int at = l - WIDE;
+    write<WIDE>(y + at, read<WIDE>(y + at) - f0 * read<WIDE>(x0 + at) - f1 * read<WIDE>(x1 + at));
   }
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j <= i; ++j) P[i * n + j] *= size[i];
+  while (l-- > first) y[l] -= f0 * x0[l] + f1 * x1[l];
 }
 
-// (P^-1 + later)^-1 of each sample: C (1 + C^T later C)^-1 C^T.
+// Upper U with U^T U = P in place, by correlations; a pivot that is zero to rounding ends its row.
+INLINE void semidefinite_root(double *P, double *size, double *none, int n) {
+  for (int i = 0; i < n; ++i) size[i] = std::sqrt(std::max(P[i * n + i], 1e-300)), none[i] = 1.0 / size[i];
+  for (int i = 0; i < n; ++i)
+    for (int j = i; j < n; ++j) P[i * n + j] *= none[i] * none[j];
+  const auto end = [&](double *row, int j) {
+    const double pivot = row[j], inverse = pivot > 1e-15 ? 1.0 / std::sqrt(pivot) : 0.0;
+    for (int l = j; l < n; ++l) row[l] *= inverse;
+  };
+  std::fill(none, none + n, 0.0);
+  for (int j = 0; j < n; j += 2) { // two rows at a time go through all below
+    double *one = P + j * n, *other = one + n;
+    end(one, j);
+    if (j + 1 == n) break;
+    subtract_two(one[j + 1], one, 0.0, none, other, j + 1, n);
+    end(other, j + 1);
+    for (int i = j + 2; i < n; ++i) subtract_two(one[i], one, other[i], other, P + i * n, i, n);
+  }
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < i; ++j) P[i * n + j] = 0.0;
+    for (int j = i; j < n; ++j) P[i * n + j] *= size[j];
+  }
+}
+
+// (P^-1 + later)^-1 of each sample: C (1 + C^T later C)^-1 C^T, of C^T = U.
 template <int N> Out combine(Array P_, Array later_) {
   const Size T = P_.shape(0);
   const int n = N ? N : static_cast<int>(P_.shape(1));
   Out out_({T, n, n});
   double *out = out_.data();
-  Buffer C(n * n), C_t(n * n), known(n * n), work(n * n), size(n), column(n);
+  Buffer U(n * n), known(n * n), work(n * n), size(n), none(n);
   for (Size k = 0; k < T; ++k) {
-    std::copy(P_.data() + k * n * n, P_.data() + (k + 1) * n * n, C.begin());
-    semidefinite_root(C.data(), size.data(), column.data(), n);
-    transpose(C.data(), C_t.data(), n, n);
-    sandwich(C_t.data(), later_.data() + k * n * n, known.data(), work.data(), n);
+    std::copy(P_.data() + k * n * n, P_.data() + (k + 1) * n * n, U.begin());
+    semidefinite_root(U.data(), size.data(), none.data(), n);
+    sandwich(U.data(), later_.data() + k * n * n, known.data(), work.data(), n);
     for (int i = 0; i < n; ++i) known[i * n + i] += 1.0;
-    semidefinite_root(known.data(), size.data(), column.data(), n);
-    for (int j = 0; j < n; ++j) { // C_t <- known^-1 C_t
-      const double inverse = 1.0 / known[j * n + j];
-      for (int l = 0; l < n; ++l) C_t[j * n + l] *= inverse;
-      for (int i = j + 1; i < n; ++i) {
-        const double f = known[i * n + j];
-        for (int l = 0; l < n; ++l) C_t[i * n + l] -= f * C_t[j * n + l];
-      }
+    semidefinite_root(known.data(), size.data(), none.data(), n);
+    for (int j = 0; j < n; j += 2) { // U <- known^-T U
+      double *one = &U[j * n], *other = one + n;
+      const double *f = &known[j * n], *g = f + n;
+      for (int l = 0; l < n; ++l) one[l] *= 1.0 / f[j];
+      if (j + 1 == n) break;
+      subtract_two(f[j + 1], one, 0.0, none.data(), other, 0, n);
+      for (int l = 0; l < n; ++l) other[l] *= 1.0 / g[j + 1];
+      for (int i = j + 2; i < n; ++i) subtract_two(f[i], one, g[i], other, &U[i * n], 0, n);
     }
-    transpose(C_t.data(), work.data(), n, n);
-    multiply(work.data(), C_t.data(), out + k * n * n, n, n, n);
+    transpose(U.data(), work.data(), n, n);
+    multiply(work.data(), U.data(), out + k * n * n, n, n, n);
     symmetrize(out + k * n * n, n);
   }
   return out_;

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from forceid.errors import EstimationError
@@ -51,6 +54,28 @@ def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
     ch = angular_channel(kin.time, pose.rotation, cov, deformation.inertia, deformation.h, known)
     adds_up = 1.0 if kin.color is None else kin.color.slow
     return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, adds_up * ch.drift, kin.color)
+
+
+@dataclass(frozen=True)
+class DrivenMotion:
+    """Kinematics, a deformation along them, and the channels that force and moment drive as these show them.
+
+    A channel is worked out once, when it is first asked for.
+    """
+
+    kin: Kinematics
+    deformation: Deformation
+    gravity: Array
+
+    @cached_property
+    def force(self) -> Channel:
+        """What the force drives."""
+        return force_channel(self.kin, self.gravity)
+
+    @cached_property
+    def moment(self) -> Channel:
+        """What the moment drives."""
+        return moment_channel(self.kin, self.deformation)
 
 
 def tune_channel(

@@ -47,8 +47,8 @@ def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Eng
     """
     still = np.zeros((len(kin.time), 3))
     flight = flight_of(kin, Deformation(still, still, kin.pose.rotation, still), gravity)
-    path = smooth_translation(flight, force, engine)
-    return slow_and_small(path.innovation, path.nis)
+    found = engine.filter(*seen_part(flight, force))
+    return slow_and_small(found.innovation, found.nis)
 
 
 def slow_and_small(innovation: Array, nis: Array) -> bool:

@@ -6,23 +6,24 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from forceid.estimation.body.deformation import Deformation, undeformed
+from forceid.estimation.body.deformation import undeformed
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.channels import DrivenMotion
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine
+from forceid.records import Array
 
 
 @dataclass(frozen=True)
 class Look:
-    """Kinematics of a level, and the same with the deformation, smoothed, taken out of the poses.
+    """Kinematics of a level, and the motion with the deformation, smoothed, taken out of the poses.
 
     priors: tuned on channels of these, without lines, the noise as it is, and of any order.
     """
 
     kin: Kinematics
-    without: Kinematics
-    deformation: Deformation
+    driven: DrivenMotion
     priors: tuple[tuple[Channel, LoadPrior], ...] = ()
 
     def prior_on(self, channel: Channel) -> LoadPrior | None:
@@ -30,9 +31,9 @@ class Look:
         return next((prior for own, prior in self.priors if are_same(own, channel)), None)
 
 
-def look_at(kin: Kinematics, engine: Engine) -> Look:
+def look_at(kin: Kinematics, gravity: Array, engine: Engine) -> Look:
     """A look at a level, its deformation smoothed."""
-    return Look(kin, *undeformed(kin, engine))
+    return Look(kin, DrivenMotion(*undeformed(kin, engine), gravity))
 
 
 def are_same(one: Channel, other: Channel) -> bool:

@@ -13,7 +13,7 @@ from forceid.estimation.body.deformation import Deformation, undeformed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
-from forceid.estimation.loads.channels import force_channel, moment_channel
+from forceid.estimation.loads.channels import DrivenMotion
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.estimation.methods.look import Look
 from forceid.flight.channels import Channel
@@ -34,7 +34,7 @@ class Problem:
     stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
     loads; errors, of the markers as what no motion makes shows them; slow, the noise of tracks whose errors
     follow each other, None for none; near, priors that those of the same lines are near to.
-    Found: looked, the kinematics as the markers show them, and kin, with the deformation taken out;
+    Found: looked, the kinematics as the markers show them, and driven, with the deformation taken out;
     noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
     the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
@@ -56,8 +56,7 @@ class Problem:
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
     looked: Kinematics = TO_COME
-    kin: Kinematics = TO_COME
-    deformation: Deformation = TO_COME
+    driven: DrivenMotion = TO_COME
     noise_range: tuple[float, float] = (1.0, 1.0)
     followed: bool = True
     notes: tuple[Finding, ...] = ()
@@ -71,6 +70,16 @@ class Problem:
     gained: dict[str, float] = field(default_factory=dict)
     growth: Array | None = None
     impulses: Impulses | None = None
+
+    @property
+    def kin(self) -> Kinematics:
+        """The kinematics with the deformation taken out."""
+        return self.driven.kin
+
+    @property
+    def deformation(self) -> Deformation:
+        """The deformation, smoothed."""
+        return self.driven.deformation
 
     @property
     def causal(self) -> bool:
@@ -95,13 +104,13 @@ class Problem:
     @property
     def force_channel(self) -> Channel:
         """What the force drives."""
-        return force_channel(self.kin, self.motion.gravity)
+        return self.driven.force
 
     @property
     def channels(self) -> dict[str, Channel]:
         """What force and moment drive, of those that the markers show."""
         shown = {"force": self.force_channel}
-        return shown | {"moment": moment_channel(self.kin, self.deformation)} if self.kin.attitude else shown
+        return shown | {"moment": self.driven.moment} if self.kin.attitude else shown
 
     def look(self, noise: dict[str, Array] | None) -> Kinematics:
         """The kinematics without the frames dropped, under the noise of the file or another one."""
@@ -114,11 +123,17 @@ class Problem:
         if kin is self.looked:  # by the pass before
             return self
         if self.shown is not None and kin is self.shown.kin and not self.causal:
-            without, deformation = self.shown.without, self.shown.deformation
+            seen = replace(self, looked=kin, driven=self.shown.driven)
         else:
-            without, deformation = undeformed(kin, self.engine, self.causal)
+            seen = replace(self, looked=kin).along(*undeformed(kin, self.engine, self.causal))
         color = None if self.errors is None else self.errors.color
-        return replace(self, looked=kin, kin=replace(without, color=color), deformation=deformation)
+        if color is seen.kin.color:
+            return seen
+        return seen.along(replace(seen.kin, color=color), seen.deformation)
+
+    def along(self, kin: Kinematics, deformation: Deformation) -> Problem:
+        """The problem with kinematics whose deformation is known and taken out."""
+        return replace(self, driven=DrivenMotion(kin, deformation, self.motion.gravity))
 
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""

@@ -201,4 +201,4 @@ def tune_moment(problem: Problem) -> Problem:
         return problem
     at_limit = {**problem.at_limit, "orientation": moment.tuned.noise_at_limit}
     kin = problem.look(scaled_noise(kin, {"orientation": moment.noise}))
-    return replace(problem, kin=kin, at_limit=at_limit)
+    return replace(problem.along(kin, problem.deformation), at_limit=at_limit)

@@ -42,7 +42,6 @@ from forceid.estimation.model_choice.load_seen import (
     NEAR,
     LoadChannels,
     changes,
-    channels_of,
     claims_more,
     from_view,
     looked,
@@ -158,8 +157,8 @@ def descend(
         return solutions[i]
 
     def seen(i: int) -> LoadChannels:
-        shown[i] = look_at(look(i), engine)
-        return channels_of(shown[i], motion.gravity)
+        shown[i] = look_at(look(i), motion.gravity, engine)
+        return shown[i].driven.force, shown[i].driven.moment
 
     def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)

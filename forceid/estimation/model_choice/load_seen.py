@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.methods.look import Look
+from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -32,11 +31,6 @@ class Seen:
     load: Array
     std: Array
     log_likelihood: float
-
-
-def channels_of(look: Look, gravity: Array) -> LoadChannels:
-    """The channels that force and moment drive, as a level sees them."""
-    return force_channel(look.without, gravity), moment_channel(look.without, look.deformation)
 
 
 def load_seen(channel: Channel, engine: Engine) -> Seen:
@@ -106,10 +100,10 @@ def looked(channels: LoadChannels, top: View, engine: Engine) -> tuple[float, fl
 def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     """How far the load of another channel is under the prior of the one seen; whether that fits as well."""
     model = channel_model(channel, top.prior)
-    states = engine.smooth_states(model, channel.moved)
+    filtered, states = engine.filter_and_smooth_states(model, channel.moved)
     load = states[:, : top.prior.states] @ top.prior.rows.T
     change = distance(at_times(channel, top.channel, load), top.load, top.std)
-    return change, engine.filter(model, channel.moved).log_likelihood > top.log_likelihood - PATIENCE
+    return change, filtered.log_likelihood > top.log_likelihood - PATIENCE
 
 
 def from_view(solution: Solution, top: View, time: Array) -> float:

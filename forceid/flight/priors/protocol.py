@@ -24,7 +24,7 @@ from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.lines import Line
 from forceid.kalman.building.process import Process
-from forceid.kalman.model import StateSpace
+from forceid.kalman.model import StateSpace, at_all_times
 from forceid.records import Array, Indices
 
 INTEGRAL, MOMENTUM, LOAD = slice(0, 3), slice(3, 6), slice(6, None)  # states of Y, H and the load in a chain
@@ -174,6 +174,8 @@ class LoadPrior:
     ) -> tuple[Array, Array, Array]:
         """F, Q (time - 1, state, state) and P0 of the chain over steps (time - 1,) s, from the time `begin`.
 
+        Of a clock with one step, F and Q are held once, and read alone.
+
         Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
         rotation (time, 3, 3): of the body, for a load or a line that turns with it.
         """
@@ -204,7 +206,9 @@ class LoadPrior:
             if self.body_axes is not None:
                 F, Q, P0 = fix_to_body(F, Q, P0, n, step, rotation, self.body_axes)
         add_lines((F, Q, P0), self.lines, self.axes, unique, step, rotation)
-        return F[which], Q[which], P0
+        if len(F) > 1:
+            F, Q = F[which], Q[which]
+        return at_all_times(F, len(step)), at_all_times(Q, len(step)), P0
 
     def restated(self, chain: Array, was: LoadPrior) -> Array:
         """The chain (time, state) of a prior that `was`, of the same kernel, in the states of this one.
@@ -268,7 +272,9 @@ def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = N
     """
     step = np.diff(channel.time)
     F, Q, P0 = prior.chain(step, rotation, channel.time[0])
-    Q[:, :3, :3] += step[:, None, None] * (prior.axes.T @ channel.drift @ prior.axes)
+    if channel.drift.any():
+        Q = np.array(Q)
+        Q[:, :3, :3] += step[:, None, None] * (prior.axes.T @ channel.drift @ prior.axes)
     H = np.zeros((3, len(P0)))
     H[:, :3] = channel.gain * prior.axes
     model = StateSpace(F, Q, H, channel.noise_cov, np.zeros(len(P0)), P0)

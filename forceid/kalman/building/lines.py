@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from forceid.compiled import engine as compiled
 from forceid.kalman.building.process import Process, resonator
-from forceid.kalman.model import Filtered, StateSpace
+from forceid.kalman.model import Filtered, StateSpace, expand, same_at_all_times
 from forceid.records import Array
 from forceid.rounding import ITERATIONS, ROUNDED
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
@@ -121,22 +122,22 @@ def winsorized(innovation: Array) -> Array:
 def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
     """Signals (time, channel, column) as the innovations that they would make, whitened; zero at gaps.
 
-    filtered: what the model made of a measurement; the signals are sent through the same gains.
+    filtered: what the model made of a measurement; the signals are sent through the same gains, which are
+    zero for a channel that is missing.
     """
-    seen = np.isfinite(filtered.innovation)
-    H = np.broadcast_to(model.H, (len(seen), *model.H.shape[-2:])) * seen[..., None]
-    R = np.where(seen[:, None, :] & seen[..., None], model.R, np.eye(H.shape[1]))
-    PHt = filtered.P_pred @ H.swapaxes(1, 2)
-    S = H @ PHt + R
-    K = np.linalg.solve(S, PHt.swapaxes(1, 2)).swapaxes(1, 2)
+    F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
+    gains = filtered.gains
+    K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
+    if compiled is not None:
+        white: Array = compiled.whitened(F, H, K, W, signal)
+        return white
+    F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
     error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
-    present = signal * seen[..., None]
     for k in range(len(signal)):
-        error[k] = present[k] - H[k] @ x
-        x = x + K[k] @ error[k]
+        error[k] = signal[k] - H[k] @ x
         if k < len(signal) - 1:
-            x = model.at("F", k) @ x
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(S), error))
+            x = F[k] @ (x + K[k] @ error[k])
+    return np.asarray(W @ error)
 
 
 def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:

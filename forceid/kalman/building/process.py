@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from forceid.compiled import engine as compiled
 from forceid.records import Array
 from forceid.rounding import COMPLEX_STEP, ITERATIONS
 
@@ -178,6 +179,10 @@ def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     (True, True)
     """
     h = np.asarray(step, float)[..., None, None]
+    if compiled is not None and not np.iscomplexobj(process.A) and not np.iscomplexobj(process.Qc):
+        A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h)
+        many = compiled.discretized(*(a.reshape(-1, *A.shape[-2:]) for a in (A, Qc)), h[..., 0, 0].ravel())
+        return many[0].reshape(A.shape), many[1].reshape(A.shape)
     turn = np.abs(np.linalg.eigvals(process.A.real)).max(-1)[..., None, None] * h
     doublings = np.ceil(np.log2(np.maximum(8 * turn, 1.0)))
     A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h / 2**doublings)

@@ -14,7 +14,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.kalman.covariance import correlations
-from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels
+from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace, as_channels, same_at_all_times
 from forceid.kalman.recursions.conditioning import mended_covariance_pass, smoothed_states
 from forceid.kalman.recursions.conditioning import smoothed_covariances as smoothed_runs
 from forceid.records import Array, Flags, Indices
@@ -180,7 +180,8 @@ def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Arr
         if a.shape[a.ndim - len(core) :] != core or (lead and lead[0] not in times) or len(lead) > 2:
             expected = " or ".join(str((*t, *core)) for t in ((), (times[0],)))
             raise EstimationError(f"has {name} of shape {a.shape}, expected {expected}", "the linear model")
-        out.append(a if len(lead) == 2 else a[:, None] if len(lead) == 1 else a[None, None])
+        a = a if len(lead) == 2 else a[:, None] if len(lead) == 1 else a[None, None]
+        out.append(a[:1] if same_at_all_times(a) else a)
     for name, shape in (("x0", (n,)), ("P0", (n, n))):
         if getattr(model, name).shape[-len(shape) :] != shape:
             found = getattr(model, name).shape
@@ -190,7 +191,7 @@ def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Arr
 
 def time_invariant(model: StateSpace) -> bool:
     """Whether F, Q, H, R are the same at every sample."""
-    return all(a.ndim == 2 or len(a) == 1 for a in (model.F, model.Q, model.H, model.R))
+    return all(a.ndim == 2 or same_at_all_times(a) for a in (model.F, model.Q, model.H, model.R))
 
 
 def pattern(z: Array) -> Flags:

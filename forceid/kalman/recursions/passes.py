@@ -62,6 +62,7 @@ def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Fla
     runs: list[tuple[int, Array, Array, Array, Array]] = []
     failed, which = -1, seen.astype(bool)
     stirred = channel_changes(which)
+    whole, some = np.asarray(which.all(1)), np.asarray(which.any(1))
     k = 0
     while k < len(seen):
         if k in stirred:
@@ -71,8 +72,10 @@ def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Fla
             P_pred = F_k @ runs[-1][2] @ F_k.T + of(Q, k - 1)
             P_pred = 0.5 * (P_pred + P_pred.T)
         K, W, P = np.zeros((len(P0), seen.shape[1])), np.zeros((seen.shape[1],) * 2), P_pred
-        if (c := which[k]).any():
-            H_k, R_k = of(H, k)[c], of(R, k)[c][:, c]
+        if some[k]:
+            c, H_k, R_k = which[k], of(H, k), of(R, k)
+            if not whole[k]:
+                H_k, R_k = H_k[c], R_k[c][:, c]
             PHt = P_pred @ H_k.T
             try:
                 W_c = np.linalg.inv(np.linalg.cholesky(H_k @ PHt + R_k))
@@ -82,8 +85,10 @@ def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Fla
                 break
             K_c = white @ W_c
             P = updated(P_pred, K_c, H_k, R_k, white @ white.T)
-            K[:, c] = K_c
-            W[np.ix_(c, c)] = W_c
+            if whole[k]:
+                K, W = K_c, W_c
+            else:
+                K[:, c], W[np.ix_(c, c)] = K_c, W_c
         runs.append((k, P_pred, P, K, W))
         still = steady and k > 0 and rest.reached(P)
         k = min((i for i in stirred if i > k), default=len(seen)) if still else k + 1

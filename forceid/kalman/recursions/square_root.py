@@ -9,7 +9,7 @@ Arguments and runs as in `passes`.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lu
+from scipy.linalg import lapack, lu
 
 from forceid.kalman.covariance import is_positive_definite, square_root
 from forceid.kalman.recursions import passes
@@ -24,8 +24,14 @@ def triangle(W: Array) -> Array:
     1970): a row that is eliminated goes by the column that carries most of it, so small columns keep their
     digits beside columns as large as unknown, which reflections alone mix into them.
     """
-    part, upper = lu(W.swapaxes(-1, -2), permute_l=True, check_finite=False)
-    return np.asarray(np.linalg.qr(part, mode="r") @ upper, float).swapaxes(-1, -2)
+    if W.ndim > 2:
+        part, upper = lu(W.swapaxes(-1, -2), permute_l=True, check_finite=False)
+        return np.asarray(np.linalg.qr(part, mode="r") @ upper, float).swapaxes(-1, -2)
+    both = lapack.dgetrf(W.T)[0]  # by hand: the calls above cost as much as what they do
+    rank = min(W.shape)
+    part = np.tril(both[:, :rank], -1)
+    np.fill_diagonal(part, 1.0)  # rows in another order: reflections ask for none
+    return np.asarray(np.triu(lapack.dgeqrf(part)[0][:rank]) @ np.triu(both[:rank]), float).T
 
 
 def eliminate(A: Array, B: Array, noise: Array) -> tuple[Array, Array, Array]:
@@ -61,9 +67,9 @@ def array_covariance_pass(
     while k < len(seen):
         if k in stirred:
             rest = Rest()
-        if k > 0:
-            before = triangle(np.hstack([of(F, k - 1) @ runs[-1][5], of(Q_root, k - 1)]))
-        K, W, C = np.zeros((n, m)), np.zeros((m, m)), before
+        if k > 0:  # as wide as it comes: it is made triangular with what the sample shows
+            before = np.hstack([of(F, k - 1) @ runs[-1][5], of(Q_root, k - 1)])
+        K, W = np.zeros((n, m)), np.zeros((m, m))
         if (c := which[k]).any():
             HC, noise = of(H, k)[c] @ before, of(R_root, k)[c]
             L, K_white, C = eliminate(HC, before, noise)
@@ -74,6 +80,8 @@ def array_covariance_pass(
             W_c = white_share(L * sign, np.eye(len(L)))
             K[:, c] = (K_white * sign) @ W_c
             W[np.ix_(c, c)] = W_c
+        else:
+            C = triangle(before)
         P_pred, P = squared(before), squared(C)
         runs.append((k, P_pred, P, K, W, C))
         still = steady and k > 0 and rest.reached(P)

@@ -79,8 +79,10 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
 def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
     """Wheels of all sizes, uniform in the logarithm, from `most` down to where they make moments of `least`.
 
-    Beforehand one wheel is as likely as none: nothing is known of it.
+    Beforehand one wheel is as likely as none: nothing is known of it. A body without momentum holds none.
     """
+    if most == 0.0:
+        return []
     edge = len(look.loads) // 8
     made = look.loads[edge : len(look.loads) - edge]
     scale = float(np.sqrt(np.einsum("tah,tah->", made, made) / len(made)))
