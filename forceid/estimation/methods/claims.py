@@ -6,13 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.body.deformation import as_smoothed, load_on_unit_mass
+from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads.body_axes import body_fixed_priors
 from forceid.estimation.loads.hidden import free_oscillation, inner_wheel
-from forceid.estimation.loads.hidden.left_out import faster_on_modes, hidden_load, lines_at_spin
+from forceid.estimation.loads.hidden.left_out import (
+    as_fast_as_on_modes,
+    hidden_load,
+    least_band,
+    lines_at_spin,
+)
+from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_world
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
@@ -64,16 +70,28 @@ def turn_with_body(problem: Problem) -> Problem:
         return replace(problem, priors=priors, gained=gained, state=state, plain=state.wrench_cov)
     if problem.state.reference is None or flight.sensors is not None:  # these would show what poses do not
         return problem
-    modes = problem.deformation.prior
     mass, gravity = kin.inertia.mass, problem.motion.gravity
-    if kin.elastic is not None and modes is not None and problem.deformation.path is not None:
-        on_modes = problem.deformation.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
-        size, turned = load_on_unit_mass(kin, modes), problem.state.rotation @ kin.inertia.tensor
-        inertia = np.einsum("tab,tab->ta", turned, problem.state.rotation).mean(0)
-        alike = {"force": np.full(3, size * np.sqrt(mass)), "moment": size * np.sqrt(inertia)}
-        said = faster_on_modes(problem.channels, problem.priors, problem.state, on_modes, alike)
-        problem = problem.noting(*said)
     return problem.noting(*lines_at_spin(problem.channels, problem.priors, problem.state, mass, gravity))
+
+
+def allow_for_deforming_loads(problem: Problem) -> Problem:
+    """What a body that deforms says of its loads: as fast as on its modes, and on arms that move."""
+    kin, state, modes = problem.kin, problem.state, problem.deformation.prior
+    if not kin.attitude or problem.causal or modes is None or problem.flight.sensors is not None:
+        return problem
+    seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
+    turned: Array = state.rotation[seen]
+    band = least_band(problem.channels["moment"], problem.priors["moment"], turned)
+    bent = as_smoothed(kin, problem.deformation, state)
+    state = widened_by_arms(state, kin, bent.amplitude, band)
+    if kin.elastic is None or problem.settings.load_axes == "body":
+        return replace(problem, state=state)
+    assert bent.path is not None
+    on_modes = bent.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
+    inertia = (state.rotation @ kin.inertia.tensor @ state.rotation.mT).mean(0)
+    moved = {"force": kin.inertia.mass * np.eye(3), "moment": inertia}
+    state, said = as_fast_as_on_modes(problem.channels, problem.priors, state, on_modes, moved)
+    return replace(problem, state=state).noting(*said)
 
 
 def allow_for_edges(problem: Problem) -> Problem:

@@ -10,6 +10,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import largest_innovations
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.methods.claims import (
+    allow_for_deforming_loads,
     allow_for_edges,
     allow_for_priors,
     allow_for_ringing,
@@ -63,6 +64,7 @@ CLAIMS: tuple[Stage, ...] = (
     allow_for_ringing,
     allow_for_slow_errors,
     turn_with_body,
+    allow_for_deforming_loads,
     judge_lever,
     allow_for_edges,
     allow_for_priors,

@@ -9,6 +9,7 @@ harmonics).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.lines import near
 from forceid.records import Array, Finding, HiddenLoad, deviation
-from forceid.significance import PATIENCE, SIGMAS, TENTH, WILD
+from forceid.significance import PATIENCE, TENTH, WILD
 
 MUCH = 10.0  # times the claim, that a line is which matters
 
@@ -108,48 +109,68 @@ def lines_at_spin(
     return findings
 
 
-def faster_on_modes(
+def as_fast_as_on_modes(
     channels: Mapping[str, Channel],
     priors: Mapping[str, LoadPrior],
     state: FlightState,
     on_modes: Array,
-    alike: Mapping[str, Array],
-) -> list[Finding]:
-    """Force or moment that may hide a wave as fast as the loads that modes show, far beyond its claim.
+    moved: Mapping[str, Array],
+) -> tuple[FlightState, list[Finding]]:
+    """The state with claims that allow for loads as fast as modes show them, where poses do not follow these.
 
-    And beyond a tenth of what it is, or of a load as strong as on the modes where it shows none. on_modes
-    (time, mode): smoothed loads on modes of unit mass, of which all but a tenth of the power counts; alike
-    (3,), by name: deviation of loads, world axes, as strong on the whole body as on its modes.
+    The same forces push the whole body and its modes: on_modes (time, mode), smoothed loads on modes of unit
+    mass, tell at every frequency how strong loads are, in the mean of their logarithms; moved (3, 3), by
+    name: mass or inertia, world axes. At a frequency a smoother that follows the share G of a load errs by
+    (1 - G)^2 of it, of which its claim has what its own prior expects; a line that it holds is followed. The
+    record denies what would be stronger than the noise. The finding says from which frequency on, where the
+    variance claimed grows by half or more.
     """
-    edge, clock = len(state.wrench_cov) // 8, channels["force"].time
-    claims = np.sqrt((deviation(state.wrench_cov)[edge : len(state.wrench_cov) - edge] ** 2).mean(0))
-    swing = on_modes - on_modes.mean(0)
-    power = np.cumsum((np.abs(np.fft.rfft(swing * np.hanning(len(swing))[:, None], axis=0)) ** 2).sum(1))
-    ordinate = np.fft.rfftfreq(len(swing), float(np.median(np.diff(clock))))
-    fastest = max(float(ordinate[np.searchsorted(power, (1 - TENTH) * power[-1])]), 1 / float(np.ptp(clock)))
-    findings = []
+    clock, cov, findings = channels["force"].time, state.wrench_cov.copy(), []
+    step = float(np.ptp(clock)) / (len(on_modes) - 1)
+    frequency: Array = np.fft.rfftfreq(len(on_modes), step)[1:].astype(float)
+    taper = np.hanning(len(on_modes))[:, None]
+    waves = np.fft.rfft(taper * (on_modes - on_modes.mean(0)), axis=0)[1:]
+    power = np.maximum(np.abs(waves) ** 2 * step / (taper**2).sum(), np.finfo(float).tiny)
+    unit_mass = np.exp(np.log(power).mean(1))
     for name, unit, own in (("force", "N", slice(0, 3)), ("moment", "N m", slice(3, 6))):
         if name not in channels:
             continue
-        least, share = smallest_found(channels[name], priors[name], np.array([fastest]))
-        hides = (least * np.sqrt(np.minimum(1.0, 2 * (1 - share))))[0]
-        hides = np.minimum(hides, np.sqrt(2) * alike[name])
-        worst = int(np.nanargmax(hides / claims[own]))
-        size, claimed = length(getattr(state, name)), float(np.linalg.norm(claims[own]))
-        scale = size if size > WILD * claimed else max(size, float(np.linalg.norm(alike[name])))
-        if hides[worst] > max(SIGMAS * claims[own][worst], RESOLVED * scale):
-            claim = claims[own][worst]
+        noise, smooth, axes = densities(channels[name], priors[name], frequency)
+        along = np.diagonal(axes.T @ moved[name] @ axes)
+        hidden = np.minimum(along * unit_mass[:, None], noise) - smooth
+        missed = (noise / (noise + smooth)) ** 2 * np.maximum(hidden, 0.0)
+        held = [line.frequency for line in priors[name].lines]
+        missed[[near(f, held, clock) for f in frequency]] = 0.0
+        added = 2 * missed.sum(0) * frequency[0]
+        claimed = np.nanmean(np.einsum("ai,tab,bi->ti", axes, cov[:, own, own], axes), axis=0)
+        cov[:, own, own] += (axes * added) @ axes.T
+        worst = int((added / claimed).argmax())
+        if added[worst] > 0.5 * claimed[worst]:
+            below = np.cumsum(missed[:, worst]) < TENTH * missed[:, worst].sum()
             findings.append(
                 note(
                     "faster-on-modes",
                     load=name,
-                    frequency_hz=fastest,
-                    hidden=hides[worst],
+                    frequency_hz=float(frequency[below.sum()]),
+                    hidden=float(np.sqrt(added[worst])),
                     unit=unit,
-                    claim=claim,
+                    claim=float(np.sqrt(claimed[worst] + added[worst])),
                 )
             )
-    return findings
+    return replace(state, wrench_cov=cov), findings
+
+
+def least_band(channel: Channel, prior: LoadPrior, rotation: Array | None = None) -> float:
+    """Frequency Hz up to which the smooth prior follows more than half of a load along each of its axes."""
+    frequency = np.arange(1, len(channel.time) // 2) / float(np.ptp(channel.time))
+    noise, smooth, _ = densities(channel, prior, frequency, rotation)
+    return float(followed_up_to(smooth / (noise + smooth), frequency).min())
+
+
+def followed_up_to(share: Array, frequency: Array) -> Array:
+    """Frequency (axis,) up to which a share (frequency, axis) of a load is more than half; 0: none."""
+    followed = np.cumprod(share > 0.5, axis=0).sum(0)
+    return np.where(followed > 0, frequency[np.maximum(followed, 1) - 1], 0.0)
 
 
 def band_of(channel: Channel, prior: LoadPrior, frequency: Array, rotation: Array | None = None) -> Array:
@@ -158,8 +179,7 @@ def band_of(channel: Channel, prior: LoadPrior, frequency: Array, rotation: Arra
     """
     noise, smooth, axes = densities(channel, prior, frequency, rotation)
     share = smooth / (noise + smooth) @ (axes**2).T
-    followed = np.cumprod(share > 0.5, axis=0).sum(0)
-    return np.where(followed > 0, frequency[np.maximum(followed, 1) - 1], 0.0)
+    return followed_up_to(share, frequency)
 
 
 def densities(
