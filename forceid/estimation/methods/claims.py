@@ -90,7 +90,9 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
     on_modes = bent.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
     inertia = (state.rotation @ kin.inertia.tensor @ state.rotation.mT).mean(0)
     moved = {"force": kin.inertia.mass * np.eye(3), "moment": inertia}
-    state, said = as_fast_as_on_modes(problem.channels, problem.priors, state, on_modes, moved)
+    # a mass center that is known by itself tells of no mode, and no stiffness told may touch its force
+    shown = {name: ch for name, ch in problem.channels.items() if name == "moment" or not kin.apart}
+    state, said = as_fast_as_on_modes(shown, problem.priors, state, on_modes, moved)
     return replace(problem, state=state).noting(*said)
 
 

@@ -125,7 +125,7 @@ def as_fast_as_on_modes(
     record denies what would be stronger than the noise. The finding says from which frequency on, where the
     variance claimed grows by half or more.
     """
-    clock, cov, findings = channels["force"].time, state.wrench_cov.copy(), []
+    clock, cov, findings = channels["moment"].time, state.wrench_cov.copy(), []
     step = float(np.ptp(clock)) / (len(on_modes) - 1)
     frequency: Array = np.fft.rfftfreq(len(on_modes), step)[1:].astype(float)
     taper = np.hanning(len(on_modes))[:, None]
