@@ -28,18 +28,29 @@ def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Findin
         )
     seen = np.isfinite(found.chi_square)
     if found.dof and seen.any():
-        turns = wrench[seen].reshape(seen.sum(), -1) - wrench[seen].reshape(seen.sum(), -1).mean(0)
-        independent = max(1.0, float((np.diff(np.sign(turns), axis=0) != 0).sum(0).mean()))
-        limit = chdtri(found.dof * independent, DENIED) / (found.dof * independent)
+        limit = chance_limit(wrench[seen].reshape(seen.sum(), -1), found.dof)
         if found.consistency > limit:
             level: Level = "refused" if found.consistency > WILD**2 else "degraded"
-            findings.append(note("balances-open", level, left=found.consistency, limit=float(limit)))
+            findings.append(note("balances-open", level, left=found.consistency, limit=limit))
     apart = np.sqrt((found.gap**2).sum(2).mean(0))
     noise = np.sqrt(np.einsum("tjaa->tj", gap_cov).mean(0))
     for name, off, size in zip(found.name, apart, noise, strict=True):
         if off > SIGMAS * size:
             findings.append(note("joint-apart", joint=name, off_mm=1e3 * off, noise_mm=1e3 * size))
     return findings
+
+
+def chance_limit(series: Array, dof: int) -> float:
+    """The mean square per degree of freedom, of `dof` a sample, that chance reaches in one honest record in
+    ten thousand; series (time, column) turns about its mean as often as its samples are independent.
+
+    >>> slow = np.sin(np.arange(400.0)[:, None] / 40)
+    >>> chance_limit(slow, 3) > chance_limit(slow[:, [0]] * (-1) ** np.arange(400)[:, None], 3) > 1
+    True
+    """
+    turns = np.diff(np.sign(series - series.mean(0)), axis=0) != 0
+    independent = max(1.0, float(turns.sum(0).mean()))
+    return float(chdtri(dof * independent, DENIED) / (dof * independent))
 
 
 def of_part(finding: Finding, part: str, verdict: Level) -> Finding:

@@ -11,6 +11,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import PartMotion, accelerated
+from forceid.estimation.joints.checks import chance_limit
 from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
 from forceid.estimation.joints.linked_flight import (
@@ -118,10 +119,11 @@ def constraints_of(
     motions = [motion_of(part) for part in linked]
     constraints, findings = [], []
     for index, joint in enumerate(joints):
-        if not all(rigid(linked[k]) for k in joint.moving):
+        if bending := [parts[k].name for k in joint.moving if not rigid(linked[k])]:
+            findings.append(note("joint-bends", joint=joint.name, parts=" and ".join(bending)))
             continue
         kept = held_poses(joint, parts, rotation, frame, linkage.point[:, index])
-        if (off := changed(kept, centers, spread)) > SIGMAS:
+        if off := changed(kept, centers, spread):
             findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
             continue
         constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
@@ -165,10 +167,12 @@ def rigid(part: LinkedPart) -> bool:
 
 
 def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> float:
-    """How much what a joint keeps of the poses changes, in standard deviations of the poses as known.
+    """How much what a joint keeps of the poses changes, in standard deviations of the poses as known; zero
+    where chance explains it.
 
     center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. The larger of place and
-    directions.
+    directions. Far below the noise of a frame a part that bends moves its joint, and a joint that is held
+    all the same makes claims of nanometers.
     """
     T, n = constraints.gap.shape
     rows = constraints.on_motion.reshape(T, n, -1, 9)
@@ -181,11 +185,12 @@ def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> f
     design = constraints.offset[known].reshape(-1, constraints.offset.shape[2])
     constant = np.linalg.lstsq(design, off[known].ravel(), rcond=None)[0]
     left = (off[known].ravel() - design @ constant).reshape(-1, n)
-    ratio = [
-        float(np.sqrt(np.mean(left[:, part] ** 2) / np.mean(noise[known][:, part])))
-        for part in (slice(0, 3), slice(3, n))
-        if part.start < n
-    ]
+    ratio = [0.0]
+    for part in (slice(0, 3), slice(3, n)):
+        if part.start < n:
+            square = float(np.mean(left[:, part] ** 2) / np.mean(noise[known][:, part]))
+            if square > chance_limit(left[:, part], part.stop - part.start):
+                ratio.append(float(np.sqrt(square)))
     return max(ratio)
 
 
