@@ -171,8 +171,8 @@ def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> f
     where chance explains it.
 
     center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. The larger of place and
-    directions. Far below the noise of a frame a part that bends moves its joint, and a joint that is held
-    all the same makes claims of nanometers.
+    directions. A part that bends moves its joint by less than the noise of a frame, and a joint that is held
+    all the same claims far too little.
     """
     T, n = constraints.gap.shape
     rows = constraints.on_motion.reshape(T, n, -1, 9)

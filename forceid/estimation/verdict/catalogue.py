@@ -813,8 +813,8 @@ JOINTS = (
     ),
     Entry(
         "joint-bends", "degraded",
-        "joint {joint} is not held, for {parts} deforms: its place is that of the mean motion, and what "
-        "bending moves it by is in no claim of its moment",
+        "joint {joint} is not held, for {parts} deforms, or something turns in it: its place is that of the "
+        "mean motion, and what bending moves it by is in no claim of its moment",
         "Joints are held between rigid parts only. The forces are those of parts smoothed without the joint.",
         "Take moments about this joint with care.",
     ),
