@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from forceid.estimation.body.affine_shapes import AffineShapes, affine_shapes_of
 from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.deforming.affine_maps import AffineShapes, affine_shapes_of
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.smoother import FlightState
 from forceid.principal import cross, cross_matrix

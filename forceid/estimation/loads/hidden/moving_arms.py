@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.body.affine_shapes import affine_shapes_of
+from forceid.estimation.body.deforming.affine_maps import affine_shapes_of
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.smoother import FlightState
 from forceid.records import Array
