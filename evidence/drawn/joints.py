@@ -21,7 +21,7 @@ from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.linkage import at_joints, linkage_of, split
-from forceid.estimation.joints.linked_flight import linked_parts, smooth_linked, widened_prior
+from forceid.estimation.joints.linked_flight import bending_of, linked_parts, smooth_linked, widened_prior
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.methods.solution import Solution
@@ -108,10 +108,11 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
     linked = linked_parts(told, 99, passes)
     balance = joint_smoothing.unupset(linkage, estimates)
     assert balance is not None
-    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, told)
+    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, told, stiff=True)
+    tied = stacked_constraints([balance[0], *ties])
     more = 6 * len(parts) / balance[1]
     priors_of_all = [{n: widened_prior(p, more) for n, p in part.smoothing.priors.items()} for part in linked]
-    w, C = smooth_linked(linked, priors_of_all, stacked_constraints([balance[0], *ties]), passes)
+    w, C = smooth_linked(linked, priors_of_all, bending_of(linked, tied), tied, passes)
     to_joints = -split(linkage)
     for k in range(len(parts)):
         to_joints[:, :, 6 * k : 6 * k + 6] = to_joints[:, :, 6 * k : 6 * k + 6] @ transport_matrix(

@@ -102,7 +102,7 @@ def accelerated(
                 gap += slope * base[k][i][:, axis, None]
     return Constraints(
         on_wrench.reshape(time, n, -1), on_motion.reshape(time, n, -1), np.zeros((time, n, 0)), gap,
-        np.repeat(slack, [3, n - 3], axis=1), np.zeros(0),
+        np.repeat(slack, [3, n - 3], axis=1), np.zeros(0), np.zeros(n),
     )  # fmt: skip
 
 

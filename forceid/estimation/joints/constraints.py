@@ -3,17 +3,18 @@
 The place of a joint is the same on both parts, c_2 + R_2 a_2 = c_1 + R_1 a_1, and directions that a joint
 keeps at right angles stay so, R_1 u . R_2 e = 0. To first order about references of both parts, with rotation
 errors theta on the left, these are rows on the poses. Where a joint is on each part and how its axes stand is
-known roughly: constants of each joint, estimated beside, leave to the rows what changes. Source: principal
-equations 2.7, 4f.
+known roughly: constants of each joint, estimated beside, leave to the rows what changes. Shapes carry the
+joint on a part that deforms. Source: principal equations 2.7, 4f.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.estimation.joints.bending import Carried
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.partition.coupling.resultants import GROUND
 from forceid.principal import cross_matrix
@@ -28,8 +29,9 @@ class Constraints:
     """What parts cannot do to each other, as rows on their wrenches (time, row, part * 6) about their own
     centers, on their motion (time, row, part * 9), center (m), rotation error (rad) and angular momentum (kg
     m2/s), and on constants (time, row, constant): they add up to gap (time, row), to within the variances
-    slack (time, row). spread (constant,): standard deviations of the constants before anything is seen. NaN
-    rows are not used.
+    slack (time, row). spread (constant,): standard deviations of the constants before anything is seen;
+    bends (row,): about how far bending of the parts moves each row, zero where nothing does. NaN rows are
+    not used.
     """
 
     on_wrench: Array
@@ -38,6 +40,7 @@ class Constraints:
     gap: Array
     slack: Array
     spread: Array
+    bends: Array
 
 
 def stacked_constraints(constraints: Sequence[Constraints]) -> Constraints:
@@ -51,37 +54,40 @@ def stacked_constraints(constraints: Sequence[Constraints]) -> Constraints:
     names = ("on_wrench", "on_motion", "gap", "slack")
     rows = {name: np.concatenate([getattr(t, name) for t in constraints], 1) for name in names}
     return Constraints(
-        offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in constraints]), **rows
-    )
+        offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in constraints]),
+        bends=np.concatenate([t.bends for t in constraints]), **rows,
+    )  # fmt: skip
 
 
 def balanced(rows: Array, slack: Array) -> Constraints:
     """Combinations (time, row, part * 6) of the wrenches that are zero, to within a variance (time, row)."""
     time, count, size = rows.shape
     on_motion, none = np.zeros((time, count, size // 6 * 9)), np.zeros((time, count, 0))
-    return Constraints(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0))
+    return Constraints(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0), np.zeros(count))
 
 
 def held_poses(
     joint: Joint,
     parts: Sequence[Part],
+    on: Mapping[int, Carried],
     rotation: Sequence[Array],
     pose_cov: Sequence[Array],
     place: Array,
 ) -> Constraints:
     """What a joint keeps of the poses: three rows for its place, one for each pair of directions.
 
-    rotation (time, 3, 3): references of all parts; pose_cov (time, 6, 6): of one frame of each; place (time,
-    3) m: where the joint is, for the ground.
+    on: where it is on the parts that it holds; rotation (time, 3, 3): references of all parts; pose_cov
+    (time, 6, 6): of one frame of each; place (time, 3) m: where the joint is, for the ground.
     """
     turns = turns_of(joint, rotation)
     pairs = kept(joint)
     time, n = len(place), 3 + len(pairs)
     still = np.broadcast_to(np.nanmean(place, axis=0), place.shape)
-    arms = {k: turns[k] @ (joint.at - parts[k].center) for k in joint.moving}
+    arms = {k: np.einsum("tab,tb->ta", turns[k], on[k].arm) for k in joint.moving}
     arm_a, arm_b = (arms.get(k, still) for k in (joint.before, joint.behind))
     R_a, R_b = turns[joint.before], turns[joint.behind]
-    u, e = (np.einsum("tab,kb->tka", R, pairs[:, i]) for R, i in ((R_a, 0), (R_b, 1)))
+    ends = ((joint.before, R_a, 0), (joint.behind, R_b, 1))
+    u, e = (np.einsum("tab,kb->tka", R @ on[k].turn if k in on else R, pairs[:, i]) for k, R, i in ends)
     normal = np.cross(u, e)
     rows = np.zeros((time, n, len(parts), 9))
     for k in joint.moving:
@@ -96,7 +102,7 @@ def held_poses(
     slack = PLAY**2 * np.repeat(np.asarray(noise), [3, len(pairs)], axis=1)
     spread = np.repeat([PLACED, ALIGNED], [6, len(pairs)])
     on_wrench = np.zeros((time, n, 6 * len(parts)))
-    return Constraints(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread)
+    return Constraints(on_wrench, rows.reshape(time, n, -1), offset, gap, slack, spread, np.zeros(n))
 
 
 def turns_of(joint: Joint, rotation: Sequence[Array]) -> dict[int, Array]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.joints.bending import carried
 from forceid.estimation.joints.checks import judge_joints, of_part
 from forceid.estimation.joints.linkage import joint_ends, passed
 from forceid.estimation.joints.null_space import column_space, trading_joints, undetermined_components
@@ -135,7 +136,12 @@ def poses_of(parts: tuple[Part, ...], kins: list[Kinematics]) -> Poses:
 
 def joint_points(joints: tuple[Joint, ...], parts: tuple[Part, ...], poses: Poses) -> tuple[Array, ...]:
     """Place (time, joint, 3) m of every joint, its gap, and the covariance of that (time, joint, 3, 3) m2."""
-    each = [joint_ends(joint, parts, poses.center, poses.rotation, poses.cov) for joint in joints]
+    time = len(poses.center)
+    arms = [{k: carried(j, parts[k], None, time).arm for k in j.moving} for j in joints]
+    each = [
+        joint_ends(joint, on, poses.center, poses.rotation, poses.cov)
+        for joint, on in zip(joints, arms, strict=True)
+    ]
     ends, cov = (np.stack(a, 1) for a in zip(*each, strict=True))
     return ends.mean(2), ends[:, :, 1] - ends[:, :, 0], cov.sum(2)
 

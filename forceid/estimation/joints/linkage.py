@@ -5,12 +5,13 @@ Source: principal equations 2.8, 4h.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from forceid.estimation.joints.bending import carried
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.solution import Solution
 from forceid.partition.coupling.resultants import GROUND, incidence, transmitted
@@ -48,11 +49,12 @@ def linkage_of(
     mass = np.array([part.mass for part in parts])
     centers = np.stack([e.center for e in estimates], 1)
     center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
-    R = np.stack([rotations(e.orientation) for e in estimates], 1)
+    R = np.stack([rotation_of(e, s) for e, s in zip(estimates, solutions, strict=True)], 1)
     covs = np.stack([pose_cov(solution, len(center)) for solution in solutions], 1)
     at, spread, links, passes = [], [], [], []
     for joint in joints:
-        ends, off = joint_ends(joint, parts, centers, R, covs)
+        arms = {k: carried(joint, parts[k], solutions[k], len(center)).arm for k in joint.moving}
+        ends, off = joint_ends(joint, arms, centers, R, covs)
         at.append(ends)
         spread.append(off)
         links.append((joint.before, joint.behind))
@@ -72,16 +74,17 @@ def linkage_of(
 
 
 def joint_ends(
-    joint: Joint, parts: Sequence[Part], center: Array, rotation: Array, cov: Array
+    joint: Joint, arms: Mapping[int, Array], center: Array, rotation: Array, cov: Array
 ) -> tuple[Array, Array]:
     """Where both parts of a joint have it (time, 2, 3) m, and the covariances (time, 2, 3, 3) of that.
 
-    center (time, part, 3), rotation (time, part, 3, 3) and cov (time, part, 6, 6) of the poses. The ground
-    has it where the other part has it in the mean, as well as known.
+    arms (time, 3): from the mass centers, body axes; center (time, part, 3), rotation (time, part, 3, 3) and
+    cov (time, part, 6, 6) of the poses. The ground has it where the other part has it in the mean, as well as
+    known.
     """
     ends, off = {}, {}
     for k in joint.moving:
-        arm = np.einsum("tab,b->ta", rotation[:, k], joint.at - parts[k].center)
+        arm = np.einsum("tab,tb->ta", rotation[:, k], arms[k])
         moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
         ends[k], off[k] = center[:, k] + arm, moved @ cov[:, k] @ moved.swapaxes(1, 2)
     if GROUND in (joint.before, joint.behind):
@@ -150,6 +153,13 @@ def pose_cov(solution: Solution | None, time: int) -> Array:
         return np.zeros((time, 6, 6))
     cov = solution.state.pose_cov
     return cov if np.isfinite(cov).any() else solution.kinematics.pose.cov
+
+
+def rotation_of(estimate: Estimate, solution: Solution | None) -> Array:
+    """The rotation (time, 3, 3) that the shapes of a part are seen from: that of its pose."""
+    if solution is not None and np.isfinite(solution.state.rotation).any():
+        return solution.state.rotation
+    return rotations(estimate.orientation)
 
 
 def rotations(quaternion: Array) -> Array:

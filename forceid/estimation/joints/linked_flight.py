@@ -3,19 +3,21 @@
 Each part by itself claims an error that is half noise and half load smoothed away. The noise of two parts is
 independent, the load between them is one and the same: averaged as if independent, their wrenches claim too
 little. So the linear models of all parts stand side by side, with rows that hold the balances which no joint
-wrench can upset (whole body free, hinge without moment about its axis) at every sample. Source: principal
-equations 2.8, 4f, 4h.
+wrench can upset (whole body free, hinge without moment about its axis) at every sample, and what the joints
+keep of the poses, beside what bending moves them by. Source: principal equations 2.8, 4f, 4h.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 from forceid.errors import EstimationError
+from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.constraints import Constraints
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.bandwidth import RESOLVED
@@ -33,6 +35,9 @@ from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
 COMPARED_AT = 3.0  # times its rate, where they are compared
+SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
+DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
+ABOUT = 0.1  # of a logarithm: to which a standard error is found
 
 
 Priors = list[dict[str, LoadPrior]]  # of force and moment, of every part
@@ -83,20 +88,23 @@ def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart 
 
 def tuned_linked(
     parts: list[LinkedPart], constraints: Constraints, widening: float, engine: Engine
-) -> tuple[Priors, float]:
-    """Priors of every part under which all parts and their constraints are likeliest; how likely.
+) -> tuple[Priors, Bending, float]:
+    """Priors of every part, and bending of the joints, under which all parts and their constraints are
+    likeliest; how likely.
 
     widening: factor on the variance of the priors, each of which was found as if its part flew alone: a load
     that several parts show is counted as often, and is to keep its size. From there the sizes and the rates
-    of all forces move together, and those of all moments. How likely: the markers, given the constraints, and
-    where the parts begin; that these hold is likelier the smaller the loads, and tells nothing of them.
+    of all forces move together, those of all moments, and those of all bending. How likely: the markers,
+    given the constraints, and where the parts begin; that these hold is likelier the smaller the loads, and
+    tells nothing of them. Bending is taken as large as the markers let it be by a standard error: what is
+    believed too still holds the joints, and all that they pass, too well.
     """
     each = [{name: widened_prior(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
-    time = len(constraints.gap)
+    start, time = bending_of(parts, constraints), len(constraints.gap)
     run = middle(time, FLIGHT_SAMPLES)
 
     def likely(by: Array) -> float:
-        model, z, _ = linked_model(parts, both_moved(each, by), constraints, run)
+        model, z, _ = linked_model(parts, both_moved(each, by), start.moved(by[4:]), constraints, run)
         begun = z.copy()
         begun[BEGINNING:, : -constraints.gap.shape[1]] = np.nan
         try:
@@ -104,20 +112,45 @@ def tuned_linked(
         except EstimationError:  # numbers so far off that a covariance loses its sign
             return -np.inf
 
-    best = bfgs_maximum(likely, np.zeros(4))
-    return both_moved(each, best), likely(best)
+    if not start.std.any():
+        best = bfgs_maximum(lambda by: likely(np.pad(by, (0, 2))), np.zeros(4))
+        return both_moved(each, best), start, likely(np.pad(best, (0, 2)))
+    best = bfgs_maximum(likely, np.zeros(6))
+    highest = likely(best)
+    return both_moved(each, best), start.moved(as_far(likely, best, highest)[4:]), highest
+
+
+def bending_of(parts: list[LinkedPart], constraints: Constraints) -> Bending:
+    """Bending as fast as the forces on the parts, before its size and rate are tuned."""
+    kernels = [part.smoothing.priors["force"].kernel for part in parts]
+    rate = np.exp(np.mean([np.log(k.rate[k.std.argmax()]) for k in kernels]))
+    return Bending(constraints.bends, float(rate))
+
+
+def as_far(likely: Callable[[Array], float], best: Array, highest: float) -> Array:
+    """The maximum at `best` (6,) with bending so large that it is half a unit less likely: a standard error.
+
+    Where no bending is likelier than any, that is as far as noise hides it.
+    """
+
+    def lower(by: float) -> float:
+        return likely(best + by * np.eye(6)[SIZE_OF_BENDING]) - highest + 0.5
+
+    far = next((by for by in np.log(2.0) * np.arange(1, DOUBLED) if lower(by) < 0), None)
+    by = np.log(2.0) * DOUBLED if far is None else brentq(lower, far - np.log(2.0), far, xtol=ABOUT)
+    return np.asarray(best + by * np.eye(6)[SIZE_OF_BENDING])
 
 
 def smooth_linked(
-    parts: list[LinkedPart], priors: Priors, constraints: Constraints, engine: Engine
+    parts: list[LinkedPart], priors: Priors, bending: Bending, constraints: Constraints, engine: Engine
 ) -> tuple[Array, Array]:
     """Wrenches (time, part, 6) about the mass centers, and their covariance (time, part * 6, part * 6)."""
     time = len(constraints.gap)
     size = 6 * len(parts)
     wrench, cov = np.empty((time, size)), np.empty((time, size, size))
-    states = linked_model(parts, priors, constraints, slice(0, 2))[2].shape[1]
+    states = linked_model(parts, priors, bending, constraints, slice(0, 2))[2].shape[1]
     for run, kept in overlapping_windows(time, max(FLIGHT_SAMPLES, ROOM // 5 // states**2)):
-        model, z, read = linked_model(parts, priors, constraints, run)
+        model, z, read = linked_model(parts, priors, bending, constraints, run)
         path = engine.smooth(model, z)
         inner = slice(kept.start - run.start, kept.stop - run.start)
         wrench[kept] = path.x[inner] @ read.T
@@ -131,7 +164,7 @@ def both_moved(priors: Priors, by: Array) -> Priors:
 
 
 def linked_model(
-    parts: list[LinkedPart], priors: Priors, constraints: Constraints, run: slice
+    parts: list[LinkedPart], priors: Priors, bending: Bending, constraints: Constraints, run: slice
 ) -> tuple[StateSpace, Array, Array]:
     """All parts under their constraints over samples `run`: model, what it measures, and rows (part * 6,
     state) that read the wrenches.
@@ -149,10 +182,15 @@ def linked_model(
         seen.append(z[run])
         wrenches.append(wrench)
         motions.append(moving)
-    models.append(standing(constraints.spread))
-    read, moved_by = block_diag(*wrenches), block_diag(*motions)
+    clock = parts[0].smoothing.flight.time
+    models += [standing(constraints.spread), bending.model(np.diff(clock))]
+    read, moved_by, bent = block_diag(*wrenches), block_diag(*motions), bending.rows
     tied = np.concatenate(
-        [constraints.on_wrench[run] @ read + constraints.on_motion[run] @ moved_by, constraints.offset[run]],
+        [
+            constraints.on_wrench[run] @ read + constraints.on_motion[run] @ moved_by,
+            constraints.offset[run],
+            np.broadcast_to(bent, (run.stop - run.start, *bent.shape)),
+        ],
         2,
     )
     slack, gap = constraints.slack[run], constraints.gap[run]
@@ -162,7 +200,7 @@ def linked_model(
     return (
         model,
         np.concatenate([*seen, np.where(used, gap, np.nan)], 1),
-        np.pad(read, ((0, 0), (0, len(constraints.spread)))),
+        np.pad(read, ((0, 0), (0, len(constraints.spread) + bent.shape[1]))),
     )
 
 

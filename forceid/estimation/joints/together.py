@@ -5,12 +5,13 @@ Source: principal equations 2.8, 4f, 4h.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import PartMotion, accelerated
+from forceid.estimation.joints.bending import Bending, carried
 from forceid.estimation.joints.checks import chance_limit
 from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
@@ -57,20 +58,21 @@ def smooth_linked_parts(
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
-    found: list[tuple[float, list[LinkedPart], Priors, Constraints, list[Finding]]] = []
+    found: list[tuple[float, list[LinkedPart], Priors, Bending, Constraints, list[Finding]]] = []
+    stiff = str(settings.model) == "rigid"
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
-        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions)
+        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions, stiff)
         tied = stacked_constraints([balance[0], *constraints])
-        priors, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
-        found.append((likely, linked, priors, tied, findings))
+        priors, bending, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
+        found.append((likely, linked, priors, bending, tied, findings))
         if likely < max(value for value, *_ in found):
             break
     for candidate in sorted(found, key=lambda one: -one[0]):
-        _, linked, priors, tied, findings = candidate
-        w, C = smooth_linked(linked, priors, tied, passes)
+        _, linked, priors, bending, tied, findings = candidate
+        w, C = smooth_linked(linked, priors, bending, tied, passes)
         if np.isfinite(C[np.isfinite(w).all((1, 2))]).all():  # else a prior so smooth is lost to rounding
             break
     else:
@@ -111,22 +113,29 @@ def constraints_of(
     linked: list[LinkedPart],
     estimates: list[Estimate],
     solutions: list[Solution | None],
+    stiff: bool,
 ) -> tuple[list[Constraints], list[Finding]]:
-    """What the joints keep of poses and accelerations of rigid parts, and which of them do not."""
+    """What the joints keep of the poses, and of accelerations where no part bends; which of them move.
+
+    A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid (stiff)
+    hold it exactly, and parts that may bend as far as the markers let them.
+    """
     rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
     centers = np.stack([e.center for e in estimates], 1)
-    spread = [pose_cov(solution, len(centers)) for solution in solutions]
+    time = len(centers)
+    spread = [pose_cov(solution, time) for solution in solutions]
     motions = [motion_of(part) for part in linked]
     constraints, findings = [], []
     for index, joint in enumerate(joints):
-        if bending := [parts[k].name for k in joint.moving if not rigid(linked[k])]:
-            findings.append(note("joint-bends", joint=joint.name, parts=" and ".join(bending)))
-            continue
-        kept = held_poses(joint, parts, rotation, frame, linkage.point[:, index])
-        if off := changed(kept, centers, spread):
-            findings.append(note("joint-moves", joint=joint.name, times=off, kind=joint.kind))
-            continue
-        constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
+        on = {k: carried(joint, parts[k], solutions[k], time) for k in joint.moving}
+        kept = held_poses(joint, parts, on, rotation, frame, linkage.point[:, index])
+        size, times = changed(kept, centers, spread)
+        if times:
+            findings.append(note("joint-moves", joint=joint.name, times=times, kind=joint.kind))
+        elif stiff:
+            constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
+        else:
+            constraints.append(replace(kept, bends=size))
     return constraints, findings
 
 
@@ -160,19 +169,12 @@ def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, i
     return balanced(rows, slack), rank
 
 
-def rigid(part: LinkedPart) -> bool:
-    """Whether a part does not deform: where it does, a joint is not where its mean motion says."""
-    flight = part.smoothing.flight
-    return flight.modes is None and not flight.h.any()
+def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> tuple[Array, float]:
+    """By how much what a joint keeps of the poses changes (row,), m and rad; and the larger of place and
+    directions in standard deviations of the poses as known, zero where chance explains both.
 
-
-def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> float:
-    """How much what a joint keeps of the poses changes, in standard deviations of the poses as known; zero
-    where chance explains it.
-
-    center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. The larger of place and
-    directions. A part that bends moves its joint by less than the noise of a frame, and a joint that is held
-    all the same claims far too little.
+    center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. A part that bends moves
+    its joint by less than the noise of a frame, and a joint that is held all the same claims far too little.
     """
     T, n = constraints.gap.shape
     rows = constraints.on_motion.reshape(T, n, -1, 9)
@@ -185,13 +187,14 @@ def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> f
     design = constraints.offset[known].reshape(-1, constraints.offset.shape[2])
     constant = np.linalg.lstsq(design, off[known].ravel(), rcond=None)[0]
     left = (off[known].ravel() - design @ constant).reshape(-1, n)
-    ratio = [0.0]
+    size, times = np.zeros(n), 0.0
     for part in (slice(0, 3), slice(3, n)):
         if part.start < n:
-            square = float(np.mean(left[:, part] ** 2) / np.mean(noise[known][:, part]))
-            if square > chance_limit(left[:, part], part.stop - part.start):
-                ratio.append(float(np.sqrt(square)))
-    return max(ratio)
+            square, by_chance = np.mean(left[:, part] ** 2), np.mean(noise[known][:, part])
+            size[part] = np.sqrt(square)
+            if square / by_chance > chance_limit(left[:, part], part.stop - part.start):
+                times = max(times, float(np.sqrt(square / by_chance)))
+    return size, times
 
 
 def motion_of(part: LinkedPart) -> PartMotion:

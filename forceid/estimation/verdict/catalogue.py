@@ -811,13 +811,6 @@ JOINTS = (
         "The parts do what a joint of this kind forbids, or bend. The joint was not used to smooth them.",
         "Correct kind, axis or place of the joint; for parts that bend, expect the larger claims.",
     ),
-    Entry(
-        "joint-bends", "degraded",
-        "joint {joint} is not held, for {parts} deforms, or something turns in it: its place is that of the "
-        "mean motion, and what bending moves it by is in no claim of its moment",
-        "Joints are held between rigid parts only. The forces are those of parts smoothed without the joint.",
-        "Take moments about this joint with care.",
-    ),
 )
 # fmt: on
 
