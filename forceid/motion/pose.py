@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from forceid.compiled import engine as compiled
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
-from forceid.rounding import SINGLE
+from forceid.rounding import ITERATIONS, SINGLE
+from forceid.significance import THOUSANDTH
 
 
 @dataclass(frozen=True)
@@ -155,11 +156,20 @@ def fitted_in_numpy(
     """`fitted`, of all frames at once."""
     A, C, V_inv = gain
     center, R = fit_rotation(position, shape, start)
-    for _ in range(2):  # linear in small errors of the rotation fit; the second turn leaves nothing
-        e = (body_axes(position, center, R) - shape)[:, pattern].reshape(len(position), -1)
-        d = e @ A.T
-        center += np.einsum("tab,tb->ta", R, d[:, :3])
-        R = R @ exp(d[:, 3:])
+    levers = A.reshape(6, -1, 3)
+    moving = np.arange(len(position))
+    for step in range(ITERATIONS):  # Newton: a body that is strained turns about the shape that it has
+        e = (body_axes(position[moving], center[moving], R[moving]) - shape)[:, pattern]
+        d = e.reshape(len(e), -1) @ A.T
+        turned = np.cross(e[:, :, None], levers.swapaxes(0, 1)).sum(1)  # (frame, 6, 3)
+        d[:, 3:] = np.linalg.solve(np.eye(3) + turned[:, 3:], d[:, 3:, None])[..., 0]
+        d[:, :3] -= np.einsum("tab,tb->ta", turned[:, :3], d[:, 3:])
+        center[moving] += np.einsum("tab,tb->ta", R[moving], d[:, :3])
+        R[moving] = R[moving] @ exp(d[:, 3:])
+        if step:
+            moving = moving[(d**2 > THOUSANDTH**2 * np.diagonal(C)).any(1)]
+        if not len(moving):
+            break
     residual = body_axes(position, center, R) - shape
     e = residual[:, pattern].reshape(len(position), -1)
     turn = np.zeros((len(position), 6, 6))

@@ -6,8 +6,8 @@
 namespace {
 namespace poses {
 
-constexpr int LANES = REGISTER, NEWTON = 50;
-constexpr double SMALL = 1e-3; // rad: a last step of Gauss-Newton beyond it has not arrived
+constexpr int LANES = REGISTER, NEWTON = 50, STEPS = 40; // of a quartic; of a pose, as ITERATIONS
+constexpr double THOUSANDTH = 1e-3; // of a standard deviation: a last step beyond it has not arrived
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
 
 INLINE Lanes gathered(const double *const *at, Size i) { // entry i of a frame in each lane
@@ -133,11 +133,30 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
           e[3 * i + b] = R[b] * r[0] + R[3 + b] * r[1] + R[6 + b] * r[2] - shape[3 * node[i] + b];
       }
     };
-    for (int round = 0; round < 2; ++round) {
+    Lanes moving = all(1.0);
+    for (int step = 0; step < STEPS; ++step) { // Newton: a body that is strained turns about the shape that it has
       errors();
-      Lanes d[6] = {};
-      for (int j = 0; j < 3 * k; ++j)
-        for (int i = 0; i < 6; ++i) d[i] += A[i * 3 * k + j] * e[j];
+      Lanes d[6] = {}, M[18] = {};
+      for (int n = 0; n < k; ++n) {
+        const Lanes *r = e.data() + 3 * n;
+        for (int i = 0; i < 6; ++i) {
+          const double *g = A + i * 3 * k + 3 * n;
+          d[i] += g[0] * r[0] + g[1] * r[1] + g[2] * r[2];
+          M[3 * i] += g[2] * r[1] - g[1] * r[2]; // e x lever
+          M[3 * i + 1] += g[0] * r[2] - g[2] * r[0];
+          M[3 * i + 2] += g[1] * r[0] - g[0] * r[1];
+        }
+      }
+      Lanes *T = M + 9, w[3];
+      for (int a = 0; a < 3; ++a) T[4 * a] += 1.0;
+      const Lanes x0 = T[4] * T[8] - T[5] * T[7], x1 = T[5] * T[6] - T[3] * T[8], x2 = T[3] * T[7] - T[4] * T[6];
+      const Lanes scale = moving / (T[0] * x0 + T[1] * x1 + T[2] * x2);
+      w[0] = x0 * d[3] + (T[2] * T[7] - T[1] * T[8]) * d[4] + (T[1] * T[5] - T[2] * T[4]) * d[5];
+      w[1] = x1 * d[3] + (T[0] * T[8] - T[2] * T[6]) * d[4] + (T[2] * T[3] - T[0] * T[5]) * d[5];
+      w[2] = x2 * d[3] + (T[1] * T[6] - T[0] * T[7]) * d[4] + (T[0] * T[4] - T[1] * T[3]) * d[5];
+      for (int a = 0; a < 3; ++a) d[3 + a] = scale * w[a];
+      for (int a = 0; a < 3; ++a)
+        d[a] = moving * d[a] - (M[3 * a] * d[3] + M[3 * a + 1] * d[4] + M[3 * a + 2] * d[5]);
       for (int a = 0; a < 3; ++a) c[a] += R[3 * a] * d[0] + R[3 * a + 1] * d[1] + R[3 * a + 2] * d[2];
       // R exp([d]x), by the quaternion of a small turn, to the fifth order
       const Lanes square = d[3] * d[3] + d[4] * d[4] + d[5] * d[5];
@@ -148,7 +167,18 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       for (int a = 0; a < 3; ++a)
         for (int b = 0; b < 3; ++b) next[3 * a + b] = R[3 * a] * E[b] + R[3 * a + 1] * E[3 + b] + R[3 * a + 2] * E[6 + b];
       std::copy(next, next + 9, R);
-      last = square;
+      last = Lanes{};
+      for (int i = 0; i < 6; ++i) {
+        const Lanes part = d[i] * d[i] / C[7 * i];
+        last = part > last ? part : last;
+      }
+      if (!step) continue;
+      bool done = true;
+      for (int l = 0; l < LANES; ++l) {
+        moving[l] = last[l] > THOUSANDTH * THOUSANDTH;
+        done &= !moving[l];
+      }
+      if (done) break;
     }
     errors();
     Lanes sum = {};
@@ -178,7 +208,7 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       for (int i = 0; i < 9; ++i) R_out[9 * f + i] = R[i][l];
       for (int i = 0; i < 36; ++i) cov[36 * f + i] = turning[i][l];
       chi[f] = sum[l];
-      arrived[f] = last[l] < SMALL * SMALL;
+      arrived[f] = last[l] <= THOUSANDTH * THOUSANDTH;
       double *to = residual + f * N * 3;
       if (k == N) {
         for (int i = 0; i < 3 * k; ++i) to[i] = e[i][l];

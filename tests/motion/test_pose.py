@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.deforming.modes import split_rigid
@@ -172,3 +173,26 @@ def test_compiled_poses_are_those_in_numpy(markers, monkeypatch):
         scale = np.nanmax(np.abs(getattr(plain, name)))
         # two Gauss-Newton steps leave the fourth power of the first error
         np.testing.assert_allclose(getattr(ours, name), getattr(plain, name), rtol=0, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("engine", [pose_module.compiled, None])
+def test_a_body_stretched_to_a_third_turns_as_its_gauge_says(engine, monkeypatch):
+    monkeypatch.setattr(pose_module, "compiled", engine)
+    rng = np.random.default_rng(1)
+    X, mass = rng.standard_normal((7, 3)), rng.uniform(0.1, 1.0, 7)
+    X -= mass @ X / mass.sum()
+    E = (mass * X.T) @ X
+    F = np.eye(3) + 0.25 * rng.standard_normal((200, 3, 3))
+    F = Rotation.random(200, rng=rng).as_matrix() @ F
+    F = F[np.linalg.det(F) > 0.2]
+    assert np.linalg.svd(F, compute_uv=False).min() < 0.35
+    # in the mass gauge maps A with A E symmetric deform, and R is the rotation of F E
+    pairs = [(i, j) for i in range(3) for j in range(i + 1)]
+    unit = np.eye(3)
+    maps = np.array([np.outer(unit[i], unit[j]) + np.outer(unit[j], unit[i]) for i, j in pairs])
+    shapes = (X @ (maps @ np.linalg.inv(E)).mT).reshape(6, -1)
+    x = 5.0 + np.einsum("tab,nb->tna", F, X)
+    found = fit_pose(x, X, mass, 1e-8 * np.eye(21) + 10.0 * shapes.T @ shapes)
+    true = np.array([polar(f @ E)[0] for f in F])
+    assert np.abs(found.rotation - true).max() < 1e-6
+    assert np.abs(found.center - 5.0).max() < 1e-6

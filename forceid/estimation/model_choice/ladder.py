@@ -179,6 +179,9 @@ def descend(
     # mass without markers may deform whether shapes are few or many, but a rigid body denies it
     least = 0 if look(best).hidden is None else 1
     nested = [i for i in range(least, best) if steps[i].model != "affine"]
+    if steps[best].model == "affine" and free_shapes(candidates[best].markers.body, look(best)):
+        # few shapes that are found, each a direction chosen, are no smaller than strains that are given
+        nested = [i for i in nested if not steps[i].modes]
     if not nested:
         return chosen(best)
     below = seen(nested[-1])

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from forceid.estimation.loads.hidden.left_out import band_of, densities
+from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
@@ -69,6 +70,11 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
         own = float(counted @ smooth[:, axis])
         std = np.sqrt(np.maximum(claimed[axis] + error - own, 0.0) / claimed[axis])
         growth[axis] = max(float(weight @ std / weight.sum()), 1.0)
+    # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little
+    still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
+    cycles = max(band * span, 2.0)
+    if still.any() and cycles < MOST_CYCLES and not prior.lines and prior.tuned.pieces is None:
+        return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
 
 

@@ -25,6 +25,7 @@ from forceid.significance import OUTLIER
 RATES_TRIED = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 FAINTEST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
+NONE_OF_SIX = 6.0 + 1  # odds that a component has no load, as none of six may: rule of succession (Laplace)
 
 
 @dataclass(frozen=True)
@@ -150,8 +151,7 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     each = RATES_TRIED * len(size)
     ratio = np.concatenate(ratios)
     cost = np.log(ratio) @ count
-    # none of six components may have a load: by the rule of succession (Laplace), at odds of 7
-    cost[0] -= np.log((6 + 1) * len(orders) * each)
+    cost[0] -= np.log(NONE_OF_SIX * len(orders) * each)
     return Candidates(
         np.repeat((orders[0], *orders), (1, *[each] * len(orders))),
         np.concatenate([rate[:1], np.tile(rate, len(size) * len(orders))]),
