@@ -4,9 +4,9 @@
 
 Our smoother is told the standard deviation of the noise and nothing of the truth. Its rival is told the
 truth: of 36 orders and windows and the two routes of section 5.7, accelerations of every mass, or Kabsch pose
-and rigid formula, the one with the least error over the seeds of a cell, force and moment apart. A stricter one may also
-differentiate our own channel of the moment. Beside them stand the smoother that is told the prior of the
-true wrench, and ours with loads that turn with the body. Source: principal equations 5.7.
+and rigid formula, the one with the least error over the seeds of a cell, force and moment apart. A stricter
+one may also differentiate our own channel of the moment. Beside them stand the smoother that is told the
+prior of the true wrench, and ours with loads that turn with the body. Source: principal equations 5.7.
 """
 
 from __future__ import annotations
