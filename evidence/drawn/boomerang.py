@@ -5,13 +5,15 @@
 Our smoother is told the standard deviation of the noise and nothing of the truth. Its rival is told the
 truth: of 36 orders and windows and the two routes of section 5.7, accelerations of every mass, or Kabsch pose
 and rigid formula, the one with the least error over the seeds of a cell, force and moment apart. A stricter
-one may also differentiate our own channel of the moment. Source: principal equations 5.7.
+one may also differentiate our own channel of the moment. Beside them stand the smoother that is told the
+prior of the true wrench, and ours with loads that turn with the body. Source: principal equations 5.7.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -20,6 +22,8 @@ from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, RATES, recorded
 from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, rms, stacked
+from evidence.subjects.flights.cases import Case
+from evidence.subjects.flights.true_prior import bound_of, problem_of
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
@@ -31,15 +35,25 @@ ASKED = {  # N, N m at 1 kHz
     (15, 1e-4): (0.019, 0.0058), (15, 3e-4): (0.030, 0.0080), (15, 1e-3): (0.075, 0.0150),
     (5, 3e-4): (0.045, 0.0105),
 }  # fmt: skip
+GOAL = 0.9  # of the best Savitzky-Golay filter: what is asked of every cell
 LENGTHS = np.geomspace(0.008, 0.16, 12)  # s
 ORDERS = (2, 4, 6)
 METHODS: dict[str, dict[str, Any]] = {
     "smoother": {}, "no deformation": {"model": "rigid"}, "savgol": {"method": "savgol"},
+    "body axes": {"load_axes": "body"},
 }  # fmt: skip
 HEADS = (
     "markers", "noise (mm)", "rate (Hz)", "force (N)", "asked", "best Savitzky-Golay", "moment (N m)",
     "asked", "best Savitzky-Golay", "the same on our channel", "95 % interval holds F, T", "NIS", "s",
 )  # fmt: skip
+RATIOS = (
+    "markers", "noise (mm)", "rate (Hz)", "force", "told the prior", "its bound", "turning with the body",
+    "moment", "told the prior", "its bound", "turning with the body",
+)  # fmt: skip
+OVER = """\
+Over the best Savitzky-Golay filter, of which at most {goal} is asked. Told the prior: the smoother under a \
+Matern prior fitted to the true wrench, at the shapes that show, and its posterior deviation, the bound. \
+Turning with the body: ours with load_axes = "body"."""
 ABOUT = """\
 Root mean square per axis over the central three quarters of 0.6 s, {seeds} seeds of noise. The rival is \
 Savitzky-Golay with route (accelerations of every mass, or Kabsch pose and rigid formula), order and window \
@@ -102,6 +116,14 @@ def savgol_errors(recording: Any) -> Any:
     return np.array(errors)
 
 
+def told_errors(recording: Any) -> Any:
+    """Rms per axis of force and moment (2, 2): errors of the smoother told the prior, and their bound."""
+    force, moment = recording.truth["force"], recording.truth["moment"]
+    case = Case("", replace(recording, truth={}), np.concatenate([force, moment], 1), "", measured=False)
+    state = problem_of(case).smoothed()
+    return np.array([[rms(state.force - force), rms(state.moment - moment)], bound_of(case, state)])
+
+
 def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
     """All methods on one record."""
     markers, noise, rate, seed = job
@@ -109,7 +131,7 @@ def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]
     found: dict[str, Any] = {
         name: estimated_score(recording, **settings) for name, settings in METHODS.items()
     }
-    return job[:3], found | {"grid": savgol_errors(recording)}
+    return job[:3], found | {"grid": savgol_errors(recording), "told": told_errors(recording)}
 
 
 def pooled_error(cases: list[dict[str, Any]], name: str) -> Any:
@@ -118,6 +140,8 @@ def pooled_error(cases: list[dict[str, Any]], name: str) -> Any:
         every = np.sqrt(np.mean([np.square(c["grid"]) for c in cases], axis=0))
         ours = len(ORDERS) * len(LENGTHS)  # the settings of the last route
         return (every[:-ours] if name == "best savgol" else every).min(0)
+    if name in ("told", "bound"):
+        return np.sqrt(np.mean([np.square(c["told"][int(name == "bound")]) for c in cases], axis=0))
     return np.sqrt(stacked([c[name] for c in cases], "square").reshape(-1, 2, 3).mean((0, 2)))
 
 
@@ -133,6 +157,25 @@ def cell_row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
         f"{ours[1]:.5f}", f"{goal[1]}", f"{rival[1]:.5f}", f"{strict[1]:.5f}", f"{', '.join(inside)} %",
         f"{np.mean([s.nis for s in own]):.2f}", f"{np.mean([s.seconds for s in own]):.1f}",
     ]  # fmt: skip
+
+
+def over_rival(cases: list[dict[str, Any]], name: str) -> Any:
+    """Error of force and moment over that of the best Savitzky-Golay filter (2,)."""
+    return pooled_error(cases, name) / pooled_error(cases, "best savgol")
+
+
+def ratio_row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
+    """A cell in the table of ratios."""
+    markers, noise, rate = key
+    each = np.array([over_rival(cases, name) for name in ("smoother", "told", "bound", "body axes")])
+    return [f"{markers}", f"{1e3 * noise:g}", f"{rate:g}", *(f"{ratio:.2f}" for ratio in each.T.ravel())]
+
+
+def within(cells: dict[Key, list[dict[str, Any]]], name: str) -> str:
+    """In how many cells a method keeps to the goal."""
+    fine = np.array([over_rival(cases, name) <= GOAL for cases in cells.values()])
+    force, moment = fine.sum(0)
+    return f"in force in {force}, in moment in {moment}, in both in {fine.all(1).sum()} of {len(cells)} cells"
 
 
 def error_figure(cells: dict[Key, list[dict[str, Any]]]) -> Any:
@@ -155,7 +198,7 @@ def error_figure(cells: dict[Key, list[dict[str, Any]]]) -> Any:
 
 
 def main() -> int:
-    """Write flight.md and flight.png; 1 where a cell is behind its rival or what was asked."""
+    """Write flight.md and flight.png; 1 where a cell is above what was asked."""
     args = asked("evidence.drawn.boomerang", __doc__, seeds=3, jobs=2)
     cells: dict[Key, list[dict[str, Any]]] = {key: [] for key in product(SCENES, NOISES, RATES)}
     jobs = [(*key, seed) for key in cells for seed in range(1, args.seeds + 1)]
@@ -166,16 +209,20 @@ def main() -> int:
     with plt.rc_context(STYLE):
         pictured(args.output, "flight", error_figure(cells), dpi=110)
     beaten = {key: pooled_error(c, "smoother") < pooled_error(c, "best savgol") for key, c in cells.items()}
+    kept = all((over_rival(cases, "smoother") <= GOAL).all() for cases in cells.values())
     ahead = sum(bool(better.all()) for better in beaten.values())
     paged(
         args.output, "flight", "The flexible boomerang, cell by cell",
         f"Made by `{args.command}`; every number is from that run.", ABOUT.format(seeds=args.seeds),
         tabled(HEADS, [cell_row(key, cases) for key, cases in cells.items()]),
         f"Ahead of it in force and moment alike in {ahead} of {len(cells)} cells.",
+        OVER.format(goal=GOAL),
+        tabled(RATIOS, [ratio_row(key, cases) for key, cases in cells.items()]),
+        f"At most {GOAL} of it: {within(cells, 'smoother')}; told the prior, {within(cells, 'told')}.",
         "![Error over rate](flight.png)",
     )  # fmt: skip
     missed = any((pooled_error(cells[*key, 1000.0], "smoother") > goal).any() for key, goal in ASKED.items())
-    return int(missed or ahead < len(cells))
+    return int(missed or not kept)
 
 
 if __name__ == "__main__":

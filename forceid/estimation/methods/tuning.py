@@ -38,10 +38,11 @@ def see_motion(problem: Problem) -> Problem:
     """Poses and deformation under the noise known so far."""
     kin, slow, source = problem.look(problem.slow), problem.slow is not None, problem.source
     # where a pose is as uncertain as the body deforms, how smooth it is says nothing of the noise of markers
-    followed, limits = kin.apart or not kin.deforms, range_of(kin, source, slow)
+    followed = kin.apart or not kin.deforms
+    limits = range_of(kin, source, known=slow or not followed)
     errors, std, said = (None, None, ()) if slow else measured_errors(kin, problem.motion)
     if std is not None:
-        kin, limits = problem.look({source: np.diag(std)}), STATED if followed else (1.0, 1.0)
+        kin, limits = problem.look({source: np.diag(std)}), STATED if followed else limits
     seen = replace(problem, errors=errors, noise_range=limits, followed=followed, notes=()).seeing(kin)
     return seen.noting(*said)
 

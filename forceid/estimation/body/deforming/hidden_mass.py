@@ -2,9 +2,10 @@
 
 Where markers deform and nobody says how the rest of the body follows, its mass may move as far as they do,
 in a way that no marker shows. Only six numbers of that motion matter, its momentum and angular momentum: so
-six shapes stand for it, of nodes that move as independently as markers do. A body known as a whole has its
-mass at four nodes without markers, which make its mass, center and inertia. Source: theory of one model,
-section 2.
+six shapes stand for it, of nodes that move as independently as markers do. They do so about a rigid motion
+that nobody sees: the one fitted to the markers is off by what these deform, and a node far out by a multiple
+of it. A body known as a whole has its mass at four nodes without markers, which make its mass, center and
+inertia. Source: theory of one model, section 2.
 """
 
 from __future__ import annotations
@@ -26,18 +27,16 @@ from forceid.rounding import SINGLE
 
 @dataclass(frozen=True)
 class HiddenMass:
-    """Shapes (mode, node, 3) of mass without markers, each for one standard deviation of a node by itself.
+    """Shapes (mode, node, 3) of mass without markers, each for one standard deviation of a marker by itself.
 
     mass (node,) kg or (dof, dof) of nodes at shape (node, 3) m: those of the body, and four more where it is
-    known as a whole. leak (6, mode): the rigid motion that a shape gives what carries markers, m and rad;
-    spread: of a node beside a marker.
+    known as a whole. leak (6, mode): the rigid motion that a shape gives what carries markers, m and rad.
     """
 
     mass: Array
     shape: Array
     shapes: Array
     leak: Array
-    spread: float
 
     def products(self, shapes: Array) -> Products:
         """What amplitudes of shapes (mode, node, 3) of the body, and then of these, do to the inertia."""
@@ -69,7 +68,7 @@ class HiddenMass:
         """
         hasty = told.std * told.frequency**2
         largest, k = int(hasty.argmax()), len(self.shapes)
-        share = self.spread * float(np.sqrt((hasty**2).sum() / freedom)) / told.frequency[largest] ** 2
+        share = float(np.sqrt((hasty**2).sum() / freedom)) / told.frequency[largest] ** 2
 
         def more(a: Array) -> Array:
             return np.append(a, np.full(k, a[largest]))
@@ -96,13 +95,25 @@ def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
     rigid = summation_operator(shape)
     momentum = rigid.T * np.repeat(mass, 3) if mass.ndim == 1 else rigid.T @ mass
     scale = np.sqrt(np.repeat([inertia.mass, np.trace(inertia.tensor) / 2], 3))
-    _, size, axes = np.linalg.svd(momentum[:, free] / scale[:, None], full_matrices=False)
+    root = np.linalg.cholesky(spread**2 * np.eye(free.sum()) + of_fit(markers, rigid[free]))
+    _, size, axes = np.linalg.svd(momentum[:, free] @ root / scale[:, None], full_matrices=False)
     axes = axes[size > SINGLE * size[0]]
     raw = np.zeros((len(axes), len(free)))
-    raw[:, free] = axes
+    raw[:, free] = axes @ root.T
     raw = raw.reshape(len(axes), *shape.shape)
     alpha, shapes = split_rigid(raw, shape, mass)
-    return HiddenMass(mass, shape, shapes, -alpha.T, float(spread))
+    return HiddenMass(mass, shape, shapes, -alpha.T)
+
+
+def of_fit(markers: MarkerSet, rigid: Array) -> Array:
+    """Covariance (dof, dof) of what rigid motions (dof, 6) are off by as fitted to markers.
+
+    For independent markers of unit variance.
+    """
+    seen = markers.seen
+    S, weight = summation_operator(markers.shape[seen]), np.repeat(markers.weight[seen], 3)
+    fit = rigid @ np.linalg.solve(S.T * weight @ S, S.T * weight)
+    return np.asarray(fit @ fit.T)
 
 
 def weight_of(mass: Array) -> Array:
