@@ -21,7 +21,7 @@ from forceid.motion import exp
 from forceid.records import Array
 from forceid.rounding import SINGLE
 
-ORDER = 3  # of the process: the lowest that has an acceleration, as what has mass does
+BENT_ORDER = 3  # of the process: the lowest that has an acceleration, as what has mass does
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Bending:
     def rows(self) -> Array:
         """Rows (row, state) that read it out of its states; there are none for what holds."""
         moving = np.flatnonzero(self.std)
-        found = np.zeros((len(self.std), ORDER * len(moving)))
-        found[moving, ORDER * np.arange(len(moving))] = 1.0
+        found = np.zeros((len(self.std), BENT_ORDER * len(moving)))
+        found[moving, BENT_ORDER * np.arange(len(moving))] = 1.0
         return found
 
     def moved(self, by: Array) -> Bending:
@@ -46,10 +46,10 @@ class Bending:
     def model(self, step: Array) -> StateSpace:
         """Its states over steps (step,) s, which nothing measures by itself."""
         std = self.std[self.std > 0]
-        one = matern(ORDER, 1.0, self.rate)
+        one = matern(BENT_ORDER, 1.0, self.rate)
         unique, which = np.unique(np.round(step, 12), return_inverse=True)
         F, Q = (a[which] for a in discretize_steps(one, unique))
-        n = ORDER * len(std)
+        n = BENT_ORDER * len(std)
         wide = np.eye(len(std))[:, None, :, None] * F[:, None, :, None, :]
         noise = np.diag(std**2)[:, None, :, None] * Q[:, None, :, None, :]
         P0 = np.asarray(np.kron(np.diag(std**2), one.P0), float)

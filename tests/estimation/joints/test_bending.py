@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
-from forceid.estimation.joints.bending import ORDER, Bending, affine_about, carried
+from forceid.estimation.joints.bending import BENT_ORDER, Bending, affine_about, carried
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.run import estimate_whole
@@ -36,7 +36,7 @@ def test_nodes_of_a_plane_carry_a_joint_in_it():
 def test_bending_keeps_its_size_and_leaves_rows_that_hold():
     bending = Bending(np.array([0.0, 2e-4, 5e-3]), 30.0)
     model = bending.model(np.array([0.01, 0.02]))
-    assert bending.rows.shape == (3, 2 * ORDER)
+    assert bending.rows.shape == (3, 2 * BENT_ORDER)
     assert not bending.rows[0].any()
     for F, Q in zip(model.F, model.Q, strict=True):
         np.testing.assert_allclose(F @ model.P0 @ F.T + Q, model.P0, rtol=1e-9, atol=1e-15)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from forceid.estimation.loads.hidden.left_out import band_of, densities
+from forceid.estimation.loads.hidden.left_out import densities, followed_up_to
 from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.smoother import FlightState
@@ -56,7 +56,9 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     wide = np.geomspace(0.5 / span, BEYOND * fastest, 96)
     noise, smooth, _ = densities(part, prior, wide)
     lost = shares_lost(wide, fastest, noise, smooth, claimed)
-    band = band_of(part, prior, np.geomspace(1 / span, fastest, 128)).max()
+    finer = np.geomspace(1 / span, fastest, 128)
+    hidden, shown, _ = densities(part, prior, finer)
+    band = followed_up_to(shown / (hidden + shown), finer).max()
     width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
     growth = np.ones(3)
     for axis, candidates in enumerate(found.candidates):

@@ -29,9 +29,9 @@ from forceid.significance import SIGMAS
 
 MEANS = 48  # stretches of a record: at the most cycles below, eight to each
 MOST_CYCLES = MEANS / 8  # in a record, above which its spectrum tells a load
-RATES = 6  # candidates, about two to an octave of those that a record of few cycles tells apart
-STEP = 10**0.5  # from one size to the next, in power: a fifth of a log-likelihood at its top
-KNOTS = 4 * MEANS  # lags at which the correlation of a load is worked out
+SLOW_RATES = 6  # candidates, about two to an octave of those that a record of few cycles tells apart
+NEXT_SIZE = 10**0.5  # from one size to the next, in power: a fifth of a log-likelihood at its top
+CORRELATED_AT = 4 * MEANS  # lags at which the correlation of a load is worked out
 
 
 def slow_growth(channel: Channel, prior: LoadPrior, cycles: float) -> Array:
@@ -107,7 +107,7 @@ class Track:
     def under(self, order: int, rate: float, size: float | None = None) -> Candidates:
         """Matern loads of a variance, or of all from next to none to more than the track allows."""
         span = float(self.time[-1] - self.time[0])
-        lags = np.linspace(0, span, KNOTS)
+        lags = np.linspace(0, span, CORRELATED_AT)
         K = np.interp(
             np.abs(self.time[:, None] - self.time), lags, autocorrelation(order, np.array(rate), lags)
         )
@@ -116,7 +116,7 @@ class Track:
         power, y = np.maximum(power, 0.0), axes.T @ self.left
         if size is None:
             most = max(1.0, float(y @ y) / len(y)) / FAINTEST
-            sizes = np.exp(np.arange(np.log(FAINTEST), np.log(most), np.log(STEP)))[:, None] / power[-1]
+            sizes = np.exp(np.arange(np.log(FAINTEST), np.log(most), np.log(NEXT_SIZE)))[:, None] / power[-1]
         else:
             sizes = np.array([[size]])
         ratio, read = 1 + sizes * power, self.beside @ shown @ axes
@@ -129,7 +129,7 @@ class Track:
         """Factor on the deviation of the load in use, `own`; odds: of a constant over one that varies."""
         span, n = float(self.time[-1] - self.time[0]), len(self.time)
         inner = slice(n // 8, n - n // 8)
-        rates = np.geomspace(1 / span, 2 * np.pi * cycles / span, RATES)
+        rates = np.geomspace(1 / span, 2 * np.pi * cycles / span, SLOW_RATES)
         each = [self.under(UNTOLD_ORDER, rate) for rate in rates]
         gain = np.concatenate([one.gain for one in each])
         var = np.concatenate([(one.var + (one.load - own.load) ** 2)[:, inner].mean(1) for one in each])
