@@ -158,7 +158,7 @@ def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(mo
     np.testing.assert_array_equal(found.force, apart.force)
 
 
-def lost(parts, priors, ties, engine):
+def lost(parts, priors, bending, ties, engine):
     """A smoothing of which rounding leaves no covariance."""
     wrench = np.zeros((len(ties.gap), len(parts), 6))
     return wrench, np.full((len(wrench), 6 * len(parts), 6 * len(parts)), np.nan)

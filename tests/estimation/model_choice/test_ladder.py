@@ -101,7 +101,7 @@ def test_level_of_most_evidence_is_that_of_the_scene():
 
 @pytest.mark.long
 def test_smaller_level_claims_an_error_that_allows_for_its_distance():
-    recording = scene("affine", 1e-3, 0)
+    recording = scene("modal 6", 3e-4, 0)
     (choice, solution), solved = climbed(recording)
     plain = estimate_flight(recording.body, recording.motion, solved[0], engine())
     wide, own = (np.diagonal(s.state.wrench_cov, axis1=1, axis2=2) for s in (solution, plain))
@@ -111,8 +111,14 @@ def test_smaller_level_claims_an_error_that_allows_for_its_distance():
     np.testing.assert_allclose(ratio[:, :3], force)
     np.testing.assert_allclose(ratio[:, 3:], moment)
     assert choice.level.vetoed
-    assert "affine explains more of the markers" in choice.sentence
+    assert "modal, 6 modes explains more of the markers" in choice.sentence
     assert "but would move force and moment by only" in choice.sentence
+
+
+def test_strains_that_explain_a_body_are_not_traded_for_shapes_found_in_its_record():
+    (choice, _), solved = climbed(scene("affine", 1e-3, 0))
+    assert choice.model == "affine"
+    assert {str(level.model) for level in solved} <= {"rigid", "affine"}
 
 
 @pytest.mark.long
