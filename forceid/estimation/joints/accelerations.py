@@ -24,7 +24,8 @@ from forceid.rounding import CENTRAL_STEP
 @dataclass(frozen=True)
 class PartMotion:
     """A rigid part along its reference, world axes: rotation (time, 3, 3), H (time, 3) kg m2/s and T (time,
-    3) N m about its center, mass kg, inertia (time, 3, 3) kg m2 in body axes, gravity (3,) m/s2.
+    3) N m about its center, mass kg, inertia (time, 3, 3) kg m2 and h (time, 3) kg m2/s of what turns inside,
+    both in body axes, gravity (3,) m/s2.
     """
 
     rotation: Array
@@ -32,6 +33,7 @@ class PartMotion:
     T: Array
     mass: float
     inertia: Array
+    h: Array
     gravity: Array
 
 
@@ -39,7 +41,8 @@ def moving(motion: PartMotion, theta: Array, H: Array, F: Array, T: Array) -> tu
     """Rotation, acceleration of the center, angular velocity and acceleration, all by (time, 3)."""
     R = Rotation.from_rotvec(theta).as_matrix() @ motion.rotation
     J = R @ motion.inertia @ R.swapaxes(1, 2)
-    omega = np.asarray(np.linalg.solve(J, H[..., None])[..., 0], float)
+    turning = H[..., None] - R @ motion.h[..., None]  # of the body alone
+    omega = np.asarray(np.linalg.solve(J, turning)[..., 0], float)
     alpha = np.asarray(np.linalg.solve(J, (T - np.cross(omega, H))[..., None])[..., 0], float)
     return R, F / motion.mass + motion.gravity, omega, alpha
 

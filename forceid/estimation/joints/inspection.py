@@ -137,10 +137,15 @@ def poses_of(parts: tuple[Part, ...], kins: list[Kinematics]) -> Poses:
 def joint_points(joints: tuple[Joint, ...], parts: tuple[Part, ...], poses: Poses) -> tuple[Array, ...]:
     """Place (time, joint, 3) m of every joint, its gap, and the covariance of that (time, joint, 3, 3) m2."""
     time = len(poses.center)
-    arms = [{k: carried(j, parts[k], None, time).arm for k in j.moving} for j in joints]
     each = [
-        joint_ends(joint, on, poses.center, poses.rotation, poses.cov)
-        for joint, on in zip(joints, arms, strict=True)
+        joint_ends(
+            j,
+            {k: carried(j, parts[k], None, time) for k in j.moving},
+            poses.center,
+            poses.rotation,
+            poses.cov,
+        )
+        for j in joints
     ]
     ends, cov = (np.stack(a, 1) for a in zip(*each, strict=True))
     return ends.mean(2), ends[:, :, 1] - ends[:, :, 0], cov.sum(2)

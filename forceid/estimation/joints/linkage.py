@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.joints.bending import carried
+from forceid.estimation.joints.bending import Carried, carried
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.solution import Solution
 from forceid.partition.coupling.resultants import GROUND, incidence, transmitted
@@ -26,6 +26,7 @@ class Linkage:
     and gap_cov alike; center of all parts (time, 3) m and arms (time, part, 3) m from there to their own;
     links (first, second) with passes (time, 6, k) about that center; loads from outside, of the ground, last.
     tilt (time, joint, 3, 3) rad2: covariance of how the free axis of a hinge stands, zero for other joints.
+    on: where every joint is on the parts that it holds, by their numbers.
     """
 
     point: Array
@@ -37,6 +38,7 @@ class Linkage:
     links: tuple[tuple[int, int], ...]
     passes: tuple[Array, ...]
     tilt: Array
+    on: tuple[Mapping[int, Carried], ...]
 
 
 def linkage_of(
@@ -51,10 +53,10 @@ def linkage_of(
     center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
     R = np.stack([rotation_of(e, s) for e, s in zip(estimates, solutions, strict=True)], 1)
     covs = np.stack([pose_cov(solution, len(center)) for solution in solutions], 1)
-    at, spread, links, passes = [], [], [], []
+    at, spread, links, passes, on = [], [], [], [], []
     for joint in joints:
-        arms = {k: carried(joint, parts[k], solutions[k], len(center)).arm for k in joint.moving}
-        ends, off = joint_ends(joint, arms, centers, R, covs)
+        on.append({k: carried(joint, parts[k], solutions[k], len(center)) for k in joint.moving})
+        ends, off = joint_ends(joint, on[-1], centers, R, covs)
         at.append(ends)
         spread.append(off)
         links.append((joint.before, joint.behind))
@@ -69,22 +71,22 @@ def linkage_of(
         point=ends.mean(2), point_cov=off.sum(2) / 4, gap=ends[:, :, 1] - ends[:, :, 0],
         gap_cov=off.sum(2), center=center, arms=centers - center[:, None],
         links=tuple(links), passes=tuple(passes),
-        tilt=np.stack([covs[:, j.moving[0], 3:, 3:] * (j.free == "one") for j in joints], 1),
+        tilt=np.stack([covs[:, j.moving[0], 3:, 3:] * (j.free == "one") for j in joints], 1), on=tuple(on),
     )  # fmt: skip
 
 
 def joint_ends(
-    joint: Joint, arms: Mapping[int, Array], center: Array, rotation: Array, cov: Array
+    joint: Joint, on: Mapping[int, Carried], center: Array, rotation: Array, cov: Array
 ) -> tuple[Array, Array]:
     """Where both parts of a joint have it (time, 2, 3) m, and the covariances (time, 2, 3, 3) of that.
 
-    arms (time, 3): from the mass centers, body axes; center (time, part, 3), rotation (time, part, 3, 3) and
+    on: where it is on the parts; center (time, part, 3), rotation (time, part, 3, 3) and
     cov (time, part, 6, 6) of the poses. The ground has it where the other part has it in the mean, as well as
     known.
     """
     ends, off = {}, {}
     for k in joint.moving:
-        arm = np.einsum("tab,tb->ta", rotation[:, k], arms[k])
+        arm = np.einsum("tab,tb->ta", rotation[:, k], on[k].arm)
         moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], 2)
         ends[k], off[k] = center[:, k] + arm, moved @ cov[:, k] @ moved.swapaxes(1, 2)
     if GROUND in (joint.before, joint.behind):

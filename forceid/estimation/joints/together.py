@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.joints.accelerations import PartMotion, accelerated
-from forceid.estimation.joints.bending import Bending, carried
+from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.checks import chance_limit
 from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
 from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
@@ -122,13 +122,11 @@ def constraints_of(
     """
     rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
     centers = np.stack([e.center for e in estimates], 1)
-    time = len(centers)
-    spread = [pose_cov(solution, time) for solution in solutions]
+    spread = [pose_cov(solution, len(centers)) for solution in solutions]
     motions = [motion_of(part) for part in linked]
     constraints, findings = [], []
     for index, joint in enumerate(joints):
-        on = {k: carried(joint, parts[k], solutions[k], time) for k in joint.moving}
-        kept = held_poses(joint, parts, on, rotation, frame, linkage.point[:, index])
+        kept = held_poses(joint, parts, linkage.on[index], rotation, frame, linkage.point[:, index])
         size, times = changed(kept, centers, spread)
         if times:
             findings.append(note("joint-moves", joint=joint.name, times=times, kind=joint.kind))
@@ -201,7 +199,7 @@ def motion_of(part: LinkedPart) -> PartMotion:
     """A part along its reference."""
     reference, flight = part.reference, part.smoothing.flight
     H, T, _ = reference.moment.read(reference.chain)
-    return PartMotion(reference.rotation, H, T, flight.mass, flight.inertia, flight.gravity)
+    return PartMotion(reference.rotation, H, T, flight.mass, flight.inertia, flight.h, flight.gravity)
 
 
 def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> Array:

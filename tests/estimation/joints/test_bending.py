@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
+from forceid.estimation.joints.accelerations import PartMotion, moving
 from forceid.estimation.joints.bending import BENT_ORDER, Bending, affine_about, carried
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.parts import parts_of
@@ -89,3 +90,17 @@ def test_parts_that_may_bend_hold_a_joint_as_far_as_noise_hides_it():
     assert np.sqrt(np.mean(wider**2)) > 1.1
     off = (may_bend.force - recording.truth["joint_force"])[10:-10]
     assert np.sqrt(np.mean(np.square(off / may_bend.force_std[10:-10]))) < 1.5
+
+
+def test_what_turns_inside_a_part_is_no_spin_of_it():
+    rng = np.random.default_rng(5)
+    R = Rotation.random(4, rng=rng).as_matrix()
+    J, h, omega = (
+        np.tile(np.diag([1.0, 2.0, 2.5]), (4, 1, 1)),
+        rng.standard_normal((4, 3)),
+        rng.standard_normal((4, 3)),
+    )
+    H = np.einsum("tab,tb->ta", R @ J @ R.mT, omega) + np.einsum("tab,tb->ta", R, h)
+    none = np.zeros((4, 3))
+    part = PartMotion(R, H, none, 1.0, J, h, np.zeros(3))
+    np.testing.assert_allclose(moving(part, none, H, none, none)[2], omega, atol=1e-12)
