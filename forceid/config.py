@@ -91,7 +91,8 @@ class PartSetting(Section):
 
     Three markers off a line at least. Its mass is that of its nodes, or mass kg, center m and inertia kg m2
     about that center, in the axes of the reference shape. external: whether anything but weight and joints
-    may push this part; its load is then solved for.
+    may push this part; its load is then solved for. rigid: that it does not bend, so that its joints hold it
+    exactly; so it is for all parts under model = "rigid".
     """
 
     name: str
@@ -100,6 +101,7 @@ class PartSetting(Section):
     center: Vector | None = None
     inertia: tuple[Vector, Vector, Vector] | None = None
     external: bool = False
+    rigid: bool = False
 
 
 class JointSetting(Section):

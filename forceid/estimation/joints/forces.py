@@ -37,7 +37,8 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     """
     parts, joints = parts_of(recording, settings)
     alone = settings.model_copy(update={"part": (), "joint": (), "load": (), "moment_about": "mass_center"})
-    solved = [solve(part.recording, alone) for part in parts]
+    rigid = alone.model_copy(update={"model": "rigid"})
+    solved = [solve(part.recording, rigid if part.rigid else alone) for part in parts]
     findings = [
         of_part(finding, part.name, estimate.verdict.level)
         for part, (estimate, _) in zip(parts, solved, strict=True)

@@ -20,8 +20,8 @@ from forceid.rounding import SOLVED
 
 @dataclass(frozen=True)
 class Part:
-    """A body of its own: its recording, mass kg, mass center (3,) m in the reference shape, and whether loads
-    other than weight and joints act on it.
+    """A body of its own: its recording, mass kg, mass center (3,) m in the reference shape; external: whether
+    loads other than weight and joints act on it; rigid: whether it is stated not to bend.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Part:
     mass: float
     center: Array
     external: bool
+    rigid: bool
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,10 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
     check_names("part", ["ground", *(p.name for p in settings.part)])
     check_names("joint", [j.name for j in settings.joint])
     chosen = [nodes_of(part, body) for part in settings.part]
+    stiff = settings.model == "rigid"
+    told = [part.model_copy(update={"rigid": part.rigid or stiff}) for part in settings.part]
     check_shared(settings, chosen, body)
-    parts = tuple(
-        part_of(setting, nodes, recording) for setting, nodes in zip(settings.part, chosen, strict=True)
-    )
+    parts = tuple(part_of(setting, nodes, recording) for setting, nodes in zip(told, chosen, strict=True))
     names = [part.name for part in parts]
     joints = tuple(joint_of(joint, names, body) for joint in settings.joint)
     held = {k for joint in joints for k in (joint.before, joint.behind)}
@@ -104,7 +105,7 @@ def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
     noise = {name: std for name, std in motion.noise_std.items() if name == "position"}
     tracks = Motion(motion.time, x, gravity=motion.gravity, noise_std=noise)
     part = Recording(own, tracks, title=setting.name, sha256=recording.sha256)
-    return Part(setting.name, part, inertia.mass, inertia.center, setting.external)
+    return Part(setting.name, part, inertia.mass, inertia.center, setting.external, setting.rigid)
 
 
 def with_mass(own: Body, setting: PartSetting, nodes: Indices, body: Body, where: str) -> Body:

@@ -59,12 +59,11 @@ def smooth_linked_parts(
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
     found: list[tuple[float, list[LinkedPart], Priors, Bending, Constraints, list[Finding]]] = []
-    stiff = str(settings.model) == "rigid"
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
-        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions, stiff)
+        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions)
         tied = stacked_constraints([balance[0], *constraints])
         priors, bending, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
         found.append((likely, linked, priors, bending, tied, findings))
@@ -113,12 +112,11 @@ def constraints_of(
     linked: list[LinkedPart],
     estimates: list[Estimate],
     solutions: list[Solution | None],
-    stiff: bool,
 ) -> tuple[list[Constraints], list[Finding]]:
     """What the joints keep of the poses, and of accelerations where no part bends; which of them move.
 
-    A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid (stiff)
-    hold it exactly, and parts that may bend as far as the markers let them.
+    A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid
+    hold it exactly, and parts that may bend as far as the markers let them: how fast these ring nobody says.
     """
     rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
     centers = np.stack([e.center for e in estimates], 1)
@@ -130,9 +128,10 @@ def constraints_of(
         size, times = changed(kept, centers, spread)
         if times:
             findings.append(note("joint-moves", joint=joint.name, times=times, kind=joint.kind))
-        elif stiff:
+        elif all(parts[k].rigid for k in joint.moving):
             constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
         else:
+            findings.append(note("joint-may-bend", joint=joint.name))
             constraints.append(replace(kept, bends=size))
     return constraints, findings
 

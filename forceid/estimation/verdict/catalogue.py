@@ -811,6 +811,14 @@ JOINTS = (
         "The parts do what a joint of this kind forbids, or bend. The joint was not used to smooth them.",
         "Correct kind, axis or place of the joint; for parts that bend, expect the larger claims.",
     ),
+    Entry(
+        "joint-may-bend", "degraded",
+        "nobody says that the parts at joint {joint} are rigid: one that rings by less than its markers show "
+        "passes a force as fast, which no claim holds; state rigid = true of them if they are stiff",
+        "A joint of parts that ring passes forces that ring, and noise may hide both. Claims allow for "
+        "bending at the joint, not for loads faster than those the record shows.",
+        "State that the parts are rigid (`rigid = true`), or trust the force below its band alone.",
+    ),
 )
 # fmt: on
 

@@ -86,6 +86,8 @@ def test_parts_that_may_bend_hold_a_joint_as_far_as_noise_hides_it():
     rigid = joint_forces(recording, jointed(parameters), estimate_whole)
     may_bend = joint_forces(recording, jointed(parameters, model="auto"), estimate_whole)
     assert "joint-moves" not in may_bend.verdict.codes
+    assert "joint-may-bend" in may_bend.verdict.codes
+    assert "joint-may-bend" not in rigid.verdict.codes
     wider = may_bend.force_std[10:-10] / rigid.force_std[10:-10]
     assert np.sqrt(np.mean(wider**2)) > 1.1
     off = (may_bend.force - recording.truth["joint_force"])[10:-10]
