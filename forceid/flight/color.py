@@ -1,7 +1,8 @@
-"""Errors that follow themselves: a share of their variance with a memory, white the rest."""
+"""Errors that follow themselves: with a memory, or low-passed at the source, motion and all."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,13 +41,8 @@ class Color:
         return float(self.density(np.zeros(1))[0])
 
     def passed(self, gain: Array) -> Array:
-        """What passes of these errors in a second derivative, over white ones, of which gain 1/s4 passes.
-
-        gain (...): of one that follows all frequencies up to a cut, and none beyond.
-        """
-        cut = (5 * np.pi * gain / self.step) ** 0.2
-        w = cut[..., None] * (np.arange(64) + 0.5) / 64
-        return np.asarray((w**4 * self.density(w)).sum(-1) / (w**4).sum(-1))
+        """What passes of these errors in a second derivative, over white ones: see `passed`."""
+        return passed(self.density, gain, self.step)
 
     def process(self, var: Array) -> Process:
         """The errors with a memory of channels whose errors have variances var (...)."""
@@ -75,6 +71,68 @@ class Color:
             block_diagonal(model.P0, np.asarray(np.kron(np.eye(errors), one.P0), float)),
             None if model.u is None else np.pad(model.u, ((0, 0), (0, more))),
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LowPassed:
+    """Errors of tracks through a Butterworth filter of an order, both ways, of a cut Hz; white before it.
+
+    The filter took motion away with the errors: samples closer than those whose errors are independent tell
+    nothing more. step s: of the samples.
+    """
+
+    order: int
+    cut: float
+    step: float
+
+    def density(self, w: Array) -> Array:
+        """Spectral density at w (...) rad/s over that of white errors of the same variance.
+
+        >>> LowPassed(4, 5.0, 0.01).density(np.array([0.0, 1e9])).round(1).tolist()
+        [11.1, 0.0]
+        """
+        return np.asarray(self.slow * self.power(w / (2 * np.pi)))
+
+    def power(self, f: Array) -> Array:
+        """What the filter lets pass of the power at frequencies f (...) Hz; none beyond half the rate.
+
+        As the filter of a clock is made: by the tangent that takes its highest frequency to infinity.
+        """
+        turn = np.tan(np.pi * np.minimum(np.asarray(f) * self.step, 0.5 - np.finfo(float).eps))
+        return np.asarray((1 + (turn / np.tan(np.pi * self.cut * self.step)) ** (2 * self.order)) ** -2.0)
+
+    @cached_property
+    def slow(self) -> float:
+        """By how much the errors add up, over white ones of the same variance."""
+        f = (np.arange(1024) + 0.5) / 2048 / self.step
+        return float(1 / self.power(f).mean())
+
+    @property
+    def every(self) -> int:
+        """Samples from one to the next of which errors are independent."""
+        return max(round(self.slow), 1)
+
+    @property
+    def counted(self) -> float:
+        """Variance that such a sample counts with, over its own: its share of the density below the cut."""
+        return max(self.slow / self.every, 1.0)
+
+    def passed(self, gain: Array) -> Array:
+        """What passes of these errors in a second derivative, over white ones: see `passed`."""
+        return passed(self.density, gain, self.step)
+
+
+Colored = Color | LowPassed
+
+
+def passed(density: Callable[[Array], Array], gain: Array, step: float) -> Array:
+    """What passes of errors of a density in a second derivative, over white ones, of which gain 1/s4 passes.
+
+    gain (...): of one that follows all frequencies up to a cut, and none beyond.
+    """
+    cut = (5 * np.pi * gain / step) ** 0.2
+    w = cut[..., None] * (np.arange(64) + 0.5) / 64
+    return np.asarray((w**4 * density(w)).sum(-1) / (w**4).sum(-1))
 
 
 def root_of(cov: Array, turn: Array | None = None) -> Array:

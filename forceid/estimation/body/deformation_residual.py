@@ -12,6 +12,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
 from forceid.estimation.body.tracks.noise_axes import NO_AXIS, uneven
 from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.color import Color, LowPassed
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
 from forceid.kalman.recursions.passes import LOG_2PI
@@ -43,6 +44,11 @@ class Beyond:
     def frames(self) -> int:
         """Frames that are whole."""
         return int(np.isfinite(self.y).all(1).sum())
+
+    def told_anew(self, color: LowPassed, std: float) -> Beyond:
+        """The frames whose errors, of a deviation std m, are independent of tracks that were low-passed."""
+        new = slice(None, None, color.every)
+        return replace(self, time=self.time[new], y=self.y[new], var=color.counted * std**2)
 
     def of(self, shapes: Array) -> Array:
         """What shapes (mode, node, 3) look like in y: (mode, freedom)."""
@@ -156,7 +162,7 @@ def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:
     """
     y, var, numbers = beyond.y, errors.std**2, 1.0
     white, own = (-0.5 * float(np.nansum(y**2 / v + np.log(v) + LOG_2PI + 0 * y)) for v in (beyond.var, var))
-    if (color := errors.color) is not None:
+    if isinstance(color := errors.color, Color):
         numbers, one = 3.0, np.ones(y.shape[1])
         rest = np.full_like(y, (1 - color.share) * var)
         model = driven(color.process(var * one), 1.0, rest, 0 * one, np.diff(beyond.time))

@@ -17,7 +17,7 @@ from forceid.estimation.body.mass_center import affine_center, center_of_mass, w
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
-from forceid.flight.color import Color
+from forceid.flight.color import Color, Colored, LowPassed
 from forceid.flight.elastic import Elastic
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
@@ -64,7 +64,7 @@ class Kinematics:
     known: KnownPart | None = None
     elastic: Elastic | None = None
     hidden: HiddenMass | None = None
-    color: Color | None = None
+    color: Colored | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -74,6 +74,21 @@ class Kinematics:
     def share(self, name: str) -> Array:
         """Covariance (3, 3) of the noise of a variable along world axes, over its mean variance."""
         return share(self.noise_root[name])
+
+    @property
+    def every(self) -> int:
+        """Frames from one to the next that tells something new: more than one of low-passed tracks."""
+        return self.color.every if isinstance(self.color, LowPassed) else 1
+
+    @property
+    def counted_cov(self) -> Array:
+        """Covariance (time, 6, 6) that the pose of a frame counts with, where others tell the same."""
+        return self.pose.cov * self.color.counted if isinstance(self.color, LowPassed) else self.pose.cov
+
+    @property
+    def memory(self) -> Color | None:
+        """The color of errors that have a memory of their own, None where they are white or low-passed."""
+        return self.color if isinstance(self.color, Color) else None
 
     @property
     def deforms(self) -> bool:

@@ -36,8 +36,9 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
             "restore the markers, or give the center of a longer record",
         )
     z = center - 0.5 * (time - time[0])[:, None] ** 2 * gravity
-    cov = np.where(np.isfinite(kin.pose.cov[:, :3, :3]), kin.pose.cov[:, :3, :3], np.eye(3))
-    return Channel(time, z, 1 / kin.inertia.mass, cov, np.zeros((3, 3)), kin.color)
+    cov = np.where(np.isfinite(kin.counted_cov[:, :3, :3]), kin.counted_cov[:, :3, :3], np.eye(3))
+    new = slice(None, None, kin.every)
+    return Channel(time[new], z[new], 1 / kin.inertia.mass, cov[new], np.zeros((3, 3)), kin.memory)
 
 
 def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
@@ -50,10 +51,13 @@ def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
             "the recording",
             "restore the markers, or give a longer record",
         )
-    known, cov = None if kin.known is None else kin.known.turned, pose.cov[:, 3:, 3:]
-    ch = angular_channel(kin.time, pose.rotation, cov, deformation.inertia, deformation.h, known)
-    adds_up = 1.0 if kin.color is None else kin.color.slow
-    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, adds_up * ch.drift, kin.color)
+    new, cov = slice(None, None, kin.every), kin.counted_cov[:, 3:, 3:]
+    ch = angular_channel(
+        kin.time[new], pose.rotation[new], cov[new], deformation.inertia[new], deformation.h[new],
+        None if kin.known is None else kin.known.turned[new],
+    )  # fmt: skip
+    adds_up = 1.0 if kin.memory is None else kin.memory.slow
+    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, adds_up * ch.drift, kin.memory)
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,8 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
     measured: whether sensors or strain gauges read the modes as well. Without them, modes of a body whose
     mass center is known by itself are as well smoothed by themselves.
     """
-    cov = np.where(np.isfinite(kin.pose.cov), kin.pose.cov, np.eye(6))
+    cov = np.where(np.isfinite(kin.counted_cov), kin.counted_cov, np.eye(6))
+    new = np.where(np.arange(len(kin.time)) % kin.every == 0, 1.0, np.nan)
     inertia, h, modes = deformation.inertia, deformation.h, None
     joint = measured or not kin.apart
     if joint and kin.frames is not None and deformation.prior is not None and deformation.path is not None:
@@ -119,8 +124,8 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
         modes = FlyingModes(kin.frames, deformation.prior, products, path, inside=kin.inside)
     return Flight(
         kin.time,
-        kin.pose.center,
-        kin.pose.rotation,
+        new[:, None] * kin.pose.center,
+        new[:, None, None] * kin.pose.rotation,
         cov,
         kin.inertia.mass,
         inertia,
@@ -128,5 +133,5 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
         gravity,
         modes=modes,
         known=kin.known,
-        color=kin.color,
+        color=kin.memory,
     )

@@ -24,6 +24,7 @@ from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
+from forceid.estimation.methods.measured_noise import judge_filter
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
@@ -31,7 +32,6 @@ from forceid.estimation.verdict.tracks import judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.vibration import ModeState
-from forceid.records import Array
 
 
 def judge_channels(problem: Problem) -> Problem:
@@ -79,9 +79,7 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
     kin, state, modes = problem.kin, problem.state, problem.deformation.prior
     if not kin.attitude or problem.causal or modes is None or problem.flight.sensors is not None:
         return problem
-    seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
-    turned: Array = state.rotation[seen]
-    band = least_band(problem.channels["moment"], problem.priors["moment"], turned)
+    band = least_band(problem.channels["moment"], problem.priors["moment"], problem.turned)
     bent = as_smoothed(kin, problem.deformation, state)
     state = widened_by_arms(state, kin, bent.amplitude, band)
     if kin.elastic is None or problem.settings.load_axes == "body":
@@ -142,9 +140,8 @@ def allow_for_priors(problem: Problem) -> Problem:
     channels = {
         name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
     }
-    seen = np.asarray(np.isfinite(kin.pose.rotation).all((1, 2)))
     inside = "moment" in channels and problem.body.internal_momentum is None and may_turn_inside(kin)
-    beside = {"moment": inner_wheel.signals(channels["moment"].time, state.rotation[seen])} if inside else {}
+    beside = {"moment": inner_wheel.signals(channels["moment"].time, problem.turned)} if inside else {}
     looks = {
         name: whitened(channel, priors[name], problem.engine, beside.get(name))
         for name, channel in channels.items()
@@ -175,8 +172,8 @@ def solution_of(problem: Problem) -> Solution:
     kin, state, flight, priors = problem.kin, problem.state, problem.flight, problem.priors
     hidden = None
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
-        turned: Array = state.rotation[np.isfinite(kin.pose.rotation).all((1, 2))]
-        hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
+        hidden = hidden_load(channels_on_every_axis(problem), priors, problem.turned)
+    filtered = judge_filter(kin, None if hidden is None else hidden.band)
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),
@@ -184,7 +181,7 @@ def solution_of(problem: Problem) -> Solution:
         problem.engine.name,
         named(kin, priors) | named_sensors(flight, state) | problem.gained,
         problem.at_limit,
-        (*problem.findings, *problem.notes),
+        (*problem.findings, *problem.notes, *filtered),
         priors,
         None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
         hidden,

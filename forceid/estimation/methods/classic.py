@@ -11,11 +11,11 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.angular_channel import AngularChannel, angular_channel
 from forceid.estimation.loads.noise import slow_and_small
-from forceid.estimation.methods.measured_noise import may_show, measured_errors
+from forceid.estimation.methods.measured_noise import judge_filter, may_show, measured_errors
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import SCATTERED
-from forceid.flight.color import Color
+from forceid.flight.color import Colored
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -86,6 +86,7 @@ def estimate_classic(
         left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
+    said = (*said, *judge_filter(kin))
     found = (*said, note("slow-errors")) if shared else said
     lost = np.asarray(~np.isfinite(kin.pose.center).all(1))
     if lost.mean() > SCATTERED:
@@ -113,7 +114,7 @@ def measured_angular_channel(kin: Kinematics) -> AngularChannel:
 
 
 def choose_moment(
-    channel: AngularChannel, candidates: list[Window], color: Color | None = None
+    channel: AngularChannel, candidates: list[Window], color: Colored | None = None
 ) -> WindowChoice:
     """Moment about the mass center under the window that the moment calls for."""
 
@@ -133,7 +134,7 @@ def force_cov(kin: Kinematics, d: Derivatives) -> Array:
     return np.asarray(kin.inertia.mass**2 * cov * gain[:, :, None])
 
 
-def moment_cov(channel: AngularChannel, d: Derivatives, color: Color | None) -> Array:
+def moment_cov(channel: AngularChannel, d: Derivatives, color: Colored | None) -> Array:
     """Covariance (sample, 3, 3) that the noise of the poses gives the moment."""
     rate_cov = channel.drift / np.median(np.diff(channel.time))  # what adds up in Y is white in its rate
     gain = d.gain[:, 0, :, :, None, None]

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.tracks.marker_errors import COLORS, MarkerErrors
+from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.verdict.catalogue import note
+from forceid.flight.color import LowPassed
 from forceid.records import Array, Finding, Motion
-from forceid.significance import TENTH
+from forceid.rounding import SINGLE
 
 HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
 SAID = 1.5  # times, or one over it: less is no news to who stated a noise
+
+
+def judge_filter(kin: Kinematics, band: Array | None = None) -> list[Finding]:
+    """Tracks that were low-passed: harmless where loads are not followed up to the cut; band (load,) Hz."""
+    color = kin.color
+    if not isinstance(color, LowPassed):
+        return []
+    highest = 0.5 / (color.every * color.step)
+    below = band is not None and not (band > (1 - SINGLE) * highest).any()
+    return [note("smoothed-at-source", "ok" if below else "degraded", cut_hz=color.cut)]
 
 
 def may_show(kin: Kinematics, motion: Motion) -> bool:
@@ -37,12 +46,10 @@ def measured_errors(
     # what is smaller than the noise stated is no motion beside it
     smaller = kin.stated[source] and errors.std * SAID < kin.noise[source]
     color = errors.color if std is not None or smaller else None
-    if color is not None and color.order == COLORS[-1] and 1 - color.share < 2 * TENTH**2:
-        heavy = (*heavy, note("smoothed-at-source", cut_hz=color.rate / (2 * np.pi)))
     if std is None or (kin.stated[source] and errors.as_stated(kin.noise[source])):
         return None, None, heavy
     ratio = errors.std / kin.noise[source]
-    if not kin.stated[source] or 1 / SAID < ratio < SAID:
+    if not kin.stated[source] or 1 / SAID < ratio < SAID or isinstance(color, LowPassed):
         return errors, std, heavy
     told = note("noise-measured", variable=source, stated=kin.noise[source], noise=errors.std)
     return errors, std, (told, *heavy)

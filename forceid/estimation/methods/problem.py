@@ -112,6 +112,11 @@ class Problem:
         shown = {"force": self.force_channel}
         return shown | {"moment": self.driven.moment} if self.kin.attitude else shown
 
+    @property
+    def turned(self) -> Array:
+        """Rotations (sample, 3, 3) of the state in the frames that show one, and tell something new."""
+        return np.asarray(self.state.rotation[np.isfinite(self.flight.rotation).all((1, 2))])
+
     def look(self, noise: dict[str, Array] | None) -> Kinematics:
         """The kinematics without the frames dropped, under the noise of the file or another one."""
         if noise is None and not self.dropped.any:

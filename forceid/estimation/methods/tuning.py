@@ -59,7 +59,7 @@ def tune_force(problem: Problem) -> Problem:
     """The prior of the force, and the noise of the mass center."""
     channel = problem.force_channel
     force = tuned_beside(problem, channel, "force", problem.noise_range, problem.lines.force)
-    if problem.errors is not None and problem.kin.apart:
+    if problem.errors is not None and problem.kin.apart and problem.kin.every == 1:
         # a mass center known by itself denies errors that markers do not have: then what they show is motion
         own = replace(problem, errors=None).seeing(problem.look(None))
         own = replace(own, noise_range=range_of(own.kin, problem.source))
@@ -144,10 +144,10 @@ def find_slow_errors(problem: Problem) -> Problem:
 
 def follow_each_other(problem: Problem) -> bool:
     """Whether errors of the mass center do."""
-    kin, force = problem.kin, problem.priors["force"]
+    kin, force, channel = problem.kin, problem.priors["force"], problem.force_channel
     if kin.stated[problem.source] or problem.errors is not None:
         return errors_shared(kin, force, problem.motion.gravity, problem.engine)
-    return force.tuned.noise_at_limit or noise_growth(kin.time, kin.pose.center) > GROWTH
+    return force.tuned.noise_at_limit or noise_growth(channel.time, channel.z) > GROWTH
 
 
 @stage("force")

@@ -52,6 +52,7 @@ from forceid.estimation.model_choice.load_seen import (
 from forceid.estimation.model_choice.words import LevelChoice, sentence_of, without_choice
 from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.verdict.innovations import NIS_BAND
+from forceid.flight.color import LowPassed
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
 from forceid.significance import CHANCE, WORSE
@@ -95,6 +96,9 @@ def choose_level(
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
+    errors = marker_errors(beyond.time, beyond.y)
+    if errors is not None and errors.alike and isinstance(errors.color, LowPassed):
+        beyond, errors = beyond.told_anew(errors.color, errors.std), replace(errors, color=None)
     candidates = [
         level
         for level in levels(markers, settings, most)
@@ -105,7 +109,6 @@ def choose_level(
     ):
         return without_shapes("no deformation stands out of the noise")
     steps = weigh(beyond, candidates, free_shapes(markers.body, most), all(most.stated.values()), engine)
-    errors = marker_errors(beyond.time, beyond.y)
     if (
         errors is not None
         and errors.alike

@@ -216,8 +216,9 @@ NOISE = (
     Entry(
         "smoothed-at-source", "degraded",
         "errors of the markers end near {cut_hz:.2g} Hz: the tracks were smoothed before, and what the load "
-        "does faster than that is not in the record nor in the claim",
-        "A filter took away noise and motion alike. What it took away cannot be seen any more.",
+        "does faster is not in the record, and in the claim only as far as its slower part tells",
+        "A filter took away noise and motion alike, so frames closer than half a period of its cut tell "
+        "nothing new. What it took away cannot be seen: it matters where the load is followed up to the cut.",
         "Give the data before filtering.",
     ),
     Entry(

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import fdtri
 
+from forceid.estimation.body.cleaning import without_frames
 from forceid.estimation.loads.plain_cut import (
     STRETCH,
     Cut,
@@ -26,7 +27,7 @@ from forceid.estimation.loads.plain_cut import (
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.witness.plain_route import PlainChannel, plain_route
-from forceid.flight.color import Color
+from forceid.flight.color import Colored, LowPassed
 from forceid.flight.smoother import FlightState
 from forceid.motion import SmoothingSpline
 from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
@@ -42,12 +43,17 @@ UNITS = {"force": "N", "moment": "N m"}
 
 
 @stage("witness")
-def witness_of(body: Body, motion: Motion, state: FlightState, color: Color | None = None) -> Witness | None:
+def witness_of(
+    body: Body, motion: Motion, state: FlightState, color: Colored | None = None
+) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 
     Positions that were filled in count as gaps. color: of the errors of markers, None for white ones.
     """
-    time, route = motion.time, plain_route(body, as_measured(motion))
+    time, shown = motion.time, as_measured(motion)
+    if isinstance(color, LowPassed):
+        shown, color = without_frames(shown, np.arange(len(time)) % color.every != 0), None
+    route = plain_route(body, shown)
     std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
     if route.force is None and route.moment is None:
         return None
@@ -84,7 +90,7 @@ def spectrum_and_cuts(channel: PlainChannel) -> tuple[MotionSpectrum, list[Cut]]
     return spectrum, plain_cuts(spectrum)
 
 
-def louder(color: Color | None, cut: Cut, frequency: Array) -> Array:
+def louder(color: Colored | None, cut: Cut, frequency: Array) -> Array:
     """Errors at frequencies (bin,) Hz over those in the octave above a cut, which show them; one if white."""
     if color is None:
         return np.ones(len(frequency))
@@ -93,7 +99,7 @@ def louder(color: Color | None, cut: Cut, frequency: Array) -> Array:
 
 
 def low_passed(
-    time: Array, channel: PlainChannel, cuts: list[Cut], color: Color | None = None
+    time: Array, channel: PlainChannel, cuts: list[Cut], color: Colored | None = None
 ) -> tuple[Array, Array]:
     """The load that a channel shows below its cuts, and its standard deviation, (time, 3) each."""
     at, values, std = channel.frame, np.full((len(time), 3), np.nan), np.full((len(time), 3), np.nan)
@@ -120,7 +126,7 @@ def apart_in_bands(
     time: Array,
     load: Array,
     claim: Array,
-    color: Color | None = None,
+    color: Colored | None = None,
     path: Array | None = None,
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from forceid.config import load_settings
 from forceid.estimation.body.tracks.marker_errors import marker_errors
 from forceid.estimation.run import estimate_recording
+from forceid.flight.color import Color, LowPassed
 from forceid.records import Body, Motion, Recording
 
 STEP = 0.004
@@ -77,3 +78,55 @@ def test_force_and_moment_beside_errors_with_a_memory_are_known_as_claimed(r):
     assert 0.5 < np.median(over) < 1.3
     assert np.mean(inside) > 0.9
     assert said.count("ok") >= 4
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("part", [0.1, 0.2, 0.35])
+def test_a_filter_at_the_source_is_found_with_the_density_below_its_cut(order, part):
+    """Errors through a Butterworth filter both ways, of a cut that is a part of the sampling rate."""
+    cut, density, cuts = part / STEP, [], []
+    for seed in range(8):
+        rng = np.random.default_rng([12, seed])
+        white = 2.0 * rng.standard_normal((700, 9))
+        y = sosfiltfilt(butter(order, cut, fs=1 / STEP, output="sos"), white, axis=0)[100:-100]
+        found = marker_errors(STEP * np.arange(500), y)
+        assert found.alike
+        assert isinstance(found.color, LowPassed)
+        density.append(found.std**2 * found.color.slow / 4.0)
+        cuts.append(found.color.cut / cut)
+    assert np.mean(density) == pytest.approx(1.0, abs=0.06)
+    assert np.mean(cuts) == pytest.approx(1.0, abs=0.15)
+
+
+def test_errors_that_walk_are_not_taken_for_filtered():
+    for seed in range(12):
+        rng = np.random.default_rng([13, seed])
+        found = marker_errors(STEP * np.arange(500), following(rng, 500, 9, 0.95))
+        assert isinstance(found.color, Color)
+
+
+@pytest.mark.parametrize("cut", [40.0, 20.0, 10.0])
+def test_tracks_low_passed_at_the_source_are_estimated_as_well_as_raw_ones(cut):
+    """A body under forces below 2 Hz, told nothing of its errors nor of the filter."""
+    step, mass, J, over, ratio = 0.005, 2.0, np.diag([0.02, 0.03, 0.04]), [], []
+    time = step * np.arange(-60, 360)
+    for seed in range(4):
+        rng = np.random.default_rng([14, seed])
+        X = rng.uniform(-0.2, 0.2, (7, 3))
+        rate, size, phase = rng.uniform(4, 12, 3), rng.uniform(1, 5, 3), rng.uniform(0, 6, 3)
+        force = size * np.cos(rate * time[:, None] + phase)
+        x = (-force / mass / rate**2)[:, None] + X + 5e-4 * rng.standard_normal((420, 7, 3))
+        filtered = sosfiltfilt(butter(4, cut, fs=1 / step, output="sos"), x, axis=0)
+        body = Body(tuple("abcdefg"), X, total_mass=mass, mass_center=np.zeros(3), inertia=J)
+        error, kept = [], slice(60, -60)
+        for tracks in (x, filtered):
+            motion = Motion(time[kept] - time[60], tracks[kept], gravity=np.zeros(3))
+            found = estimate_recording(Recording(body, motion), load_settings())
+            off = (found.force - force[kept])[40:-40]
+            error.append(np.sqrt(np.mean(off**2)))
+        assert found.verdict.level == "ok"
+        assert "smoothed-at-source" in found.verdict.codes
+        over.append(np.mean(off**2) / np.mean(found.force_std[40:-40] ** 2))
+        ratio.append(error[1] / error[0])
+    assert np.mean(ratio) < 1.15
+    assert 0.5 < np.sqrt(np.mean(over)) < 1.5

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma
 
-from forceid.flight.color import Color, autocorrelation
+from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.records import Array, Flags
-from forceid.significance import PATIENCE, SIGMAS, TENTH, WILD
+from forceid.significance import NUMBER, PATIENCE, SIGMAS, TENTH, WILD
 
-COLORS = (1, 2, 4)  # orders of errors with a memory: walks, and tracks smoothed at the source
+COLORS = (1, 2)  # orders of errors with a memory: walks
+FILTERS = (2, 4)  # orders of filters at the source: Butterworth, both ways
+NOTHING = TENTH**2  # of the density below its cut, that a filter lets pass where nothing is told any more
 MEMORIES = 24  # of memory, from one over the record to half a turn a sample
 WHITE = np.geomspace(
     TENTH**2, 1.0, 17
@@ -40,7 +42,7 @@ class MarkerErrors:
     """
 
     std: float
-    color: Color | None
+    color: Colored | None
     relative: float
     uneven: float
     kurtosis: float
@@ -80,7 +82,8 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         return -count * (np.log(shape).sum(-1) + len(mean) * (np.log(size) + 1)), size
 
     white, size = likelihood(np.ones(len(mean)))
-    found, best, std, spectrum = None, float(white) + PATIENCE, float(np.sqrt(size)), np.ones(len(mean))
+    found: Colored | None = None
+    best, std, spectrum = float(white) + PATIENCE, float(np.sqrt(size)), np.ones(len(mean))
     lag, shown = np.asarray(step * np.arange(n), float), window(taper)
     for order in COLORS:
         rates, whites = np.geomspace(1 / (n * step), np.pi / step, MEMORIES), WHITE
@@ -100,10 +103,42 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         if top > best:
             best, std, spectrum = top, float(np.sqrt(var_found)), shape
             found = Color(order, rate, 1 - part, step)
+    filtered = low_passed(mean, count, step)
+    if filtered is not None and filtered[0] > best:
+        _, found, shape = filtered
+        told = shape > TENTH
+        spectrum, waves, std = shape[told], waves[told], float(np.sqrt(mean.mean()))
     alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
     octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
     uneven = max(unevenness(alike[first:last]) for first, last in pairwise((0, *octaves.tolist())))
     return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis)
+
+
+def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed, Array] | None:
+    """The likeliest filter at the source of errors whose spectrum has means (bin,) over `count` numbers.
+
+    Its log-likelihood, less a number for every ordinate of which the filter leaves nothing, as those are what
+    they are; and the power (bin,) that it lets pass. None where more is left there than a tenth.
+    """
+    f = (np.arange(len(mean)) + 2) / (len(mean) + 2) / 2 / step
+    if len(f) <= SPECTRAL:
+        return None
+    best: tuple[float, LowPassed, Array] | None = None
+    for order in FILTERS:
+        for cut in np.geomspace(f[SPECTRAL // 2], f[-1], len(f)):
+            color = LowPassed(order, float(cut), step)
+            shape = color.power(f)
+            told = shape > NOTHING
+            level = float((mean[told] / shape[told]).mean(where=shape[told] > 0.5))
+            left = np.maximum(mean[~told], np.finfo(float).tiny)
+            if told.all() or left.max() > TENTH * level:
+                continue
+            expected = level * shape[told]
+            misfit = (np.log(expected) + mean[told] / expected).sum() + (np.log(left) + 1).sum()
+            value = -count * float(misfit) - NUMBER * len(left)
+            if best is None or value > best[0]:
+                best = value, color, shape
+    return best
 
 
 def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
@@ -111,11 +146,12 @@ def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
 
     One for errors that are alike. Source: the test of sphericity, Mauchly (1940).
     """
-    m, dof = waves.shape[1], 2 * HANN * len(waves)
-    size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
-    if dof <= m or size[0] <= 0:
+    m, dof, power = waves.shape[1], 2 * HANN * len(waves), (waves.conj().T @ waves).real
+    few = dof <= m  # to tell axes of the powers: those of the numbers one by one are compared
+    size = np.diagonal(power) if few else np.linalg.eigvalsh(power)
+    if size.min() <= 0:
         return np.inf
-    chance = float(np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof))
+    chance = float(np.mean(digamma(0.5 * (dof - (0 if few else np.arange(m))))) - np.log(0.5 * dof))
     return float(np.exp(np.log(size.mean()) - np.log(size).mean() + chance))
 
 

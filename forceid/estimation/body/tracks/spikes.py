@@ -52,8 +52,9 @@ def spikes_once(position: Array) -> Flags:
     if n < FEWEST or len(AROUND) >= T:
         return found
     d = np.linalg.norm(position[:, :, None] - position[:, (np.arange(n)[:, None] + partners) % n], axis=3)
-    jump = np.abs(d[1:-1] - 0.5 * (d[2:] + d[:-2]))
-    scale = np.maximum(NORMAL * median(jump[None])[0], SOLVED * np.nan_to_num(d).max(initial=0.0))
+    jump, wide = (np.abs(d[k:-k] - 0.5 * (d[2 * k :] + d[: -2 * k])) for k in (1, 2))  # alike if white
+    usual = NORMAL * np.maximum(median(jump[None])[0], median(wide[None])[0])
+    scale = np.maximum(usual, SOLVED * np.nan_to_num(d).max(initial=0.0))
     at = np.flatnonzero((np.nan_to_num(jump) > 0.5 * FAR * scale).any((1, 2))) + 1
     at = np.unique(np.concatenate([at - 1, at, at + 1]).clip(0, T - 1))
     if not len(at):
