@@ -28,7 +28,6 @@ from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
 from forceid.estimation.methods.look import Look
-from forceid.estimation.methods.measured_noise import measured_errors
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
@@ -36,7 +35,6 @@ from forceid.estimation.model_choice.words import LevelChoice, without_choice
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import (
     judge,
-    judge_clipping,
     judge_leakage,
     judge_recording,
     judge_rounding,
@@ -139,9 +137,7 @@ def estimate_beside(
         findings = judge_unmarked(body, motion, settings)
     else:
         kin = kinematics(body, motion, settings)
-        errors = measured_errors(kin, motion)[0]
-        rounded = judge_rounding(motion, kin.noise if errors is None else {"position": errors.std})
-        findings = [*judge_recording(kin, motion), *(rounded or judge_clipping(motion))]
+        findings = judge_recording(kin, motion)
     if refusing(findings):
         return refused_estimate(recording, settings, findings), None
     motion, mended = prepared(body, motion)
@@ -163,9 +159,12 @@ def estimate_beside(
     open_state = with_uncertain_body(
         solution.state, solution.kinematics, solution.deformation, settings.body_std
     )
-    said = (*judge_mending(mended), *solution.findings)
+    rounded = judge_rounding(motion, solution.kinematics.noise)
+    said = (*rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
-    witness = witness_of(body, motion, solution.state, solution.kinematics.color)
+    witness = witness_of(
+        body, motion, solution.state, solution.kinematics.color, bool(len(solution.kinematics.shapes))
+    )
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     known = None

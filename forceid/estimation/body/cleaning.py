@@ -10,6 +10,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
+from forceid.estimation.body.tracks.clipping import clipped
 from forceid.estimation.body.tracks.spikes import spikes
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
@@ -22,6 +23,7 @@ from forceid.timing import stage
 class Mended:
     """What was done about the readings of a motion.
 
+    stuck: frames, of all, in which a limit cut readings off, most of them at an edge m along an axis;
     exchanged: markers that had traded places, exchanges: how often they were put back, exchanged_s: when
     first; spikes: readings taken out, by marker, the most first, spikes_s: the first of them; readings: all.
     """
@@ -29,6 +31,10 @@ class Mended:
     exchanged: tuple[str, ...] = ()
     exchanges: int = 0
     exchanged_s: float = np.nan
+    stuck: int = 0
+    frames: int = 0
+    axis: str = ""
+    edge: float = np.nan
     spikes: Mapping[str, int] = field(default_factory=dict)
     spikes_s: float = np.nan
     readings: int = 0
@@ -50,18 +56,20 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
     """
     if motion.position is None or motion.bridged is not None:
         return motion, Mended()
-    mended = Mended()
-    position, traded = unswap(motion.position)
+    cut, axis, edge = clipped(motion.position)
+    mended = Mended(stuck=int(cut.any(1).sum()), frames=len(cut), axis=axis, edge=edge)
+    position, traded = unswap(np.where(cut[..., None], np.nan, motion.position))
     if traded:
-        names = tuple(sorted({body.node[t.channel] for t in traded}))
-        mended = Mended(names, len(traded) // 2, float(motion.time[traded[0].sample]))
+        names, first = tuple(sorted({body.node[t.channel] for t in traded})), motion.time[traded[0].sample]
+        mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))
     off = spikes(position)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}
         seen, first = int(np.isfinite(motion.position).all(2).sum()), motion.time[off.any(1).argmax()]
         mended = replace(mended, spikes=by_marker, spikes_s=float(first), readings=seen)
-    return (replace(motion, position=position), mended) if traded or off.any() else (motion, mended)
+    changed = traded or mended.stuck or off.any()
+    return (replace(motion, position=position), mended) if changed else (motion, mended)
 
 
 @dataclass(frozen=True)

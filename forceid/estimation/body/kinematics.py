@@ -40,7 +40,9 @@ class Kinematics:
     rotation touches the force; markers: what this goes on from, None for a mean motion; inside (3,)
     kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion;
     elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
-    them; both None elsewhere; color: of the errors, None for white ones.
+    them; both None elsewhere; color: of the errors, None for white ones; loud (time,): variance of
+    those of a frame over the usual one, None where all are as loud; late (time, 6) m, rad: what frames that
+    come early or late are off by, one standard deviation, None where none are.
     """
 
     time: Array
@@ -65,6 +67,8 @@ class Kinematics:
     elastic: Elastic | None = None
     hidden: HiddenMass | None = None
     color: Colored | None = None
+    loud: Array | None = None
+    late: Array | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -82,8 +86,10 @@ class Kinematics:
 
     @property
     def counted_cov(self) -> Array:
-        """Covariance (time, 6, 6) that the pose of a frame counts with, where others tell the same."""
-        return self.pose.cov * self.color.counted if isinstance(self.color, LowPassed) else self.pose.cov
+        """Covariance (time, 6, 6) that the pose of a frame counts with, of errors as they are there."""
+        cov = self.pose.cov if self.loud is None else self.pose.cov * self.loud[:, None, None]
+        cov = cov if self.late is None else cov + self.late[:, :, None] * self.late[:, None, :]
+        return cov * self.color.counted if isinstance(self.color, LowPassed) else cov
 
     @property
     def memory(self) -> Color | None:

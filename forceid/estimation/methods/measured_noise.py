@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from forceid.estimation.body.deformation_residual import errors_beyond
+import numpy as np
+
+from forceid.estimation.body.deformation_residual import KNOWN, errors_beyond
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.color import LowPassed
-from forceid.records import Array, Finding, Motion
+from forceid.records import Array, Finding, Level, Motion
 from forceid.rounding import SINGLE
 
 HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
@@ -42,7 +44,10 @@ def measured_errors(
     if seen is None:
         return None, None, ()
     errors, std = seen
-    heavy = (note("noise-heavy", kurtosis=errors.kurtosis),) if errors.kurtosis > HEAVY else ()
+    # the size of heavy errors is known as well as their fourth moment lets it be
+    size = errors.relative * float(np.sqrt(max(errors.kurtosis - 1, 0.0) / 2))
+    level: Level = "degraded" if size > KNOWN else "ok"
+    heavy = (note("noise-heavy", level, kurtosis=errors.kurtosis),) if errors.kurtosis > HEAVY else ()
     # what is smaller than the noise stated is no motion beside it
     smaller = kin.stated[source] and errors.std * SAID < kin.noise[source]
     color = errors.color if std is not None or smaller else None

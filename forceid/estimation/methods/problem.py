@@ -32,7 +32,8 @@ class Problem:
 
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
     stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
-    loads; errors, of the markers as what no motion makes shows them; slow, the noise of tracks whose errors
+    loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that come
+    early or late are off by; slow, the noise of tracks whose errors
     follow each other, None for none; near, priors that those of the same lines are near to.
     Found: looked, the kinematics as the markers show them, and driven, with the deformation taken out;
     noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
@@ -53,6 +54,7 @@ class Problem:
     dropped: Dropped = NONE_DROPPED
     lines: Lines = NO_LINES
     errors: MarkerErrors | None = None
+    late: Array | None = None
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
     looked: Kinematics = TO_COME
@@ -131,10 +133,11 @@ class Problem:
             seen = replace(self, looked=kin, driven=self.shown.driven)
         else:
             seen = replace(self, looked=kin).along(*undeformed(kin, self.engine, self.causal))
-        color = None if self.errors is None else self.errors.color
-        if color is seen.kin.color:
+        color, loud = (None, None) if self.errors is None else (self.errors.color, self.errors.loud)
+        now = seen.kin
+        if color is now.color and loud is now.loud and self.late is now.late:
             return seen
-        return seen.along(replace(seen.kin, color=color), seen.deformation)
+        return seen.along(replace(now, color=color, loud=loud, late=self.late), seen.deformation)
 
     def along(self, kin: Kinematics, deformation: Deformation) -> Problem:
         """The problem with kinematics whose deformation is known and taken out."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
+from forceid.estimation.body.tracks.late_frames import lateness
 from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
 from forceid.estimation.loads.pieces.character import with_character
@@ -17,6 +18,7 @@ from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.flight.channels import Channel
+from forceid.flight.color import LowPassed
 from forceid.flight.elastic import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
@@ -43,8 +45,14 @@ def see_motion(problem: Problem) -> Problem:
     errors, std, said = (None, None, ()) if slow else measured_errors(kin, problem.motion)
     if std is not None:
         kin, limits = problem.look({source: np.diag(std)}), STATED if followed else limits
-    seen = replace(problem, errors=errors, noise_range=limits, followed=followed, notes=()).seeing(kin)
-    return seen.noting(*said)
+    late, filtered = None, errors is not None and isinstance(errors.color, LowPassed)
+    if kin.attitude and not kin.deforms and not filtered:
+        found = lateness(kin.time, kin.pose)
+        if found is not None:
+            late = found[0] * found[1]
+            said = (*said, note("frames-late", late_ms=1e3 * found[0]))
+    seen = replace(problem, errors=errors, late=late, noise_range=limits, followed=followed, notes=())
+    return seen.seeing(kin).noting(*said)
 
 
 def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float, float]:

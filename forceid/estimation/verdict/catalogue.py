@@ -385,6 +385,13 @@ SHAPE = (
         "Give masses of the nodes, or mode shapes.",
     ),
     Entry(
+        "frames-late", "ok",
+        "frames come early or late against their times, by {late_ms:.2g} ms rms: errors along the motion, of "
+        "place and turn together, say so and are counted",
+        "The clock of the record and that of the cameras differ from frame to frame.",
+        "Give the times at which the frames were taken.",
+    ),
+    Entry(
         "errors-shared", "degraded",
         "the markers agree with each other to {agree_mm:.2g} mm, better than the "
         "{noise_mm:.2g} mm by which their mass center errs: noise_std is too large, or they share slow "

@@ -7,19 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.tracks.noise_axes import at_rest
+from forceid.estimation.body.tracks.clipping import grid_step
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
 from forceid.estimation.verdict.tracks import longest_run, lost_frames
-from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
-STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
 SHORT = 50  # frames below which they cannot tell how a load varies, nor whether errors are correlated
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
@@ -65,27 +63,10 @@ def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
     """Coordinates on a grid so coarse that its steps, and not the noise, are their error."""
     if motion.position is None or "position" not in noise:
         return []
-    x = motion.position[:: max(1, len(motion.position) // CHANNEL_SAMPLES)]
-    values = np.unique(x[np.isfinite(x)])
-    step = float(np.diff(values).min(initial=np.inf)) if len(values) > 1 else 0.0
-    if step / np.sqrt(12) < noise["position"] or len(values) > 0.5 * x.size:
+    step = grid_step(motion.position)
+    if step / np.sqrt(12) < noise["position"]:
         return []
     return [note("rounded-coordinates", step_mm=1e3 * step, noise_mm=1e3 * noise["position"])]
-
-
-def judge_clipping(motion: Motion) -> list[Finding]:
-    """Markers that stick to the edge of what the cameras see: one value, again and again, never passed."""
-    if motion.position is None:
-        return []
-    x, rest = motion.position, at_rest(motion.position)
-    for axis, name in enumerate("xyz"):
-        values = x[..., axis]
-        for edge in (np.nanmin(values), np.nanmax(values)):
-            stuck = (values == edge) & ~rest[:, axis]
-            if stuck.sum() > max(STUCK, STUCK_PART * np.isfinite(values).sum()):
-                count = int(stuck.any(1).sum())
-                return [note("markers-stuck", axis=name, edge_m=edge, count=count, frames=len(x))]
-    return []
 
 
 def reads_turn(kin: Kinematics, motion: Motion) -> bool:

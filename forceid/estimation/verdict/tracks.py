@@ -10,16 +10,21 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import WIDE_STEP
-from forceid.records import Array, Finding, Flags, Motion
+from forceid.records import Array, Finding, Flags, Level, Motion
 from forceid.significance import WILD
 
-MANY = 0.05  # of readings that are spikes: one in twenty of so many stands beside another, as motion does
+MANY = 0.05  # of readings that are spikes, or frames at an edge: of so many one stands beside another
 NAMED = 4  # markers in a sentence: as many as a reader takes in at a look
 
 
 def judge_mending(mended: Mended) -> list[Finding]:
     """Markers that were exchanged back, and spikes that were taken out."""
     found = []
+    if mended.stuck:
+        at, count, frames = mended.edge, mended.stuck, mended.frames
+        # beside an edge noise is cut off on one side, which pulls those that are left
+        level: Level = "ok" if count <= MANY * frames else "degraded"
+        found.append(note("markers-stuck", level, axis=mended.axis, edge_m=at, count=count, frames=frames))
     if mended.exchanges:
         names, first = ", ".join(mended.exchanged), mended.exchanged_s
         found.append(note("markers-exchanged", markers=names, count=mended.exchanges, time_s=first))

@@ -54,7 +54,7 @@ class PlainRoute:
     moment: PlainChannel | None = None
 
 
-def plain_route(body: Body, motion: Motion) -> PlainRoute:
+def plain_route(body: Body, motion: Motion, deforms: bool = False) -> PlainRoute:
     """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
     inertia = inertia_of(body)
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
@@ -62,13 +62,15 @@ def plain_route(body: Body, motion: Motion) -> PlainRoute:
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
     inside = momentum_inside(body)
     if motion.position is not None and body.position is not None:
-        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
+        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside, deforms)
     if motion.center is not None:
         return of_mean_motion(inertia, motion, motion.center, inside)
     return PlainRoute()
 
 
-def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array) -> PlainRoute:
+def of_markers(
+    inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Array, deforms: bool
+) -> PlainRoute:
     """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
 
     inside (3,): angular momentum of what turns in the body, reference axes. A rigid fit is a part of them
@@ -81,7 +83,7 @@ def of_markers(inertia: Inertia, X: Array, motion: Motion, x: Array, inside: Arr
     x = interpolated_tracks(motion.time, x, X, rotation)
     if not whole.all():
         rigid = rigid_fits(x, X)[0]
-    bends = bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
+    bends = deforms or bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
     summed = inertia.weight.sum() > 0 and mass.sum() > (1 - SOLVED) * inertia.weight.sum()
     force = None
     if summed:

@@ -44,16 +44,17 @@ UNITS = {"force": "N", "moment": "N m"}
 
 @stage("witness")
 def witness_of(
-    body: Body, motion: Motion, state: FlightState, color: Colored | None = None
+    body: Body, motion: Motion, state: FlightState, color: Colored | None = None, deforms: bool = False
 ) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 
-    Positions that were filled in count as gaps. color: of the errors of markers, None for white ones.
+    Positions that were filled in count as gaps. color: of the errors of markers, None for white ones;
+    deforms: whether the body is known to, which markers may hardly show.
     """
     time, shown = motion.time, as_measured(motion)
     if isinstance(color, LowPassed):
         shown, color = without_frames(shown, np.arange(len(time)) % color.every != 0), None
-    route = plain_route(body, shown)
+    route = plain_route(body, shown, deforms)
     std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
     if route.force is None and route.moment is None:
         return None

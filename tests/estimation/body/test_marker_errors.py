@@ -130,3 +130,46 @@ def test_tracks_low_passed_at_the_source_are_estimated_as_well_as_raw_ones(cut):
         ratio.append(error[1] / error[0])
     assert np.mean(ratio) < 1.15
     assert 0.5 < np.sqrt(np.mean(over)) < 1.5
+
+
+def of_cosines(seed, errors, samples=300):
+    """A body under forces below 2 Hz that does not turn, with errors(rng, x) of its markers; force."""
+    time, mass, J = STEP * np.arange(samples), 2.0, np.diag([0.02, 0.03, 0.04])
+    rng = np.random.default_rng([15, seed])
+    X = rng.uniform(-0.2, 0.2, (7, 3))
+    rate, size, phase = rng.uniform(4, 12, 3), rng.uniform(1, 5, 3), rng.uniform(0, 6, 3)
+    force = size * np.cos(rate * time[:, None] + phase)
+    x = (rng.uniform(-2, 2, 3) * time[:, None] - force / mass / rate**2)[:, None] + X
+    body = Body(tuple("abcdefg"), X, total_mass=mass, mass_center=np.zeros(3), inertia=J)
+    return Recording(body, Motion(time, errors(rng, x), gravity=np.zeros(3))), force
+
+
+HEAVY = {
+    "a Student distribution of three": lambda rng, x: x + 3e-4 * rng.standard_t(3, x.shape),
+    "bursts in one frame of ten": lambda rng, x: (
+        x + 5e-4 * np.where(rng.random((len(x), 1, 1)) < 0.1, 4.0, 1.0) * rng.standard_normal(x.shape)
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", HEAVY)
+def test_errors_that_are_not_normal_are_claimed_by_their_size(kind):
+    over, said = [], []
+    for seed in range(5):
+        recording, force = of_cosines(seed, HEAVY[kind])
+        found = estimate_recording(recording, load_settings())
+        off = (found.force - force)[40:-40]
+        over.append(np.mean(off**2) / np.mean(found.force_std[40:-40] ** 2))
+        said.append(found.verdict.level)
+    assert 0.6 < np.sqrt(np.mean(over)) < 1.4
+    assert np.sqrt(np.max(over)) < 2.0
+    assert said.count("ok") >= {"a Student distribution of three": 4}.get(kind, 0)
+
+
+def test_a_deformation_that_ends_at_a_frequency_is_no_filter():
+    """Six strains below 9 Hz in eighteen numbers, as an affine body has them, far above the noise."""
+    for seed in range(10):
+        rng = np.random.default_rng([16, seed])
+        strains = sosfiltfilt(butter(4, 9.0, fs=500.0, output="sos"), rng.standard_normal((800, 6)), axis=0)
+        y = strains[100:-100] @ rng.standard_normal((6, 18)) + 1e-3 * rng.standard_normal((600, 18))
+        assert not marker_errors(0.002 * np.arange(600), y).alike

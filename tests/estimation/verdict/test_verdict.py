@@ -13,11 +13,11 @@ from evidence.subjects.flights.failures.noise import shared_errors
 from evidence.subjects.flights.failures.sensing import clipping, spin_per_frame
 from forceid.config import load_settings
 from forceid.errors import DataError
+from forceid.estimation.body.cleaning import cleaned
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import (
     judge,
-    judge_clipping,
     judge_leakage,
     judge_recording,
     judge_rounding,
@@ -33,6 +33,7 @@ from forceid.estimation.verdict.innovations import (
 from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
 from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
+from forceid.estimation.verdict.tracks import judge_mending
 from forceid.motion.free_rotation import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.records import Finding
@@ -391,10 +392,26 @@ def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
     assert judge_rounding(recording.motion, {"position": cf.NOISE}) == []
 
 
-def test_markers_that_stick_to_the_edge_of_the_volume_are_said():
+def test_markers_that_stick_to_the_edge_of_the_volume_are_left_out_and_said():
     recording = clipping(0.4, np.random.default_rng(1)).recording
-    (found,) = judge_clipping(recording.motion)
+    motion, mended = cleaned(recording.body, recording.motion)
+    stuck = recording.motion.position[..., 0] == mended.edge
+    assert stuck.any()
+    assert not np.isfinite(motion.position[stuck]).any()
+    (found,) = judge_mending(mended)
     assert "markers stick at x" in found.text
-    assert judge_clipping(cf.toss().motion) == []
-    at_rest = replace(recording.motion, position=np.repeat(recording.motion.position[:1], 50, 0))
-    assert judge_clipping(at_rest) == []
+    assert found.level == "degraded"
+    at_rest = np.repeat(recording.motion.position[:1], 50, 0)
+    for still in (cf.toss().motion, replace(recording.motion, time=np.arange(50.0), position=at_rest)):
+        assert not cleaned(recording.body, still)[1].stuck
+
+
+def test_a_few_frames_at_an_edge_leave_force_and_moment_as_claimed():
+    for seed in range(3):
+        record = clipping(0.03, np.random.default_rng([seed, 5])).recording
+        found, inner = estimate_recording(record, load_settings()), slice(30, -30)
+        assert found.verdict.level == "ok"
+        assert "markers-stuck" in found.verdict.codes
+        for name in ("force", "moment"):
+            off, std = getattr(found, name) - record.truth[name], getattr(found, f"{name}_std")
+            assert np.mean(off[inner] ** 2) < 4 * np.mean(std[inner] ** 2)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma
 
+from forceid.estimation.body.tracks.loud_frames import loudness
 from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.records import Array, Flags
 from forceid.significance import NUMBER, PATIENCE, SIGMAS, TENTH, WILD
@@ -38,7 +39,7 @@ class MarkerErrors:
 
     relative: standard error of their density where many frequencies show it, as a part of it; uneven: one
     where they are as large in all of the numbers, in the octave in which they differ most; kurtosis: 3 of
-    normal ones.
+    normal ones; loud (time,): variance of a frame over the mean one, None where all are as loud.
     """
 
     std: float
@@ -46,6 +47,7 @@ class MarkerErrors:
     relative: float
     uneven: float
     kurtosis: float
+    loud: Array | None = None
 
     @property
     def alike(self) -> bool:
@@ -54,7 +56,11 @@ class MarkerErrors:
 
     def as_stated(self, std: float) -> bool:
         """Whether they may well be white ones of a stated standard deviation."""
-        return self.color is None and abs(self.std**2 / std**2 - 1) < SIGMAS * self.relative
+        return (
+            self.color is None
+            and self.loud is None
+            and abs(self.std**2 / std**2 - 1) < SIGMAS * self.relative
+        )
 
 
 def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
@@ -63,11 +69,13 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     None where too few samples in a row show them.
     """
     run = longest(np.asarray(np.isfinite(y).all(1)))
-    y = y[run]
-    if not y.shape[1] or len(y) < SPECTRAL:
+    if not y.shape[1] or run.stop - run.start < SPECTRAL:
         return None
+    y = y - np.median(y[run], 0)
+    each = loudness(y)
+    loud = None if each is None else each / each[np.isfinite(y).all(1)].mean()
+    y = y[run] if loud is None else (y / np.sqrt(loud)[:, None])[run]
     n, step = len(y), float(np.ptp(time[run])) / (len(y) - 1)
-    y = y - np.median(y, 0)
     kurtosis = float((y**4).mean() / max(float((y**2).mean()) ** 2, np.finfo(float).tiny))
     usual = max(float(np.quantile(np.abs(y), 0.9)) / 1.645, np.finfo(float).tiny)  # as of a normal deviate
     y = np.clip(y, -WILD * usual, WILD * usual)
@@ -111,7 +119,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
     octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
     uneven = max(unevenness(alike[first:last]) for first, last in pairwise((0, *octaves.tolist())))
-    return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis)
+    return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis, loud)
 
 
 def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed, Array] | None:
@@ -146,12 +154,11 @@ def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
 
     One for errors that are alike. Source: the test of sphericity, Mauchly (1940).
     """
-    m, dof, power = waves.shape[1], 2 * HANN * len(waves), (waves.conj().T @ waves).real
-    few = dof <= m  # to tell axes of the powers: those of the numbers one by one are compared
-    size = np.diagonal(power) if few else np.linalg.eigvalsh(power)
-    if size.min() <= 0:
+    m, dof = waves.shape[1], 2 * HANN * len(waves)
+    size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
+    if dof <= m or size[0] <= 0:
         return np.inf
-    chance = float(np.mean(digamma(0.5 * (dof - (0 if few else np.arange(m))))) - np.log(0.5 * dof))
+    chance = float(np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof))
     return float(np.exp(np.log(size.mean()) - np.log(size).mean() + chance))
 
 

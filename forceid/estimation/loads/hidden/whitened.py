@@ -141,7 +141,7 @@ def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Cand
     rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES_TRIED)
     most = 1 / FAINTEST * max(1.0, float((own / noise).max()))
     size = np.exp(np.arange(np.log(FAINTEST), np.log(most), np.log(STEP)))
-    orders = ORDERS[1:]  # that have a rate
+    orders = ORDERS
     total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
     for order in orders:
         shape = densities_of(order, rate, frequency)

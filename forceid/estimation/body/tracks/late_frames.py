@@ -1,0 +1,58 @@
+"""Frames that come early or late against their times: errors along the motion, of place and turn together.
+
+A frame that is late by d shows the pose of another time: it is off by d times velocity and spin. What all
+markers share is not in what no motion makes; along the motion, and not across it, differences show it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import uniform_filter1d
+from scipy.special import binom
+
+from forceid.motion import Pose, log
+from forceid.records import Array
+from forceid.significance import PATIENCE
+
+ORDER = 6  # of the differences, which free motion and smooth loads hardly reach
+OVERLAP = (
+    3.16  # differences in a row that tell as much as one by itself: the sum of their squared correlations
+)
+DELAYS = np.geomspace(1e-4, 1.0, 81)  # that are tried, as parts of a frame
+
+
+def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
+    """Standard deviation of the delays (s), and velocity and spin (time, 6) of the frames, world axes.
+
+    pose: of every frame, with the covariance that its markers give it. None unless delays are e^PATIENCE
+    times as likely as errors that are as large across the motion as along it; nor on an irregular clock.
+    """
+    seen = np.flatnonzero(np.isfinite(pose.center).all(1) & np.isfinite(pose.rotation).all((1, 2)))
+    if len(seen) < 4 * ORDER or np.ptp(np.diff(time)) > DELAYS[0] * np.ptp(time):
+        return None
+    step, R = float(np.median(np.diff(time))), pose.rotation[seen]
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(log(R[1:] @ R[:-1].mT), 0)])
+    path = np.concatenate([pose.center[seen], turned], 1)
+    each = sliding_window_view(path, ORDER + 1, axis=0)
+    steady = np.ptp(sliding_window_view(seen, ORDER + 1), axis=1) == ORDER
+    if steady.sum() < 2 * ORDER:
+        return None
+    k = np.arange(ORDER + 1)
+    weight = (-1.0) ** k * binom(ORDER, k)
+    weight /= np.linalg.norm(weight)
+    d, rate = (each @ weight)[steady], ((each[..., -1] - each[..., 0]) / (ORDER * step))[steady]
+    cov = pose.cov[seen][ORDER // 2 : len(seen) - ORDER // 2][steady]
+    v, own = rate[:, :3], np.finfo(float).tiny
+    across = d[:, :3] - v * ((d[:, :3] * v).sum(1) / ((v**2).sum(1) + own))[:, None]
+    expected = np.trace(cov[:, :3, :3], axis1=1, axis2=2) * 2 / 3
+    cov = cov * max(1.0, float((across**2).sum(1).mean() / expected.mean()))
+    whitened = np.linalg.solve(cov, rate[..., None])[..., 0]
+    told, along = (whitened * rate).sum(1), (whitened * d).sum(1)
+    var = (DELAYS[:, None] * step) ** 2
+    gain = 0.5 * (var * along**2 / (1 + var * told) - np.log1p(var * told)).sum(1) / OVERLAP
+    best = int(gain.argmax())
+    if gain[best] < PATIENCE:
+        return None
+    speed = uniform_filter1d(np.gradient(path, time[seen], axis=0), 2 * ORDER + 1, axis=0, mode="nearest")
+    return float(DELAYS[best] * step), np.stack([np.interp(time, time[seen], one) for one in speed.T], 1)
