@@ -9,7 +9,7 @@ from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.records import Array, Flags
 
 STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
-COARSE = 0.5  # different values, as a part of the readings, below which these are on a grid, and meet anyway
+GRID = 0.5  # different values, as a part of the readings, below which these are on a grid, and meet anyway
 
 
 def grid_step(position: Array) -> float:
@@ -20,7 +20,7 @@ def grid_step(position: Array) -> float:
     """
     x = position[:: max(1, len(position) // CHANNEL_SAMPLES)]
     values = np.unique(x[np.isfinite(x)])
-    if len(values) < 2 or len(values) > COARSE * x.size:
+    if len(values) < 2 or len(values) > GRID * x.size:
         return 0.0
     return float(np.diff(values).min())
 

@@ -11,14 +11,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import uniform_filter1d
 from scipy.special import binom
 
-from forceid.motion import Pose, log
+from forceid.motion import ORDER, Pose, log
 from forceid.records import Array
 from forceid.significance import PATIENCE
 
-ORDER = 6  # of the differences, which free motion and smooth loads hardly reach
-OVERLAP = (
-    3.16  # differences in a row that tell as much as one by itself: the sum of their squared correlations
-)
 DELAYS = np.geomspace(1e-4, 1.0, 81)  # that are tried, as parts of a frame
 
 
@@ -41,6 +37,8 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     k = np.arange(ORDER + 1)
     weight = (-1.0) ** k * binom(ORDER, k)
     weight /= np.linalg.norm(weight)
+    # so many differences in a row tell as much as one by itself
+    overlap = float((np.correlate(weight, weight, "full") ** 2).sum())
     d, rate = (each @ weight)[steady], ((each[..., -1] - each[..., 0]) / (ORDER * step))[steady]
     cov = pose.cov[seen][ORDER // 2 : len(seen) - ORDER // 2][steady]
     v, own = rate[:, :3], np.finfo(float).tiny
@@ -50,7 +48,7 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     whitened = np.linalg.solve(cov, rate[..., None])[..., 0]
     told, along = (whitened * rate).sum(1), (whitened * d).sum(1)
     var = (DELAYS[:, None] * step) ** 2
-    gain = 0.5 * (var * along**2 / (1 + var * told) - np.log1p(var * told)).sum(1) / OVERLAP
+    gain = 0.5 * (var * along**2 / (1 + var * told) - np.log1p(var * told)).sum(1) / overlap
     best = int(gain.argmax())
     if gain[best] < PATIENCE:
         return None

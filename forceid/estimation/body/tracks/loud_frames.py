@@ -14,7 +14,7 @@ from forceid.rounding import SINGLE
 from forceid.significance import PATIENCE
 
 FREEDOMS = np.geomspace(1.0, 64.0, 13)  # of Student's t that are tried: beyond, it is as good as normal
-ROUNDS = 100  # of the fixed point of the scale at most: it gains a digit in some ten
+SCALE_ROUNDS = 100  # of the fixed point of the scale at most: it gains a digit in some ten
 
 
 def loudness(y: Array) -> Array | None:
@@ -40,7 +40,7 @@ def loudness(y: Array) -> Array | None:
     found = None
     for nu in FREEDOMS:
         scale = mean
-        for _ in range(ROUNDS):
+        for _ in range(SCALE_ROUNDS):
             before, scale = scale, float(((nu + d) / (nu + square / scale) * square).mean()) / d
             if abs(scale - before) < SINGLE * scale:
                 break
