@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import uniform_filter1d
 from scipy.special import binom
 
+from forceid.flight.model import COARSE
 from forceid.motion import ORDER, Pose, log
 from forceid.records import Array
 from forceid.significance import PATIENCE
@@ -22,7 +23,8 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     """Standard deviation of the delays (s), and velocity and spin (time, 6) of the frames, world axes.
 
     pose: of every frame, with the covariance that its markers give it. None unless delays are e^PATIENCE
-    times as likely as errors that are as large across the motion as along it; nor on an irregular clock.
+    times as likely as errors that are as large across the motion as along it; nor on an irregular clock, or
+    where turns from frame to frame are so large that their differences show no rate.
     """
     seen = np.flatnonzero(np.isfinite(pose.center).all(1) & np.isfinite(pose.rotation).all((1, 2)))
     if len(seen) < 4 * ORDER or np.ptp(np.diff(time)) > DELAYS[0] * np.ptp(time):
@@ -30,6 +32,8 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     step, R = float(np.median(np.diff(time))), pose.rotation[seen]
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(log(R[1:] @ R[:-1].mT), 0)])
     path = np.concatenate([pose.center[seen], turned], 1)
+    if np.linalg.norm(np.diff(turned, axis=0), axis=1).max() > COARSE:
+        return None
     each = sliding_window_view(path, ORDER + 1, axis=0)
     steady = np.ptp(sliding_window_view(seen, ORDER + 1), axis=1) == ORDER
     if steady.sum() < 2 * ORDER:

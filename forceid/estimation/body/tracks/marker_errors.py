@@ -22,6 +22,7 @@ from forceid.significance import NUMBER, PATIENCE, SIGMAS, TENTH, WILD
 
 COLORS = (1, 2)  # orders of errors with a memory: walks
 FILTERS = (2, 4)  # orders of filters at the source: Butterworth, both ways
+CUTS = 96  # of filters that are tried: one from the next by less than its own uncertainty
 NOTHING = TENTH**2  # of the density below its cut, that a filter lets pass where nothing is told any more
 MEMORIES = 24  # of memory, from one over the record to half a turn a sample
 WHITE = np.geomspace(
@@ -129,11 +130,11 @@ def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed
     they are; and the power (bin,) that it lets pass. None where more is left there than a tenth.
     """
     f = (np.arange(len(mean)) + 2) / (len(mean) + 2) / 2 / step
-    if len(f) <= SPECTRAL:
+    if len(f) <= SPECTRAL or mean[-SPECTRAL // 4 :].mean() > TENTH * mean.max():
         return None
     best: tuple[float, LowPassed, Array] | None = None
     for order in FILTERS:
-        for cut in np.geomspace(f[SPECTRAL // 2], f[-1], len(f)):
+        for cut in np.geomspace(f[SPECTRAL // 2], f[-1], CUTS):
             color = LowPassed(order, float(cut), step)
             shape = color.power(f)
             told = shape > NOTHING
