@@ -40,8 +40,8 @@ class TransverselyIsotropic:
     are energies: on a base of the Lame constants lam and mu the small-strain constants are those of Spencer,
     with the shear modulus mu across a and mu + shear along it. On StVenantKirchhoff this is the general
     quadratic law; on a base with a barrier det F stays above 0. W(Q F) = W(F) for every rotation Q, W(F Q) =
-    W(F) for rotations about a: `left_reduced` moves it at any E, and where E is round about a too, the
-    circulation about a is kept. DataError where a small strain of a compressible base would gain energy.
+    W(F) for rotations about a; where E is round about a too, the circulation about a is kept. DataError where
+    a small strain of a compressible base would gain energy.
     Source: pseudo-rigid bodies, sections 3 and 5.1; Spencer.
 
     >>> from forceid.pseudorigid.material.materials import StVenantKirchhoff

@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.factors.decomposition import bipolar
-from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
-from forceid.pseudorigid.reduced_form import (
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
     integrate_form,
 )
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
-from forceid.pseudorigid.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
+from evidence.subjects.affine.reduced.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
+from forceid.pseudorigid.factors.decomposition import bipolar
+from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.records import Array
 
 GENERAL_SIMULATE = "general_reduced.simulate"

@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.factors.decomposition import polar
-from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
-from forceid.pseudorigid.reduced_form import (
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
     integrate_form,
 )
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.factors.decomposition import polar
+from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
 from forceid.records import Array
 
 LEFT_SIMULATE = "left_reduced.simulate"

@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import check_symmetry, checked_body, integrate_form
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.factors.decomposition import bipolar
 from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
-from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, integrate_form
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
 from forceid.records import Array
 
 TWO_SIDED_SIMULATE = "two_sided.simulate"
