@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import determinant
+from forceid.pseudorigid.factors.cofactors import EYE, determinant
 from forceid.pseudorigid.material.material_law import validated_constant
 from forceid.records import Array
 
@@ -34,7 +34,7 @@ def real_values(value: Any, name: str, advice: str = "give real numbers") -> Arr
     return np.asarray(found, float)
 
 
-def tensors(value: Any, name: str = "F") -> Array:
+def tensors(value: Any, name: str = "F", advice: str = "give matrices") -> Array:
     """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already.
 
     >>> tensors([[1, 0, 0], [0, 1, 0], [0, 0, 1]]).dtype
@@ -42,9 +42,9 @@ def tensors(value: Any, name: str = "F") -> Array:
     """
     A = value
     if not isinstance(A, np.ndarray) or A.dtype != np.float64:
-        A = real_values(value, name, "give matrices")
+        A = real_values(value, name, advice)
     if A.shape[-2:] != (3, 3):
-        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, "give matrices")
+        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
     return np.asarray(A)
 
 
@@ -56,9 +56,7 @@ def matrices(value: Any, name: str, advice: str = "give matrices") -> Array:
     ...
     forceid.errors.DataError: F0 has shape (2, 2), expected (..., 3, 3); give matrices
     """
-    A = real_values(value, name, advice)
-    if A.shape[-2:] != (3, 3):
-        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
+    A = tensors(value, name, advice)
     if not np.isfinite(A).all():
         raise DataError("holds values that are not finite", name, "leave those frames out or fill them")
     return A
@@ -118,9 +116,11 @@ def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1
     return t
 
 
-def check_second_moment(E: Array) -> None:
-    """DataError unless E (3, 3) is symmetric positive definite."""
+def validated_second_moment(value: Any) -> Array:
+    """E (3, 3) kg m^2, symmetric positive definite, of E or of mu in E = mu I. DataError for any other."""
     where = "second_moment"
+    E = real_values(value, where, "give E = int rho X X^T dX, or mu")
+    E = E * EYE if E.ndim == 0 else E
     if E.shape != (3, 3):
         raise DataError(f"has shape {E.shape}, expected (3, 3)", where, "give E = int rho X X^T dX, or mu")
     if not np.isfinite(E).all() or np.abs(E - E.T).max() > 1e-12 * np.abs(E).max():
@@ -130,6 +130,7 @@ def check_second_moment(E: Array) -> None:
         what = f"has the eigenvalue {least:.3g} beside {most:.3g}, expected all positive"
         advice = "a flat or thin body has no affine motion across: use a rigid body, or give it thickness"
         raise DataError(what, where, advice)
+    return E
 
 
 def validated_start(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:

@@ -6,6 +6,8 @@ equation, solved by Newton's method from zero. Source: pseudo-rigid bodies, sect
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from forceid.errors import DataError
@@ -109,13 +111,6 @@ def check_volume(F: Array, V: Array) -> None:
         raise DataError(what, "incompressible body", advice)
 
 
-def rattle_stepper(table: Splitting) -> Stepper:
-    """Steps of one composition."""
-
-    def steps(system: AffineSystem, state: State, h: float, n: int) -> None:
-        rattle_steps(system, state, h, n, table)
-
-    return steps
-
-
-RATTLE: dict[str, Stepper] = {name: rattle_stepper(table) for name, table in COMPOSITIONS.items()}
+RATTLE: dict[str, Stepper] = {
+    name: partial(rattle_steps, table=table) for name, table in COMPOSITIONS.items()
+}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.pseudorigid.material.material_law import check_range, validated_constant
+from forceid.pseudorigid.material.material_law import check_above
 from forceid.pseudorigid.material.stress import viscous
 from forceid.pseudorigid.validation import real_values, real_vector
 from forceid.records import Array
@@ -80,8 +80,7 @@ def drive_of(
     mass: float | None,
 ) -> Drive:
     """The drive of what a user gives. DataError for what is out of range, or has no mass to move."""
-    eta = validated_constant("simulate", "damping", damping)
-    check_range("simulate", "damping", eta, eta >= 0, ">= 0")
+    check_above("simulate", "damping", damping, itself=True)
     given = [name for name, load in (("force", force), ("weight", weight)) if load is not None]
     if given and mass is None:
         raise DataError("has no mass to move", given[0], "give the body one: Body(..., mass=)")
@@ -89,7 +88,7 @@ def drive_of(
         load_of(force, (3,), "force"),
         load_of(first_moment, (3, 3), "first_moment"),
         np.zeros(3) if weight is None else real_vector(weight, "weight"),
-        eta,
+        float(damping),
         np.inf if mass is None else mass,
     )
 

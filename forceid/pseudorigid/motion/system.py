@@ -49,10 +49,6 @@ class AffineSystem:
         rows = self.over_moment(self.material.hessian(F9, H9))
         return np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
 
-    def energy(self, F: Array, V: Array) -> Array:
-        """H (...,): kinetic tr(V E V^T)/2 and W."""
-        return np.asarray(0.5 * np.einsum("...ij,jk,...ik->...", V, self.E, V) + self.material.energy(F))
-
     def vibration(self, F: Array) -> Array:
         """Largest frequency (...,) rad/s of small vibrations about F; 0 where none is stable."""
         value, vector = np.linalg.eigh(self.E)
