@@ -15,12 +15,7 @@ KINDS = {"c": "complex numbers", "U": "text", "S": "text", "O": "objects", "M": 
 
 
 def real_array(given: Any, where: str, axes: int | None = None) -> Any:
-    """A dense or sparse array of real numbers, if axes is given with that many. Raises DataError.
-
-    >>> real_array([[1, 2], [3]], "stiffness", 2)
-    Traceback (most recent call last):
-    forceid.errors.DataError: stiffness has rows of different lengths, expected an array; fill it
-    """
+    """A dense or sparse array of real numbers, if axes is given with that many. Raises DataError."""
     if sp.issparse(given):
         A: Any = given
     else:

@@ -177,12 +177,7 @@ def eigen(A: Array) -> tuple[Array, Array]:
 
 
 def pseudo_inverse(A: Array, floor: float = 0.0) -> Array:
-    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, count as zero.
-
-    >>> pseudo_inverse(np.diag([2.0, 0.0]))
-    array([[0.5, 0. ],
-           [0. , 0. ]])
-    """
+    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, are zero."""
     value, vector = eigen(A)
     kept = value > np.maximum(1e-12 * value[..., -1:], floor)
     inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)

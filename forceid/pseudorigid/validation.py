@@ -20,11 +20,7 @@ ROTATION_ROUNDING = 1e-6  # of L^T L = I, that rounding of a rotation written to
 
 
 def real_values(value: Any, name: str, advice: str = "give real numbers") -> Array:
-    """An array of floats. DataError for text, None, complex numbers, lists that are no arrays.
-
-    >>> real_values([[1, 2]], "F").shape
-    (1, 2)
-    """
+    """An array of floats. DataError for text, None, complex numbers, lists that are no arrays."""
     try:
         found = np.asarray(value)
         if found.dtype.kind not in "biuf":
@@ -35,11 +31,7 @@ def real_values(value: Any, name: str, advice: str = "give real numbers") -> Arr
 
 
 def tensors(value: Any, name: str = "F", advice: str = "give matrices") -> Array:
-    """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already.
-
-    >>> tensors([[1, 0, 0], [0, 1, 0], [0, 0, 1]]).dtype
-    dtype('float64')
-    """
+    """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already."""
     A = value
     if not isinstance(A, np.ndarray) or A.dtype != np.float64:
         A = real_values(value, name, advice)
@@ -49,13 +41,7 @@ def tensors(value: Any, name: str = "F", advice: str = "give matrices") -> Array
 
 
 def matrices(value: Any, name: str, advice: str = "give matrices") -> Array:
-    """Finite matrices (..., 3, 3). DataError for any other shape, or what is not finite.
-
-    >>> matrices(np.eye(2), "F0")
-    Traceback (most recent call last):
-    ...
-    forceid.errors.DataError: F0 has shape (2, 2), expected (..., 3, 3); give matrices
-    """
+    """Finite matrices (..., 3, 3). DataError for any other shape, or what is not finite."""
     A = tensors(value, name, advice)
     if not np.isfinite(A).all():
         raise DataError("holds values that are not finite", name, "leave those frames out or fill them")
@@ -99,13 +85,7 @@ def rotation_matrix(value: Any, name: str) -> Array:
 
 
 def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1) -> Array:
-    """Finite instants (time,), s, growing if `rising`. DataError for any other.
-
-    >>> instants([0.0, 1.0, 1.0])
-    Traceback (most recent call last):
-    ...
-    forceid.errors.DataError: time is not a growing list of finite numbers; sort it and drop repeated samples
-    """
+    """Finite instants (time,), s, growing if `rising`. DataError for any other."""
     t = real_values(value, name, "give instants in s")
     if t.ndim != 1 or len(t) < least or not np.isfinite(t).all():
         what = f"is not a list of {least} or more finite numbers"

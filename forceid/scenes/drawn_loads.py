@@ -21,10 +21,6 @@ def draw_periodic(std: ArrayLike, rate: float, rng: np.random.Generator) -> tupl
     """Independent Matern loads of std (load,) N or N m, rate 1/s, that repeat themselves after PERIOD s.
 
     Sines at all its harmonics up to HIGHEST_PERIODIC: w, a, b as `waves` takes them.
-
-    >>> load = draw_periodic([1.0, 0.0], 12.0, np.random.default_rng(0))
-    >>> bool(np.allclose(*waves(np.array([0.5, 0.5 + PERIOD]), *load)))
-    True
     """
     w = 2 * np.pi * np.arange(1.0, HIGHEST_PERIODIC * PERIOD + 1) / PERIOD
     power = spectrum(w, rate, ORDER_PERIODIC)

@@ -121,12 +121,6 @@ def harmonic_flight(
 
     amplitude (line, 3) N and frequency (line, 3) Hz, world axes; start: center (3,) m and velocity (3,)
     m/s at t = 0. Returns force, center and velocity, each (time, 3).
-
-    >>> t = np.array([0.0, 1.0])
-    >>> push = np.array([[2.0, 0.0, 0.0]]), np.ones((1, 3))
-    >>> flight = harmonic_flight(1.0, *push, (np.zeros(3), np.zeros(3)), np.zeros(3), t)
-    >>> bool(np.isclose(flight["center"][1, 0], 2.0 / (2.0 * np.pi)))
-    True
     """
     w = 2.0 * np.pi * frequency
     phase = time[:, None, None] * w

@@ -71,11 +71,7 @@ class Candidate:
 
 
 def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
-    """Whether a line is among those taken, as far as a record of this length can tell: to a cycle (Rayleigh).
-
-    >>> near(10.0, [10.4], np.linspace(0.0, 2.0, 100)), near(10.0, [11.0], np.linspace(0.0, 2.0, 100))
-    (True, False)
-    """
+    """Whether a line is among those taken, as far as a record of this length tells: to a cycle (Rayleigh)."""
     return any(abs(frequency - f) * np.ptp(time) <= 1 for f in taken)
 
 
@@ -109,11 +105,7 @@ def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable
 
 
 def winsorized(innovation: Array) -> Array:
-    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none.
-
-    >>> winsorized(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).round(2).tolist()
-    [[1.0, 9.0], [-1.0, -9.0], [5.93, 9.0]]
-    """
+    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none."""
     v = np.nan_to_num(innovation)
     typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
     return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))

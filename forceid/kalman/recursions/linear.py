@@ -35,13 +35,7 @@ class Passes(Protocol):
 
 
 def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
-    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
-
-    >>> from forceid.kalman.recursions import passes
-    >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
-    >>> round(float(filter(passes, level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
-    0.5
-    """
+    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing."""
     z = as_channels(z)
     if z.ndim == 3 and not same_gaps(z):
         return filter_each(lambda one: filter(passes, model, one), z)

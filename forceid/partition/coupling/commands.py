@@ -130,9 +130,6 @@ def mass_gauge(mass: ArrayLike | Any, R: ArrayLike, Phi: ArrayLike) -> Array:
     """The modes (dof, m) less their mean motion, Phi - R M_alpha^-1 R^T M Phi, so that R^T M Phi = 0.
 
     mass and R as in `mean_control`. Raises DataError. Source: principal equations 2.5.
-
-    >>> mass_gauge([1.0, 3.0], [[1.0], [1.0]], [[4.0], [0.0]]).tolist()
-    [[3.0], [-1.0]]
     """
     R = _modes(R, None, "R")
     Phi = _modes(Phi, len(R), "Phi")

@@ -42,10 +42,6 @@ def momenta(
 
     mass (node,) kg or a mass matrix; position (..., node, 3) m and velocity m/s, current; about (..., 3) m,
     None = the mass center of the part. Planar: two axes, H (..., 1). Source: principal equations 2.4.
-
-    >>> P, H = momenta([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
-    >>> P.tolist(), H.tolist()
-    ([0.0, 0.0], [12.0])
     """
     both = momentum(mass, position, velocity, about)
     axes = np.shape(position)[-1]
@@ -57,9 +53,6 @@ def tied_force(force: ArrayLike, lam: ArrayLike, boundary: ArrayLike) -> Array:
 
     force (time, node, axis) N: loads; lam (time, multiplier) N: what the part exerts on the interface at its
     degrees of freedom boundary (multiplier,), counted node by node, as in `Topology.boundary`.
-
-    >>> tied_force([[[1.0, 0.0], [0.0, 0.0]]], [[5.0]], [3]).tolist()
-    [[[1.0, 0.0], [0.0, -5.0]]]
     """
     f, at = np.array(force, dtype=float), np.asarray(boundary, dtype=np.intp)
     tie = np.asarray(lam, dtype=float)

@@ -24,12 +24,7 @@ EXPECTED_PRODUCTS = 30  # and times the parts that share it: as often as it is a
 
 @dataclass(frozen=True)
 class Blocks:
-    """A block-diagonal product: groups of rows (part, m), and what it makes of their vectors (m, part).
-
-    >>> swap = np.array([[0.0, 1.0], [1.0, 0.0]])
-    >>> Blocks(((np.array([[0, 1], [2, 3]]), lambda x: swap @ x),))(np.arange(4.0)).tolist()
-    [1.0, 0.0, 3.0, 2.0]
-    """
+    """A block-diagonal product: groups of rows (part, m), and what it makes of their vectors (m, part)."""
 
     groups: tuple[tuple[Indices, Apply], ...]
 

@@ -59,10 +59,7 @@ class Drive:
         return (self.force(t, state) + self.weight) / self.mass
 
     def sampled(self, time: Array, *path: Array) -> tuple[Array, Array, Array]:
-        """Force (time, body, 3), first moment and pull (time, body, 3, 3) on a path; NaN where it stopped.
-
-        path: the fields of `AffineState`, each (time, body, ...).
-        """
+        """Force (time, body, 3), first moment and pull (..., 3, 3) on a path, fields of `AffineState`."""
         shape = path[0].shape
         force, N, pull = np.full(shape[:-1], np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
         for k, i in zip(*np.nonzero(~np.isnan(path[0][..., 0, 0])), strict=True):

@@ -106,11 +106,7 @@ def is_symmetric_body(second_moment: Array) -> bool:
 
 
 def hat(w: Array) -> Array:
-    """Skew matrix (..., 3, 3) of w x, from w (..., 3).
-
-    >>> hat(np.array([1.0, 0, 0])) @ np.array([0.0, 1, 0])
-    array([0., 0., 1.])
-    """
+    """Skew matrix (..., 3, 3) of w x, from w (..., 3)."""
     out = np.zeros((*w.shape, 3))
     out[..., [2, 0, 1], [1, 2, 0]] = w
     out[..., [1, 2, 0], [2, 0, 1]] = -w

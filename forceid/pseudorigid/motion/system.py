@@ -75,8 +75,7 @@ def along_basis(F: Array) -> tuple[Array, Array]:
 class State:
     """F and V = F' of many bodies (body, 3, 3), component first, with what their sums have lost so far.
 
-    push: acceleration at F where it is known. stopped: bodies parked at rest at F = I. Steps change the state
-    in place.
+    push: acceleration at F where it is known. stopped: bodies parked at rest at F = I.
     """
 
     F: Array

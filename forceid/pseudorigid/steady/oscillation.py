@@ -39,11 +39,6 @@ def oscillation(
     potential and inertia take coordinates (n,); inertia q'^2 / 2 + potential = const. Quadrature in
     the angle between the turning points, as exact as energy differences: 1e-13, 1e-10 at amplitudes of 1e-3.
     DataError where start is not above zero, or where the motion does not come back.
-
-    >>> one = lambda q: np.ones_like(q)
-    >>> found = oscillation(lambda q: (q - 2) ** 2 / 2, one, 3.0)
-    >>> print(f"{found.other:.12f} {found.period / np.pi:.12f}")
-    1.000000000000 2.000000000000
     """
     check_above("oscillation", "start", start)
     level = float(potential(np.array([start]))[0])

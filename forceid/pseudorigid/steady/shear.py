@@ -58,11 +58,7 @@ class HeldShear:
 
 
 def shear(alpha: ArrayLike) -> Array:
-    """F = I + alpha e1 e2^T (..., 3, 3).
-
-    >>> shear(0.5)[0]
-    array([1. , 0.5, 0. ])
-    """
+    """F = I + alpha e1 e2^T (..., 3, 3)."""
     return np.asarray(EYE + validated_shears(alpha, "alpha")[..., None, None] * E12)
 
 
