@@ -160,7 +160,7 @@ def integrate(
     """
     if not step > 0:
         raise DataError(f"is {step}, expected a time above zero", "step")
-    K, M = system.stiffness, masses(system)
+    K, M = system.stiffness, system.masses
     over_time = np.asarray(load, dtype=float)
     if over_time.ndim != 2 or not len(over_time):
         raise DataError(f"has shape {over_time.shape}, expected (time, {system.topology.size})", "load")
@@ -171,7 +171,8 @@ def integrate(
     now_u, now_v = on_partitions(system, u, "u"), on_partitions(system, v, "v")
     out = loads[0] - block_product(system, K, now_u)
     if a is None:
-        inertia = TiedParts(system, with_inertia(M), *options)
+        check_inertia(M)
+        inertia = TiedParts(system, M, *options)
         now_a, lam, taken = inertia.solve(out, np.zeros(len(system.topology.frame)))
     else:
         now_a, taken = on_partitions(system, a, "a"), 0
@@ -208,15 +209,8 @@ def block_product(system: PartitionedSystem, matrix: Sequence[Any], u: Array) ->
     return np.concatenate([m @ u[d] for m, d in zip(matrix, system.topology.dofs, strict=True)])
 
 
-def masses(system: PartitionedSystem) -> Sequence[Any]:
-    """The mass of every partition."""
-    if system.mass is None:
-        raise DataError("is not given, and a motion needs it", "mass", "give one matrix a partition")
-    return system.mass
-
-
-def with_inertia(mass: Sequence[Any]) -> tuple[Any, ...]:
-    """The mass of every partition; a DataError where it leaves a degree of freedom without inertia."""
+def check_inertia(mass: Sequence[Any]) -> None:
+    """DataError where the masses of partitions leave a degree of freedom without inertia."""
     for s, m in enumerate(mass):
         bare = np.flatnonzero(m.diagonal() <= 0)
         if len(bare):
@@ -224,7 +218,6 @@ def with_inertia(mass: Sequence[Any]) -> tuple[Any, ...]:
                 f"leaves degree of freedom {bare[0]} without inertia", f"mass of partition {s}",
                 "give the acceleration at the start, or give it inertia",
             )  # fmt: skip
-    return tuple(mass)
 
 
 def mean_motion(system: PartitionedSystem, u: Array) -> Array:
@@ -235,7 +228,7 @@ def mean_motion(system: PartitionedSystem, u: Array) -> Array:
     """
     found = []
     modes = system.rigid_modes
-    for s, (m, R, d) in enumerate(zip(masses(system), modes, system.topology.dofs, strict=True)):
+    for s, (m, R, d) in enumerate(zip(system.masses, modes, system.topology.dofs, strict=True)):
         try:
             found.append(np.linalg.solve(R.T @ (m @ R), R.T @ (m @ u[:, d].T)).T)
         except np.linalg.LinAlgError:

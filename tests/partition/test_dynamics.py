@@ -7,7 +7,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.dynamics import TiedParts, block_product, integrate, masses, mean_motion
+from forceid.partition.dynamics import TiedParts, block_product, integrate, mean_motion
 from forceid.partition.grids import solid_parts
 from forceid.partition.system import PartitionedSystem
 from forceid.principal.operator import summation_operator
@@ -15,7 +15,7 @@ from forceid.principal.operator import summation_operator
 
 def energy(system, motion):
     """Energy of motion and of deformation (time,) J: kept where no load acts."""
-    pairs = [(masses(system), motion.v), (system.stiffness, motion.u)]
+    pairs = [(system.masses, motion.v), (system.stiffness, motion.u)]
     return np.array(
         [
             sum(0.5 * float(x[k] @ block_product(system, m, x[k])) for m, x in pairs)

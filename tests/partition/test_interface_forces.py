@@ -374,7 +374,7 @@ def test_input_that_does_not_fit_is_named(options, told):
 def test_accelerations_need_a_mass():
     parts = chain(1)
     system = PartitionedSystem(parts.stiffness, None, boolean_from_positions(parts.position, 1e-6))
-    with pytest.raises(DataError, match="mass is not given, and accelerations need it"):
+    with pytest.raises(DataError, match="mass is not given, and what accelerates needs it"):
         interface_forces(system, np.zeros(20), np.zeros(20))
 
 

@@ -15,6 +15,7 @@ from forceid.partition.elements import assemble_elements, box_element
 from forceid.partition.grids import solid_parts
 from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.partition.saddle import deficiency, four_field, reduced_matrix
+from forceid.partition.statics import relieved
 from forceid.principal.operator import summation_operator
 
 NAMES = list(lc.PRINTED)
@@ -86,7 +87,7 @@ def test_floating_plate_accelerates_as_printed():
 def test_floating_plate_is_in_balance_with_its_inertia_and_does_not_move_as_a_whole():
     system, load = lc.free_plate()
     found = system.solve(load, relief=True)
-    f, _ = system.relieved(system.loads(load), relief=True)
+    f, _ = relieved(system, system.loads(load), relief=True)
     S = system.whole()
     assert np.abs(S.T @ f).max() < 1e-12
     assert np.abs(S.T @ found.u).max() < 1e-12 * np.abs(found.u).max() * len(S)

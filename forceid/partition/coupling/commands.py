@@ -126,17 +126,6 @@ def mean_control(mass: ArrayLike | Any, R: ArrayLike, tau: ArrayLike) -> Array:
     return np.asarray(np.linalg.solve(_mean_mass(MR, R), target[..., None])[..., 0] @ MR.T)
 
 
-def mass_gauge(mass: ArrayLike | Any, R: ArrayLike, Phi: ArrayLike) -> Array:
-    """The modes (dof, m) less their mean motion, Phi - R M_alpha^-1 R^T M Phi, so that R^T M Phi = 0.
-
-    mass and R as in `mean_control`. Raises DataError. Source: principal equations 2.5.
-    """
-    R = _modes(R, None, "R")
-    Phi = _modes(Phi, len(R), "Phi")
-    MR = _times(mass, R)
-    return np.asarray(Phi - R @ np.linalg.solve(_mean_mass(MR, R), MR.T @ Phi))
-
-
 def _modes(given: ArrayLike, dof: int | None, where: str) -> Array:
     """Modes as columns (dof, mode), finite, none of them zero."""
     X = np.asarray(given, dtype=float)
@@ -203,7 +192,8 @@ def _in_mass_gauge(mass: ArrayLike | Any, R: Array, modes: Array) -> None:
         worst = float((off / np.where(own > 0, own, 1.0)).max())
         raise DataError(
             f"and R couple in the mass, R^T M Phi is {worst:.1e} of modes of unit mass, expected zero: "
-            "commands for one would accelerate the other", "Phi or residual", "take mass_gauge(mass, R, Phi)",
+            "commands for one would accelerate the other", "Phi or residual",
+            "take Phi - R (R^T M R)^-1 R^T M Phi",
         )  # fmt: skip
 
 

@@ -35,19 +35,6 @@ class PrincipalBalance:
     residual: Array
 
 
-def momenta(
-    mass: ArrayLike | SparseMatrix, position: ArrayLike, velocity: ArrayLike, about: ArrayLike | None = None
-) -> tuple[Array, Array]:
-    """Linear momentum P (..., 3) kg m/s and angular momentum H (..., 3) kg m2/s of a part's nodes.
-
-    mass (node,) kg or a mass matrix; position (..., node, 3) m and velocity m/s, current; about (..., 3) m,
-    None = the mass center of the part. Planar: two axes, H (..., 1). Source: principal equations 2.4.
-    """
-    both = momentum(mass, position, velocity, about)
-    axes = np.shape(position)[-1]
-    return both[..., :axes], both[..., axes:]
-
-
 def tied_force(force: ArrayLike, lam: ArrayLike, boundary: ArrayLike) -> Array:
     """Nodal forces f - B lambda (time, node, axis) N on a part.
 
@@ -101,8 +88,7 @@ def principal_balance(
             "leave it out for the mass center; momenta about another moving point change without force",
         )  # fmt: skip
     point = mass_center(mass, x) if about is None else np.asarray(about, dtype=float)
-    P, H = momenta(mass, x, v, point)
-    gained = np.concatenate([P, H], axis=1)
+    gained = momentum(mass, x, v, point)
     wrench = sum_nodal(on_part, x, point)
     impulse = CubicSpline(t, wrench).antiderivative()(t)
     residual = np.diff(gained - impulse, axis=0) / np.diff(t)[:, None]

@@ -5,8 +5,9 @@ Factors and projections are made on first use and kept. Source: principal equati
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,13 @@ class Assembly:
     stiffness: tuple[Any, ...]
     mass: tuple[Any, ...] | None
     rigid_modes: tuple[Array, ...]
+
+    @property
+    def masses(self) -> tuple[Any, ...]:
+        """The mass of every partition; DataError where none was given."""
+        if self.mass is None:
+            raise DataError("is not given, and what accelerates needs it", "mass", "give one a partition")
+        return self.mass
 
     @property
     def boolean(self) -> tuple[Any, ...]:
@@ -149,20 +157,7 @@ class Assembly:
         """Rigid motions of the assembly (dof, mode), orthonormal."""
         return np.asarray(np.linalg.qr(self.whole())[0])
 
-    def precondition(self, name: str) -> Apply:
-        """The preconditioner of that name, of displacements (multiplier,) of the interface."""
-        if name == "lumped":
-            return self.lumped
-        if name == "dirichlet":
-            return self.dirichlet
-        return preconditioner(name, self.topology, self.stiffness)
-
     @cached_property
-    def lumped(self) -> Apply:
-        """The lumped preconditioner."""
-        return preconditioner("lumped", self.topology, self.stiffness)
-
-    @cached_property
-    def dirichlet(self) -> Apply:
-        """The Dirichlet preconditioner."""
-        return preconditioner("dirichlet", self.topology, self.stiffness)
+    def precondition(self) -> Callable[[str], Apply]:
+        """The preconditioner of a name, of displacements (multiplier,) of the interface; made once."""
+        return cache(lambda name: preconditioner(name, self.topology, self.stiffness))

@@ -183,9 +183,7 @@ def nominal(system: Assembly) -> Array:
 
 def block_mass(system: Assembly) -> Any:
     """Mass of all partitions, sparse (dof, dof)."""
-    if system.mass is None:
-        raise DataError("is not given, and accelerations need it", "mass")
-    return sp.block_diag(system.mass, format="csr")
+    return sp.block_diag(system.masses, format="csr")
 
 
 def stacked_parts(system: Assembly, value: Any) -> Array:
