@@ -11,10 +11,11 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from forceid.errors import DataError
-from forceid.partition.operators.blocks import Apply, diagonal
+from forceid.partition.operators.blocks import Apply
 from forceid.partition.operators.flexibility import flexibility
 from forceid.partition.operators.inverse import Factor, block_products, factor_parts, solved
 from forceid.partition.operators.preconditioners import preconditioner
@@ -140,17 +141,17 @@ class Assembly:
     @cached_property
     def rigid(self) -> Any:
         """Rigid modes of every partition, orthonormal, sparse (dof, alpha)."""
-        return diagonal([np.linalg.qr(r)[0] for r in self.rigid_modes])
+        return sp.block_diag([np.linalg.qr(r)[0] for r in self.rigid_modes], format="csr")
 
     @cached_property
     def pinned(self) -> Any:
         """R^+ of every partition, sparse (alpha, dof)."""
-        return diagonal([np.linalg.pinv(r) for r in self.rigid_modes])
+        return sp.block_diag([np.linalg.pinv(r) for r in self.rigid_modes], format="csr")
 
     @cached_property
     def modes(self) -> Any:
         """R of every partition, sparse (dof, alpha)."""
-        return diagonal(self.rigid_modes)
+        return sp.block_diag(self.rigid_modes, format="csr")
 
     @cached_property
     def free_motions(self) -> Array:

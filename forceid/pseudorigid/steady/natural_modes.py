@@ -13,9 +13,9 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import cofactor, tensor_cross
+from forceid.pseudorigid.factors.cofactors import cofactor
 from forceid.pseudorigid.material.material_law import check_finite, check_stable
-from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum
+from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum, stiffness_matrix
 from forceid.pseudorigid.validation import deformation, validated_second_moment
 from forceid.records import Array
 
@@ -53,10 +53,8 @@ def natural_modes(
     force = np.asarray(material.gradient(F))
     C = cofactor(F)
     multiplier = float((force * C).sum() / (C**2).sum()) if incompressible else 0.0
-    unit = np.eye(9).reshape(9, 3, 3)
-    K = np.stack([np.asarray(material.hessian(F, H)).ravel() for H in unit])
     left = np.abs(force - multiplier * C).max()
-    if left > AT_REST * np.abs(K).max() * np.abs(F).max():
+    if left > AT_REST * np.abs(stiffness_matrix(material, F)).max() * np.abs(F).max():
         raise DataError(
             f"leaves the force {left:.3g}, so the body is not at rest there",
             "rest",
@@ -65,8 +63,8 @@ def natural_modes(
     M = np.kron(np.eye(3), E)
     free = np.eye(9)
     if incompressible:
-        K = K - multiplier * tensor_cross(F[None], unit).reshape(9, 9)
         free = null_space(C.reshape(1, 9))
+    K = stiffness_matrix(material, F, multiplier)
     squared, shape = eigh(free.T @ ((K + K.T) / 2) @ free, free.T @ M @ free)
     return NaturalModes(squared, np.asarray((free @ shape).T.reshape(-1, 3, 3)))
 

@@ -109,12 +109,7 @@ def rotating_spectrum(
     M = np.kron(eye, E)  # of delta as rows (9,), E symmetric
     G = 2 * (np.kron(W, E) + np.kron(eye, (Q @ E).T))
     K = np.kron(W @ W, E) + 2 * np.kron(W, (Q @ E).T) + np.kron(eye, (Q @ Q @ E).T)
-    unit = np.eye(9).reshape(9, 3, 3)
-    for column, H in enumerate(unit):
-        bent = np.asarray(material.hessian(phi, H))
-        if incompressible:
-            bent = bent - multiplier * tensor_cross(phi, H)
-        K[:, column] += bent.ravel()
+    K = K + stiffness_matrix(material, phi, multiplier)
     if incompressible:
         free = null_space(C.reshape(1, 9))
         M, G, K = (free.T @ matrix @ free for matrix in (M, G, K))
@@ -125,8 +120,15 @@ def rotating_spectrum(
 
 def at_rest_free(left: Array, material: Any, phi: Array) -> bool:
     """Whether what is unbalanced is rounding of a material that is free of stress at phi."""
-    stiffness = max(np.abs(np.asarray(material.hessian(phi, H))).max() for H in np.eye(9).reshape(9, 3, 3))
+    stiffness = np.abs(stiffness_matrix(material, phi)).max()
     return bool(np.abs(left).max() <= EQUILIBRIUM_SUM * stiffness * np.abs(phi).max())
+
+
+def stiffness_matrix(material: Any, F: Array, multiplier: float = 0.0) -> Array:
+    """Derivative (9, 9) of dW/dF - multiplier cof F at F (3, 3), by rows."""
+    unit = np.eye(9).reshape(9, 3, 3)
+    bent = [np.asarray(material.hessian(F, H)) - multiplier * tensor_cross(F, H) for H in unit]
+    return np.stack([column.ravel() for column in bent], -1)
 
 
 def ellipsoid_spectrum(ellipsoid: Ellipsoid) -> Spectrum:
