@@ -50,11 +50,6 @@ class Assembly:
         L = self.topology.L
         return tuple(L[d] for d in self.topology.dofs)
 
-    @property
-    def R(self) -> Array:
-        """Rigid modes (dof, alpha), each partition in its own columns."""
-        return np.asarray(block_diag(*self.rigid_modes))
-
     @cached_property
     def columns(self) -> tuple[slice, ...]:
         """The alpha of each partition among all."""

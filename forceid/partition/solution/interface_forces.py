@@ -78,7 +78,7 @@ def interface_forces(
     (((0, 1),), array([[-2.]]))
     """
     f = loads(system, load)
-    R, N = sp.csr_array(system.R), nominal(system)
+    R, N = system.modes, nominal(system)
     b, noise = applied(R.T, f), []
     size = applied(abs(R).T, np.abs(f))
     if acceleration is not None:
@@ -110,7 +110,7 @@ def stiffness_forces(
     Source: principal equations 4h.
     """
     f, u = loads(system, load), stacked_parts(system, displacement)
-    R, B = sp.csr_array(system.R), system.topology.B
+    R, B = system.modes, system.topology.B
     strains = sp.block_diag(system.stiffness, format="csr") @ prolongation(
         system, u.shape[-1], "displacement"
     )
@@ -199,7 +199,7 @@ def prolongation(system: Assembly, width: int, name: str, mean_motion: bool = Fa
     top = system.topology
     total = top.dofs[-1].stop
     if mean_motion:
-        R = sp.csr_array(system.R)
+        R = system.modes
         if width != R.shape[1]:
             raise DataError(f"has {width} columns, expected {R.shape[1]}, one a rigid mode", name)
         return R
