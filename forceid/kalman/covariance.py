@@ -21,8 +21,7 @@ def combine(P: Array, information: Array) -> Array:
 
 def square_root(P: Array) -> Array:
     """C with C C^T = P for each of many P (..., state, state)."""
-    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
-    correlation = P / (size * size.swapaxes(-1, -2))
+    correlation, size = correlations(P)
     try:
         return np.asarray(size * np.linalg.cholesky(correlation))
     except np.linalg.LinAlgError:  # semidefinite to rounding
@@ -30,10 +29,10 @@ def square_root(P: Array) -> Array:
         return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
 
 
-def correlations(P: Array) -> Array:
-    """Each of many P (..., state, state) in units of its diagonal."""
+def correlations(P: Array) -> tuple[Array, Array]:
+    """Each of many P (..., state, state) in units of its diagonal, and these units (..., state, 1)."""
     size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
-    return np.asarray(P / (size * size.swapaxes(-1, -2)))
+    return np.asarray(P / (size * size.swapaxes(-1, -2))), np.asarray(size)
 
 
 def root(R: Array) -> Array:
@@ -51,7 +50,7 @@ def root(R: Array) -> Array:
 def is_positive_definite(R: Array) -> bool:
     """Whether all R (..., channel, channel) are positive definite, beyond rounding of their correlations."""
     try:
-        np.linalg.cholesky(correlations(R))
+        np.linalg.cholesky(correlations(R)[0])
     except np.linalg.LinAlgError:
         return False
     return True

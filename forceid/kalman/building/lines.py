@@ -121,8 +121,7 @@ def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
     gains = filtered.gains
     K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
     if compiled is not None:
-        white: Array = compiled.whitened(F, H, K, W, signal)
-        return white
+        return np.asarray(compiled.whitened(F, H, K, W, signal))
     F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
     error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
     for k in range(len(signal)):

@@ -129,7 +129,7 @@ def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     if 2 * m < n or u.any():
         return G
     for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG_RUN):
-        if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
+        if max(np.linalg.cond(correlations(a)[0]) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G
 
