@@ -9,10 +9,7 @@ from forceid.records import Array
 
 
 def combine(P: Array, information: Array) -> Array:
-    """(P^-1 + information)^-1 of every sample (time, state, state), positive by construction.
-
-    With P = C C^T it is C (1 + C^T information C)^-1 C^T.
-    """
+    """(P^-1 + information)^-1 (time, state, state), positive: C (1 + C^T information C)^-1 C^T, P = C C^T."""
     C = square_root(P)
     known = np.eye(P.shape[-1]) + C.swapaxes(1, 2) @ information @ C
     root = np.linalg.solve(square_root(0.5 * (known + known.swapaxes(1, 2))), C.swapaxes(1, 2))
@@ -36,10 +33,7 @@ def correlations(P: Array) -> tuple[Array, Array]:
 
 
 def root(R: Array) -> Array:
-    """Triangular L with L L^T = R, the covariance of a measurement noise.
-
-    Raises EstimationError where R is not positive definite.
-    """
+    """Triangular L with L L^T = R of a noise; EstimationError where R is not positive definite."""
     try:
         return np.asarray(np.linalg.cholesky(R), float)
     except np.linalg.LinAlgError as e:

@@ -43,10 +43,9 @@ def elasticity(young: float, poisson: float, axes: int) -> Array:
 def box_element(
     size: Array, young: float, poisson: float, density: float, thickness: float = 1.0
 ) -> tuple[Array, Array]:
-    """Stiffness and consistent mass of a rectangle in plane stress or of a brick, full Gauss quadrature.
+    """Stiffness and consistent mass of a rectangle in plane stress or a brick of edges `size` (axis,) m.
 
-    size (axis,) m of its edges; young Pa, density kg/m3; thickness m of a rectangle. Nodes in the order of
-    `itertools.product((0, 1), repeat=axis)`, the first axis slowest.
+    young Pa, density kg/m3; thickness m of a rectangle. Nodes as `itertools.product((0, 1), repeat=axis)`.
     """
     axes = len(size)
     corner = np.array(list(product((-1.0, 1.0), repeat=axes)))

@@ -40,10 +40,7 @@ def waves(time: Array, w: Array, a: Array, b: Array) -> Array:
 
 
 def spectrum(w: Array, rate: float, order: int) -> Array:
-    """Power per rad/s at w rad/s of a Matern load of unit variance, both signs of w together.
-
-    Source: principal equations 4e.
-    """
+    """Power per rad/s at w rad/s of a Matern load of unit variance, both signs of w together."""
     # 2 sqrt(pi) G(n) / G(n - 1/2) rate^(2n-1) / (w^2 + rate^2)^n over 2 pi
     scale = np.exp(lgamma(order) - lgamma(order - 0.5)) / np.sqrt(np.pi)
     return np.asarray(2 * scale * rate ** (2 * order - 1) / (w**2 + rate**2) ** order)

@@ -58,10 +58,7 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
 
 
 def points_for(bend: float, most: int) -> int:
-    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding, `most` if it takes so many.
-
-    Its coefficients fall as bend^k / k!.
-    """
+    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding, `most` if it takes so many."""
     if bend == 0:
         return 1
     count = np.arange(1, most)

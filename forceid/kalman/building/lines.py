@@ -112,11 +112,7 @@ def winsorized(innovation: Array) -> Array:
 
 
 def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
-    """Signals (time, channel, column) as the innovations that they would make, whitened; zero at gaps.
-
-    filtered: what the model made of a measurement; the signals are sent through the same gains, which are
-    zero for a channel that is missing.
-    """
+    """Signals (time, channel, column) as innovations of a filter whose gains they go through, whitened."""
     F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
     gains = filtered.gains
     K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
