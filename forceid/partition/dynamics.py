@@ -25,6 +25,7 @@ from forceid.partition.operators.inverse import Factor, factor_parts, solved
 from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import FLOATING
 from forceid.partition.system import PartitionedSystem
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -196,11 +197,9 @@ def integrate(
 def on_partitions(system: PartitionedSystem, motion: ArrayLike | None, name: str) -> Array:
     """An assembled motion (size,), None = none, on the partitions (dof,)."""
     top = system.topology
-    given = np.zeros(top.size) if motion is None else np.asarray(motion, dtype=float)
+    given = np.zeros(top.size) if motion is None else finite(motion, name)
     if given.shape != (top.size,):
         raise DataError(f"has shape {given.shape}, expected ({top.size},) assembled", name)
-    if not np.isfinite(given).all():
-        raise DataError("holds numbers that are not finite", name)
     return given[np.concatenate(top.glob)]
 
 

@@ -32,6 +32,14 @@ def real_array(given: Any, where: str, axes: int | None = None) -> Any:
     return A
 
 
+def finite(given: Any, where: str, next_step: str = "") -> Array:
+    """An array of floats, none of them NaN or infinite. Raises DataError."""
+    A = np.asarray(real_array(given, where), dtype=float)
+    if not np.isfinite(A).all():
+        raise DataError("holds numbers that are not finite", where, next_step)
+    return A
+
+
 def real_matrix(given: Any, where: str) -> Any:
     """A matrix as sparse rows of float64."""
     return sp.csr_array(real_array(given, where, 2), dtype=np.float64)

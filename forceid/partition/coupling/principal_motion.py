@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from forceid.errors import DataError
+from forceid.partition.validation import finite
 from forceid.principal.mass import SparseMatrix, mass_center
 from forceid.principal.operator import sum_nodal
 from forceid.principal.wrench import momentum
@@ -80,8 +81,7 @@ def principal_balance(
     for name, given in (("position", x), ("velocity", v), ("force", on_part)):
         if given.shape != x.shape or x.ndim != 3 or len(given) != len(t):
             raise DataError(f"has shape {given.shape}, expected ({len(t)}, node, axis) for all", name)
-        if not np.isfinite(given).all():
-            raise DataError("holds numbers that are not finite", name, "leave those times out")
+        finite(given, name, "leave those times out")
     if about is not None and np.shape(about) != x.shape[-1:]:
         raise DataError(
             f"has shape {np.shape(about)}, expected ({x.shape[-1]},): a point at rest", "about",

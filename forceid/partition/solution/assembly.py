@@ -22,6 +22,7 @@ from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import Projection
 from forceid.partition.operators.saddle_factor import Saddle, factored_saddle
 from forceid.partition.operators.topology import Topology, slices
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -92,9 +93,7 @@ class Assembly:
                 f"has shape {f.shape}, expected ({top.size},) assembled, or ({top.dofs[-1].stop},) of all "
                 "partitions", "load",
             )  # fmt: skip
-        if not np.isfinite(f).all():
-            raise DataError("holds numbers that are not finite", "load")
-        return f
+        return finite(f, "load")
 
     @cached_property
     def strained(self) -> Apply:

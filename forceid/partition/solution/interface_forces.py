@@ -27,6 +27,7 @@ from forceid.partition.solution.interfaces import (
     meetings,
     unseen_resultants,
 )
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -212,9 +213,7 @@ def prolongation(system: Assembly, width: int, name: str, mean_motion: bool = Fa
 
 def loads(system: Assembly, load: Any) -> Array:
     """Loads (..., dof) on the partitions, assembled ones in equal shares."""
-    f = stacked_parts(system, load)
-    if not np.isfinite(f).all():
-        raise DataError("holds numbers that are not finite", "load")
+    f = finite(stacked_parts(system, load), "load")
     T = prolongation(system, f.shape[-1], "load")
     return applied(T, f / system.topology.count if T.shape[0] != T.shape[1] else f)
 
