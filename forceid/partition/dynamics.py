@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.operators.conjugate_gradient import projected_cg
-from forceid.partition.operators.inverse import Factor, factor_parts, solved
-from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import FLOATING
+from forceid.partition.solution.assembly import Assembly
 from forceid.partition.system import PartitionedSystem
 from forceid.partition.validation import finite
 from forceid.records import Array, Indices
@@ -62,19 +61,10 @@ class TiedParts:
     most: int = 1000
 
     @cached_property
-    def factored(self) -> tuple[tuple[Factor, ...], Indices]:
-        """D^-1 of every part, equal ones once."""
-        return factor_parts(self.matrix, [np.zeros((D.shape[0], 0)) for D in self.matrix])
-
-    @cached_property
-    def B(self) -> Any:
-        """Interface extraction, sparse (dof, multiplier)."""
-        return self.system.topology.B
-
-    @cached_property
-    def precondition(self) -> Any:
-        """The preconditioner, of displacements (multiplier,) of the interface."""
-        return preconditioner(self.preconditioner, self.system.topology, self.matrix)
+    def parts(self) -> Assembly:
+        """The parts with D for their stiffness, which leaves no motion free."""
+        held = tuple(np.zeros((D.shape[0], 0)) for D in self.matrix)
+        return Assembly(self.system.topology, self.matrix, None, held)
 
     @cached_property
     def coarse(self) -> tuple[Array, Array, Array]:
@@ -88,13 +78,10 @@ class TiedParts:
             FW[:, k] = P.averaged(self.flexibility(W[:, k]))
         return W, FW, np.linalg.inv(W.T @ FW)
 
-    def inverse(self, g: Array) -> Array:
-        """D^-1 g of loads (dof,)."""
-        return solved(*self.factored, self.system.topology.dofs, g)
-
     def flexibility(self, lam: Array) -> Array:
-        """F lambda = B^T D^-1 B lambda."""
-        return np.asarray(self.B.T @ self.inverse(self.B @ lam))
+        """F lambda = B^T D^-1 B lambda, step by step: as a matrix it would lose what stiff parts move."""
+        B = self.system.topology.B
+        return np.asarray(B.T @ self.parts.inverse(B @ lam))
 
     def forces(self, x: Array) -> Array:
         """Q P_L x: forces in balance at every node, F-orthogonal to rigid motions of the parts."""
@@ -110,27 +97,27 @@ class TiedParts:
 
     def solve(self, g: Array, guess: Array) -> tuple[Array, Array, int]:
         """Motion (dof,), lambda (multiplier,) and iterations under loads g (dof,), from a guess of lambda."""
-        P, (W, _, A) = self.system.projection, self.coarse
-        free = self.inverse(g)
-        b = self.B.T @ free
-        r = b - self.flexibility(guess)
+        P, B, (W, _, A) = self.system.projection, self.system.topology.B, self.coarse
+        F, precondition = self.flexibility, self.parts.precondition(self.preconditioner)
+        free = self.parts.inverse(g)
+        b = B.T @ free
+        r = b - F(guess)
         start = guess + W @ (A @ (W.T @ r))
-        left = b - self.flexibility(start)
+        left = b - F(start)
         gap = max(np.linalg.norm(P.averaged(b)), np.linalg.norm(P.averaged(r)))
         size = float(np.linalg.norm(self.gaps(left)))
         tolerance = self.tolerance * float(gap) / size if size else 1.0
-        done = projected_cg(
-            self.flexibility, left, self.forces, self.gaps, self.precondition, tolerance, self.most
-        )
+        done = projected_cg(F, left, self.forces, self.gaps, precondition, tolerance, self.most)
         lam = P.balanced(start + done.x)
-        return self.joined(free - self.inverse(self.B @ lam)), lam, done.count
+        return self.joined(free - self.parts.inverse(B @ lam)), lam, done.count
 
     def joined(self, u: Array) -> Array:
         """Motions (dof,) with one value at what is shared: what the tolerance leaves open, as a mean.
 
         A gap left here would swing from step to step for ever, as average acceleration damps nothing.
         """
-        return np.asarray(u - self.B @ self.system.projection.averaged(self.B.T @ u))
+        B = self.system.topology.B
+        return np.asarray(u - B @ self.system.projection.averaged(B.T @ u))
 
 
 def integrate(
@@ -177,7 +164,7 @@ def integrate(
         now_a, lam, taken = inertia.solve(out, np.zeros(len(system.topology.frame)))
     else:
         now_a, taken = on_partitions(system, a, "a"), 0
-        lam = system.projection.balanced(tied.B.T @ (out - block_product(system, M, now_a)))
+        lam = system.projection.balanced(system.topology.B.T @ (out - block_product(system, M, now_a)))
     history, counts = [(now_u, now_v, now_a, lam)], [taken]
     for f in loads[1:]:
         # only what is added to a coasting motion is solved for: no digits are lost in a long flight, nor, as

@@ -56,13 +56,18 @@ def matrix(value: Any, name: str) -> Array:
     return A
 
 
+def shaped(value: Any, shape: tuple[int, ...], name: str, advice: str) -> Array:
+    """Finite numbers of a shape."""
+    found = real_values(value, name)
+    if found.shape != shape or not np.isfinite(found).all():
+        what = f"has shape {found.shape}, expected {shape}" if found.shape != shape else "is not finite"
+        raise DataError(what, name, advice)
+    return found
+
+
 def real_vector(value: Any, name: str) -> Array:
     """One finite vector (3,)."""
-    v = real_values(value, name)
-    if v.shape != (3,) or not np.isfinite(v).all():
-        what = f"has shape {v.shape}, expected (3,)" if v.shape != (3,) else "is not finite"
-        raise DataError(what, name, "give three finite numbers")
-    return v
+    return shaped(value, (3,), name, "give three finite numbers")
 
 
 def deformation(value: Any, name: str) -> Array:

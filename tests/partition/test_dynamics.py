@@ -131,7 +131,7 @@ def test_iterations_are_those_of_the_note_within_two(step, without, with_modes):
 def test_a_part_of_every_kind_is_factored_once():
     system, _, _ = plate(4, 2, 2)
     D = tuple(k + 4 * m for k, m in zip(system.stiffness, system.mass, strict=True))
-    each, which = TiedParts(system, D).factored
+    each, which = TiedParts(system, D).parts.factored
     assert len(each) == 2  # at the wall, and not
     assert sorted(np.bincount(which)) == [2, 6]
 

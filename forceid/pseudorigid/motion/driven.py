@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.pseudorigid.material.material_law import check_above
 from forceid.pseudorigid.material.stress import viscous
-from forceid.pseudorigid.validation import real_values, real_vector
+from forceid.pseudorigid.validation import real_vector, shaped
 from forceid.records import Array
 
 Load = ArrayLike | Callable[..., ArrayLike]
+ADVICE = "give finite numbers at all times, world axes in rows"
 
 
 class AffineState(NamedTuple):
@@ -95,23 +96,13 @@ def load_of(load: Load | None, shape: tuple[int, ...], name: str) -> Callable[[f
     if load is None:
         load = np.zeros(shape)
     if not callable(load):
-        fixed = looked_at(load, shape, name)
+        fixed = shaped(load, shape, name, ADVICE)
         return lambda t, state: fixed
     function: Callable[..., Any] = load
     try:
         inspect.signature(function).bind(0.0)
     except TypeError:  # time alone does not do
-        return lambda t, state: looked_at(function(t, state), shape, f"{name} at t = {t:.6g} s")
+        return lambda t, state: shaped(function(t, state), shape, f"{name} at t = {t:.6g} s", ADVICE)
     except ValueError:  # it does not tell what it takes
         pass
-    return lambda t, state: looked_at(function(t), shape, f"{name} at t = {t:.6g} s")
-
-
-def looked_at(value: Any, shape: tuple[int, ...], name: str) -> Array:
-    """A load as finite numbers of a shape, or a DataError."""
-    found = real_values(value, name)
-    if found.shape != shape:
-        raise DataError(f"has shape {found.shape}, expected {shape}", name, "give world axes in rows")
-    if not np.isfinite(found).all():
-        raise DataError("is not finite", name, "give finite numbers at all times of the motion")
-    return found
+    return lambda t, state: shaped(function(t), shape, f"{name} at t = {t:.6g} s", ADVICE)
