@@ -118,6 +118,7 @@ def exported(package: ModuleType) -> list[str]:
         names = [n for n in re.findall(r"import \w+ as (\w+)", text) if hasattr(package, n)]
         names.sort(key=lambda n: inspect.ismodule(getattr(package, n)))
         names += re.findall(rf"from {re.escape(local)}\w+ import (\w+)\s*$", text, re.M)
+        names += re.findall(r"^def (\w+)", text, re.M)
     return [n for n in dict.fromkeys(names) if not n.startswith("_")]
 
 

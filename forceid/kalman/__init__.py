@@ -11,85 +11,59 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from forceid.face import on_first_use
-from forceid.kalman.engines import Engine, engine
-from forceid.kalman.model import Filtered, Gains, Smoothed, StateSpace
+from forceid.kalman.bounds import Steady as Steady
+from forceid.kalman.bounds import constant_acceleration_bound as constant_acceleration_bound
+from forceid.kalman.bounds import driven_load_bound as driven_load_bound
+from forceid.kalman.bounds import integrated_wiener_bound as integrated_wiener_bound
+from forceid.kalman.bounds import steady as steady
+from forceid.kalman.building.lines import Line as Line
+from forceid.kalman.building.process import Process as Process
+from forceid.kalman.building.process import discretize as discretize
+from forceid.kalman.building.process import integrate as integrate
+from forceid.kalman.building.process import integrated_wiener as integrated_wiener
+from forceid.kalman.building.process import matern as matern
+from forceid.kalman.building.process import random_walk as random_walk
+from forceid.kalman.building.process import resonator as resonator
+from forceid.kalman.building.process import sensitivity as sensitivity
+from forceid.kalman.building.process import superpose as superpose
+from forceid.kalman.building.process import with_mean as with_mean
+from forceid.kalman.building.sensors import biased as biased
+from forceid.kalman.building.sensors import colored as colored
+from forceid.kalman.building.sensors import sensor_rows as sensor_rows
+from forceid.kalman.building.sensors import specific_force as specific_force
+from forceid.kalman.building.sensors import state_space as state_space
+from forceid.kalman.building.structure import Structure as Structure
+from forceid.kalman.building.structure import System as System
+from forceid.kalman.building.structure import discretize_input as discretize_input
+from forceid.kalman.building.structure import drive as drive
+from forceid.kalman.building.structure import modal as modal
+from forceid.kalman.engines import Engine as Engine
+from forceid.kalman.engines import engine as engine
+from forceid.kalman.inputs.input_smoothing import InputSmoothed as InputSmoothed
+from forceid.kalman.inputs.input_smoothing import input_smoother as input_smoother
+from forceid.kalman.inputs.unknown_input import InputFiltered as InputFiltered
+from forceid.kalman.inputs.unknown_input import input_filter as input_filter
+from forceid.kalman.model import Filtered as Filtered
+from forceid.kalman.model import Gains as Gains
+from forceid.kalman.model import Smoothed as Smoothed
+from forceid.kalman.model import StateSpace as StateSpace
+from forceid.kalman.observability import gramian as gramian
+from forceid.kalman.observability import invariant_zeros as invariant_zeros
+from forceid.kalman.observability import pbh as pbh
+from forceid.kalman.observability import prior_only as prior_only
+from forceid.kalman.observability import variance_ratio as variance_ratio
+from forceid.kalman.tuning.calibration import Consistency as Consistency
+from forceid.kalman.tuning.calibration import chi_square_band as chi_square_band
+from forceid.kalman.tuning.calibration import consistency as consistency
+from forceid.kalman.tuning.calibration import nees as nees
+from forceid.kalman.tuning.fit import Fit as Fit
+from forceid.kalman.tuning.fit import tune as tune
+from forceid.kalman.tuning.gradient import Score as Score
+from forceid.kalman.tuning.gradient import score as score
+from forceid.kalman.tuning.robust import Rejection as Rejection
+from forceid.kalman.tuning.robust import reject as reject
+from forceid.kalman.tuning.robust import unswap as unswap
 from forceid.records import Array
-
-_LAZY = {  # where each name lives; what needs scipy is loaded with the name
-    "bounds": (
-        "Steady", "constant_acceleration_bound", "driven_load_bound", "integrated_wiener_bound", "steady",
-    ),
-    "tuning.calibration": ("Consistency", "chi_square_band", "consistency", "nees"),
-    "tuning.fit": ("Fit", "tune"),
-    "tuning.gradient": ("Score", "score"),
-    "inputs.input_smoothing": ("InputSmoothed", "input_smoother"),
-    "building.lines": ("Line",),
-    "tuning.robust": ("Rejection", "reject", "unswap"),
-    "observability": ("gramian", "invariant_zeros", "pbh", "prior_only", "variance_ratio"),
-    "building.process": (
-        "Process", "discretize", "integrate", "integrated_wiener", "matern", "random_walk", "resonator",
-        "sensitivity", "superpose", "with_mean",
-    ),
-    "building.sensors": ("biased", "colored", "sensor_rows", "specific_force", "state_space"),
-    "building.structure": ("Structure", "System", "discretize_input", "drive", "modal"),
-    "inputs.unknown_input": ("InputFiltered", "input_filter"),
-}  # fmt: skip
-_HOME = {name: home for home, names in _LAZY.items() for name in names}
-__all__ = [
-    "Engine", "Filtered", "Gains", "Smoothed", "StateSpace", "engine", "filter", "log_likelihood", "smooth",
-    *_HOME,
-]  # fmt: skip
-
-if TYPE_CHECKING:
-    from forceid.kalman.bounds import Steady as Steady
-    from forceid.kalman.bounds import constant_acceleration_bound as constant_acceleration_bound
-    from forceid.kalman.bounds import driven_load_bound as driven_load_bound
-    from forceid.kalman.bounds import integrated_wiener_bound as integrated_wiener_bound
-    from forceid.kalman.bounds import steady as steady
-    from forceid.kalman.building.lines import Line as Line
-    from forceid.kalman.building.process import Process as Process
-    from forceid.kalman.building.process import discretize as discretize
-    from forceid.kalman.building.process import integrate as integrate
-    from forceid.kalman.building.process import integrated_wiener as integrated_wiener
-    from forceid.kalman.building.process import matern as matern
-    from forceid.kalman.building.process import random_walk as random_walk
-    from forceid.kalman.building.process import resonator as resonator
-    from forceid.kalman.building.process import sensitivity as sensitivity
-    from forceid.kalman.building.process import superpose as superpose
-    from forceid.kalman.building.process import with_mean as with_mean
-    from forceid.kalman.building.sensors import biased as biased
-    from forceid.kalman.building.sensors import colored as colored
-    from forceid.kalman.building.sensors import sensor_rows as sensor_rows
-    from forceid.kalman.building.sensors import specific_force as specific_force
-    from forceid.kalman.building.sensors import state_space as state_space
-    from forceid.kalman.building.structure import Structure as Structure
-    from forceid.kalman.building.structure import System as System
-    from forceid.kalman.building.structure import discretize_input as discretize_input
-    from forceid.kalman.building.structure import drive as drive
-    from forceid.kalman.building.structure import modal as modal
-    from forceid.kalman.inputs.input_smoothing import InputSmoothed as InputSmoothed
-    from forceid.kalman.inputs.input_smoothing import input_smoother as input_smoother
-    from forceid.kalman.inputs.unknown_input import InputFiltered as InputFiltered
-    from forceid.kalman.inputs.unknown_input import input_filter as input_filter
-    from forceid.kalman.observability import gramian as gramian
-    from forceid.kalman.observability import invariant_zeros as invariant_zeros
-    from forceid.kalman.observability import pbh as pbh
-    from forceid.kalman.observability import prior_only as prior_only
-    from forceid.kalman.observability import variance_ratio as variance_ratio
-    from forceid.kalman.tuning.calibration import Consistency as Consistency
-    from forceid.kalman.tuning.calibration import chi_square_band as chi_square_band
-    from forceid.kalman.tuning.calibration import consistency as consistency
-    from forceid.kalman.tuning.calibration import nees as nees
-    from forceid.kalman.tuning.fit import Fit as Fit
-    from forceid.kalman.tuning.fit import tune as tune
-    from forceid.kalman.tuning.gradient import Score as Score
-    from forceid.kalman.tuning.gradient import score as score
-    from forceid.kalman.tuning.robust import Rejection as Rejection
-    from forceid.kalman.tuning.robust import reject as reject
-    from forceid.kalman.tuning.robust import unswap as unswap
 
 _engine = engine  # the keyword below has the same name
 
@@ -120,10 +94,3 @@ def log_likelihood(model: StateSpace, z: Array, engine: str = "auto") -> Array:
     Raises EstimationError where an innovation covariance is not positive definite.
     """
     return _engine(engine).log_likelihood(model, z)
-
-
-__getattr__ = on_first_use(__name__, {name: f"forceid.kalman.{home}" for name, home in _HOME.items()})
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)

@@ -9,10 +9,7 @@ from forceid.records import Array
 
 
 def combine(P: Array, information: Array) -> Array:
-    """(P^-1 + information)^-1 of every sample (time, state, state), positive by construction.
-
-    With P = C C^T it is C (1 + C^T information C)^-1 C^T.
-    """
+    """(P^-1 + information)^-1 (time, state, state), positive: C (1 + C^T information C)^-1 C^T, P = C C^T."""
     C = square_root(P)
     known = np.eye(P.shape[-1]) + C.swapaxes(1, 2) @ information @ C
     root = np.linalg.solve(square_root(0.5 * (known + known.swapaxes(1, 2))), C.swapaxes(1, 2))
@@ -21,8 +18,7 @@ def combine(P: Array, information: Array) -> Array:
 
 def square_root(P: Array) -> Array:
     """C with C C^T = P for each of many P (..., state, state)."""
-    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
-    correlation = P / (size * size.swapaxes(-1, -2))
+    correlation, size = correlations(P)
     try:
         return np.asarray(size * np.linalg.cholesky(correlation))
     except np.linalg.LinAlgError:  # semidefinite to rounding
@@ -30,17 +26,14 @@ def square_root(P: Array) -> Array:
         return np.asarray(size * axes * np.sqrt(np.maximum(spread, 0.0))[..., None, :])
 
 
-def correlations(P: Array) -> Array:
-    """Each of many P (..., state, state) in units of its diagonal."""
+def correlations(P: Array) -> tuple[Array, Array]:
+    """Each of many P (..., state, state) in units of its diagonal, and these units (..., state, 1)."""
     size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
-    return np.asarray(P / (size * size.swapaxes(-1, -2)))
+    return np.asarray(P / (size * size.swapaxes(-1, -2))), np.asarray(size)
 
 
 def root(R: Array) -> Array:
-    """Triangular L with L L^T = R, the covariance of a measurement noise.
-
-    Raises EstimationError where R is not positive definite.
-    """
+    """Triangular L with L L^T = R of a noise; EstimationError where R is not positive definite."""
     try:
         return np.asarray(np.linalg.cholesky(R), float)
     except np.linalg.LinAlgError as e:
@@ -51,7 +44,7 @@ def root(R: Array) -> Array:
 def is_positive_definite(R: Array) -> bool:
     """Whether all R (..., channel, channel) are positive definite, beyond rounding of their correlations."""
     try:
-        np.linalg.cholesky(correlations(R))
+        np.linalg.cholesky(correlations(R)[0])
     except np.linalg.LinAlgError:
         return False
     return True

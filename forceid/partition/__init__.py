@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from forceid.face import on_first_use
 from forceid.partition.assembled import from_assembled as from_assembled
 from forceid.partition.assembled import from_meshes as from_meshes
 from forceid.partition.assembled import from_names as from_names
@@ -29,14 +30,8 @@ if TYPE_CHECKING:
     from forceid.partition.matrix_file import read_matrix as read_matrix
     from forceid.partition.motion_file import from_motion_file as from_motion_file
 
-
-def __getattr__(name: str) -> Any:
-    if name == "from_motion_file":
-        from forceid.partition.motion_file import from_motion_file  # reads files, with xarray: on first use
-
-        return from_motion_file
-    if name == "read_matrix":
-        from forceid.partition.matrix_file import read_matrix  # with h5py
-
-        return read_matrix
-    raise AttributeError(f"module 'forceid.partition' has no attribute '{name}'")
+# these read files, with h5py and xarray
+__getattr__ = on_first_use(
+    __name__,
+    {"from_motion_file": "forceid.partition.motion_file", "read_matrix": "forceid.partition.matrix_file"},
+)

@@ -157,13 +157,13 @@ def from_assembled(
 
 def system(
     K: Sequence[Any], M: Sequence[Any] | None, boolean: Sequence[Any], at: Sequence[Array] | None,
-    fixed: Indices, dof: int,
+    fixed: Indices, dof: int, about: Array | None = None,
 ) -> PartitionedSystem:  # fmt: skip
-    """The system with nodes (by number) held and, where positions are given, rigid modes of these."""
+    """The system with nodes (by number) held and, where positions are given, rigid modes about a point."""
     L, kept = without_fixed(boolean, (fixed[:, None] * dof + np.arange(dof)).ravel())
     modes: list[Any] = [None] * len(L)
     if at is not None:
-        about = np.concatenate(at).mean(axis=0)
+        about = np.concatenate(at).mean(axis=0) if about is None else about
         for s, (x, rows) in enumerate(zip(at, kept, strict=True)):
             R = rigid_motions(x - about, dof)
             if np.linalg.matrix_rank(R) == R.shape[1]:  # else nodes on a line: its zero modes are found

@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.operators.conjugate_gradient import projected_cg
-from forceid.partition.operators.inverse import Factor, factor_parts, solved
-from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import FLOATING
+from forceid.partition.solution.assembly import Assembly
 from forceid.partition.system import PartitionedSystem
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -61,19 +61,10 @@ class TiedParts:
     most: int = 1000
 
     @cached_property
-    def factored(self) -> tuple[tuple[Factor, ...], Indices]:
-        """D^-1 of every part, equal ones once."""
-        return factor_parts(self.matrix, [np.zeros((D.shape[0], 0)) for D in self.matrix])
-
-    @cached_property
-    def B(self) -> Any:
-        """Interface extraction, sparse (dof, multiplier)."""
-        return self.system.topology.B
-
-    @cached_property
-    def precondition(self) -> Any:
-        """The preconditioner, of displacements (multiplier,) of the interface."""
-        return preconditioner(self.preconditioner, self.system.topology, self.matrix)
+    def parts(self) -> Assembly:
+        """The parts with D for their stiffness, which leaves no motion free."""
+        held = tuple(np.zeros((D.shape[0], 0)) for D in self.matrix)
+        return Assembly(self.system.topology, self.matrix, None, held)
 
     @cached_property
     def coarse(self) -> tuple[Array, Array, Array]:
@@ -87,13 +78,10 @@ class TiedParts:
             FW[:, k] = P.averaged(self.flexibility(W[:, k]))
         return W, FW, np.linalg.inv(W.T @ FW)
 
-    def inverse(self, g: Array) -> Array:
-        """D^-1 g of loads (dof,)."""
-        return solved(*self.factored, self.system.topology.dofs, g)
-
     def flexibility(self, lam: Array) -> Array:
-        """F lambda = B^T D^-1 B lambda."""
-        return np.asarray(self.B.T @ self.inverse(self.B @ lam))
+        """F lambda = B^T D^-1 B lambda, step by step: as a matrix it would lose what stiff parts move."""
+        B = self.system.topology.B
+        return np.asarray(B.T @ self.parts.inverse(B @ lam))
 
     def forces(self, x: Array) -> Array:
         """Q P_L x: forces in balance at every node, F-orthogonal to rigid motions of the parts."""
@@ -109,27 +97,27 @@ class TiedParts:
 
     def solve(self, g: Array, guess: Array) -> tuple[Array, Array, int]:
         """Motion (dof,), lambda (multiplier,) and iterations under loads g (dof,), from a guess of lambda."""
-        P, (W, _, A) = self.system.projection, self.coarse
-        free = self.inverse(g)
-        b = self.B.T @ free
-        r = b - self.flexibility(guess)
+        P, B, (W, _, A) = self.system.projection, self.system.topology.B, self.coarse
+        F, precondition = self.flexibility, self.parts.precondition(self.preconditioner)
+        free = self.parts.inverse(g)
+        b = B.T @ free
+        r = b - F(guess)
         start = guess + W @ (A @ (W.T @ r))
-        left = b - self.flexibility(start)
+        left = b - F(start)
         gap = max(np.linalg.norm(P.averaged(b)), np.linalg.norm(P.averaged(r)))
         size = float(np.linalg.norm(self.gaps(left)))
         tolerance = self.tolerance * float(gap) / size if size else 1.0
-        done = projected_cg(
-            self.flexibility, left, self.forces, self.gaps, self.precondition, tolerance, self.most
-        )
+        done = projected_cg(F, left, self.forces, self.gaps, precondition, tolerance, self.most)
         lam = P.balanced(start + done.x)
-        return self.joined(free - self.inverse(self.B @ lam)), lam, done.count
+        return self.joined(free - self.parts.inverse(B @ lam)), lam, done.count
 
     def joined(self, u: Array) -> Array:
         """Motions (dof,) with one value at what is shared: what the tolerance leaves open, as a mean.
 
         A gap left here would swing from step to step for ever, as average acceleration damps nothing.
         """
-        return np.asarray(u - self.B @ self.system.projection.averaged(self.B.T @ u))
+        B = self.system.topology.B
+        return np.asarray(u - B @ self.system.projection.averaged(B.T @ u))
 
 
 def integrate(
@@ -160,7 +148,7 @@ def integrate(
     """
     if not step > 0:
         raise DataError(f"is {step}, expected a time above zero", "step")
-    K, M = system.stiffness, masses(system)
+    K, M = system.stiffness, system.masses
     over_time = np.asarray(load, dtype=float)
     if over_time.ndim != 2 or not len(over_time):
         raise DataError(f"has shape {over_time.shape}, expected (time, {system.topology.size})", "load")
@@ -171,11 +159,12 @@ def integrate(
     now_u, now_v = on_partitions(system, u, "u"), on_partitions(system, v, "v")
     out = loads[0] - block_product(system, K, now_u)
     if a is None:
-        inertia = TiedParts(system, with_inertia(M), *options)
+        check_inertia(M)
+        inertia = TiedParts(system, M, *options)
         now_a, lam, taken = inertia.solve(out, np.zeros(len(system.topology.frame)))
     else:
         now_a, taken = on_partitions(system, a, "a"), 0
-        lam = system.projection.balanced(tied.B.T @ (out - block_product(system, M, now_a)))
+        lam = system.projection.balanced(system.topology.B.T @ (out - block_product(system, M, now_a)))
     history, counts = [(now_u, now_v, now_a, lam)], [taken]
     for f in loads[1:]:
         # only what is added to a coasting motion is solved for: no digits are lost in a long flight, nor, as
@@ -195,11 +184,9 @@ def integrate(
 def on_partitions(system: PartitionedSystem, motion: ArrayLike | None, name: str) -> Array:
     """An assembled motion (size,), None = none, on the partitions (dof,)."""
     top = system.topology
-    given = np.zeros(top.size) if motion is None else np.asarray(motion, dtype=float)
+    given = np.zeros(top.size) if motion is None else finite(motion, name)
     if given.shape != (top.size,):
         raise DataError(f"has shape {given.shape}, expected ({top.size},) assembled", name)
-    if not np.isfinite(given).all():
-        raise DataError("holds numbers that are not finite", name)
     return given[np.concatenate(top.glob)]
 
 
@@ -208,15 +195,8 @@ def block_product(system: PartitionedSystem, matrix: Sequence[Any], u: Array) ->
     return np.concatenate([m @ u[d] for m, d in zip(matrix, system.topology.dofs, strict=True)])
 
 
-def masses(system: PartitionedSystem) -> Sequence[Any]:
-    """The mass of every partition."""
-    if system.mass is None:
-        raise DataError("is not given, and a motion needs it", "mass", "give one matrix a partition")
-    return system.mass
-
-
-def with_inertia(mass: Sequence[Any]) -> tuple[Any, ...]:
-    """The mass of every partition; a DataError where it leaves a degree of freedom without inertia."""
+def check_inertia(mass: Sequence[Any]) -> None:
+    """DataError where the masses of partitions leave a degree of freedom without inertia."""
     for s, m in enumerate(mass):
         bare = np.flatnonzero(m.diagonal() <= 0)
         if len(bare):
@@ -224,7 +204,6 @@ def with_inertia(mass: Sequence[Any]) -> tuple[Any, ...]:
                 f"leaves degree of freedom {bare[0]} without inertia", f"mass of partition {s}",
                 "give the acceleration at the start, or give it inertia",
             )  # fmt: skip
-    return tuple(mass)
 
 
 def mean_motion(system: PartitionedSystem, u: Array) -> Array:
@@ -235,7 +214,7 @@ def mean_motion(system: PartitionedSystem, u: Array) -> Array:
     """
     found = []
     modes = system.rigid_modes
-    for s, (m, R, d) in enumerate(zip(masses(system), modes, system.topology.dofs, strict=True)):
+    for s, (m, R, d) in enumerate(zip(system.masses, modes, system.topology.dofs, strict=True)):
         try:
             found.append(np.linalg.solve(R.T @ (m @ R), R.T @ (m @ u[:, d].T)).T)
         except np.linalg.LinAlgError:

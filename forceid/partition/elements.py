@@ -19,12 +19,7 @@ GAUSS_POINTS = (-1 / np.sqrt(3), 1 / np.sqrt(3))
 
 
 def bar(ends: Array, axial_stiffness: float, mass: float = 0.0) -> tuple[Array, Array]:
-    """Stiffness EA/l e e^T and consistent mass m/6 [2 1; 1 2] of a two-node bar, ends (2, axis) m.
-
-    >>> K, _ = bar(np.array([[0.0, 0.0], [2.0, 0.0]]), 10.0)
-    >>> K[0, [0, 2]].tolist()
-    [5.0, -5.0]
-    """
+    """Stiffness EA/l e e^T and consistent mass m/6 [2 1; 1 2] of a two-node bar, ends (2, axis) m."""
     along = ends[1] - ends[0]
     length = float(np.linalg.norm(along))
     e = along / length
@@ -48,10 +43,9 @@ def elasticity(young: float, poisson: float, axes: int) -> Array:
 def box_element(
     size: Array, young: float, poisson: float, density: float, thickness: float = 1.0
 ) -> tuple[Array, Array]:
-    """Stiffness and consistent mass of a rectangle in plane stress or of a brick, full Gauss quadrature.
+    """Stiffness and consistent mass of a rectangle in plane stress or a brick of edges `size` (axis,) m.
 
-    size (axis,) m of its edges; young Pa, density kg/m3; thickness m of a rectangle. Nodes in the order of
-    `itertools.product((0, 1), repeat=axis)`, the first axis slowest.
+    young Pa, density kg/m3; thickness m of a rectangle. Nodes as `itertools.product((0, 1), repeat=axis)`.
     """
     axes = len(size)
     corner = np.array(list(product((-1.0, 1.0), repeat=axes)))

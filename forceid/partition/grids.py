@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from forceid.partition.assembled import system
 from forceid.partition.elements import assemble_elements, box_element
-from forceid.partition.operators.topology import boolean_from_positions, compatible, without_fixed
+from forceid.partition.operators.topology import boolean_from_positions
 from forceid.partition.system import PartitionedSystem
-from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 SAME_PLACE = 1e-6  # m, within which nodes are one
@@ -34,19 +34,11 @@ class Parts:
     position: tuple[Array, ...]
     place: Array
 
-    def system(self, fixed: Flags | None = None, **options: Any) -> PartitionedSystem:
+    def system(self, fixed: Flags | None = None) -> PartitionedSystem:
         """The partitioned system, its assembled nodes `fixed` (node,) held."""
-        axes = self.place.shape[1]
-        at_rest = np.flatnonzero(np.repeat(np.zeros(len(self.place), bool) if fixed is None else fixed, axes))
-        boolean, kept = without_fixed(self.boolean, at_rest)
-        K = [k[rows][:, rows] for k, rows in zip(self.stiffness, kept, strict=True)]
-        M = [m[rows][:, rows] for m, rows in zip(self.mass, kept, strict=True)]
-        about = self.place.mean(axis=0)
-        R = [
-            compatible(summation_operator(x, about), rows)
-            for x, rows in zip(self.position, kept, strict=True)
-        ]
-        return PartitionedSystem(K, M, boolean, R, **options)
+        held = np.flatnonzero(np.zeros(len(self.place)) if fixed is None else fixed)
+        axes, about = self.place.shape[1], self.place.mean(axis=0)
+        return system(self.stiffness, self.mass, self.boolean, self.position, held, axes, about)
 
 
 def box_grid(parts: Sequence[int], r: int) -> tuple[list[Array], Indices]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from forceid.errors import ConfigError, DataError, EstimationError
+from forceid.errors import ConfigError, EstimationError
 from forceid.partition.operators.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.saddle import solve_saddle
 from forceid.partition.solution.accuracy import Refined, in_balance, norm, ratio, refine_solution
@@ -143,9 +143,7 @@ def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
             "load",
             "balance it, hold the body, or ask for inertia relief with relief=True",
         )
-    if system.mass is None:
-        raise DataError("is not given, and inertia relief needs it", "mass", "give one matrix a partition")
-    carried = np.concatenate([m @ S[d] for m, d in zip(system.mass, system.topology.dofs, strict=True)])
+    carried = np.concatenate([m @ S[d] for m, d in zip(system.masses, system.topology.dofs, strict=True)])
     try:
         acceleration = np.linalg.solve(S.T @ carried, out)
     except np.linalg.LinAlgError:

@@ -15,12 +15,7 @@ KINDS = {"c": "complex numbers", "U": "text", "S": "text", "O": "objects", "M": 
 
 
 def real_array(given: Any, where: str, axes: int | None = None) -> Any:
-    """A dense or sparse array of real numbers, if axes is given with that many. Raises DataError.
-
-    >>> real_array([[1, 2], [3]], "stiffness", 2)
-    Traceback (most recent call last):
-    forceid.errors.DataError: stiffness has rows of different lengths, expected an array; fill it
-    """
+    """A dense or sparse array of real numbers, if axes is given with that many. Raises DataError."""
     if sp.issparse(given):
         A: Any = given
     else:
@@ -34,6 +29,14 @@ def real_array(given: Any, where: str, axes: int | None = None) -> Any:
     if axes is not None and A.ndim != axes:
         what = f"has shape {A.shape}, expected {axes} axes"
         raise DataError(what, where, "give rows and columns" if axes == 2 else "give one row of numbers")
+    return A
+
+
+def finite(given: Any, where: str, next_step: str = "") -> Array:
+    """An array of floats, none of them NaN or infinite. Raises DataError."""
+    A = np.asarray(real_array(given, where), dtype=float)
+    if not np.isfinite(A).all():
+        raise DataError("holds numbers that are not finite", where, next_step)
     return A
 
 

@@ -122,15 +122,8 @@ def solve_loads(
     _, s, Vt = np.linalg.svd(scale[:, None] * G, full_matrices=False)
     seen = s > tolerance * s[..., :1]
     V = (Vt * seen[..., None]).mT  # row space of G, (..., load, rank), zero columns for what is unseen
-    A, b = np.linalg.solve(root, G @ V), np.linalg.solve(root, np.where(known[:, None], g, 0.0)[..., None])
-    U, t, Wt = np.linalg.svd(A, full_matrices=False)
-    rank = seen.sum(axis=-1)
-    held = np.arange(t.shape[-1]) < rank[..., None]
-    Y = V @ (Wt.mT * np.where(held, 1 / np.where(held, t, 1.0), 0.0)[..., None, :])
-    share = (U * held[..., None, :]).mT @ b
-    load = (Y @ share)[..., 0]
-    misfit = ((b - U @ share) ** 2).sum((-2, -1))
-
+    b, rank = np.linalg.solve(root, np.where(known[:, None], g, 0.0)[..., None])[..., 0], seen.sum(axis=-1)
+    Y, load, misfit = whitened_fit(np.linalg.solve(root, G @ V), b, V, rank)
     top = int(rank[known].max(initial=0)) if rank.ndim else int(rank)
     estimable, null_space = _row_space(np.broadcast_to(V, (len(g), *V.shape[-2:]))[known], tolerance)
     return Loads(
@@ -142,6 +135,20 @@ def solve_loads(
         chi_square=np.where(known & (rank == top), misfit, np.nan),
         dof=size - top,
     )
+
+
+def whitened_fit(A: Array, b: Array, V: Array, rank: Array) -> tuple[Array, Array, Array]:
+    """Least squares A c = b of white rows: Y with Y Y^T the covariance of x = V c, x itself, squared misfit.
+
+    A (..., row, c), b (..., row), V (..., x, c); rank (...): singular directions that count.
+    """
+    U, s, Wt = np.linalg.svd(A, full_matrices=False)
+    held = np.arange(s.shape[-1]) < rank[..., None]
+    Y = V @ (Wt.mT * np.where(held, 1 / np.where(held, s, 1.0), 0.0)[..., None, :])
+    U = U * held[..., None, :]
+    share = U.mT @ b[..., None]
+    left = b - (U @ share)[..., 0]
+    return Y, (Y @ share)[..., 0], np.asarray((left**2).sum(-1))
 
 
 def undetermined(loads: Loads, tolerance: float = 1e-6) -> tuple[str, ...]:
@@ -177,12 +184,7 @@ def eigen(A: Array) -> tuple[Array, Array]:
 
 
 def pseudo_inverse(A: Array, floor: float = 0.0) -> Array:
-    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, count as zero.
-
-    >>> pseudo_inverse(np.diag([2.0, 0.0]))
-    array([[0.5, 0. ],
-           [0. , 0. ]])
-    """
+    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, are zero."""
     value, vector = eigen(A)
     kept = value > np.maximum(1e-12 * value[..., -1:], floor)
     inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)

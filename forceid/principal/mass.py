@@ -77,11 +77,7 @@ def mass_properties(
 
 
 def mass_center(mass: ArrayLike | SparseMatrix, position: ArrayLike) -> Array:
-    """Instantaneous mass center (..., 3) m of nodes at (..., node, 3) m; mass as in `mass_properties`.
-
-    >>> mass_center([1.0, 3.0], [[0.0, 0.0], [4.0, 0.0]])
-    array([3., 0.])
-    """
+    """Instantaneous mass center (..., 3) m of nodes at (..., node, 3) m; mass as in `mass_properties`."""
     x = np.asarray(position, dtype=float)
     M, dof = nodal_mass(mass, x)
     if M.ndim == 1:

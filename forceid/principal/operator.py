@@ -82,9 +82,6 @@ def sum_nodal(
     nodal (..., node, 3) N, or (..., node, 6) with nodal moments N m; position and about as in
     `summation_operator`; weight (node,) multiplies the field node by node (mass times acceleration
     without forming it). Returns (..., 6): force N, moment N m; planar (..., 3). World axes.
-
-    >>> sum_nodal([[0.0, 1.0], [0.0, 1.0]], [[0.0, 0.0], [0.3, 0.0]])
-    array([0. , 2. , 0.3])
     """
     (x, p), f = _nodes(position, about), np.asarray(nodal, dtype=float)
     node, axis = x.shape[-2:]

@@ -44,9 +44,6 @@ def momentum(
     As `resultant`, with velocity (..., node, 3) m/s (or six components with angular velocity rad/s) in
     place of acceleration. Returns (..., 6): P kg m/s, H_p kg m2/s; planar (..., 3).
     Source: principal equations 2.4, 4b.
-
-    >>> momentum([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
-    array([ 0.,  0., 12.])
     """
     return _project(mass, position, velocity, about, "velocity")
 

@@ -1,7 +1,6 @@
 """Bodies that move by an affine map, x = F(t) X: twelve degrees of freedom of turn, stretch and circulation.
 
-The reduced forms stay modules, as each has a `simulate` of its own: `left_reduced`, `two_sided`,
-`general_reduced`. Source: theory note on pseudo-rigid bodies.
+Source: theory note on pseudo-rigid bodies.
 
 >>> from forceid import pseudorigid
 >>> round(float(pseudorigid.maclaurin(0.5).w) ** 2, 10)
@@ -10,9 +9,6 @@ The reduced forms stay modules, as each has a `simulate` of its own: `left_reduc
 
 from __future__ import annotations
 
-from forceid.pseudorigid import general_reduced as general_reduced
-from forceid.pseudorigid import left_reduced as left_reduced
-from forceid.pseudorigid import two_sided as two_sided
 from forceid.pseudorigid.body import METHODS as METHODS
 from forceid.pseudorigid.body import Body as Body
 from forceid.pseudorigid.factors.bipolar_path import BipolarPath as BipolarPath

@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, DataError
-from forceid.pseudorigid.factors.cofactors import EYE
-from forceid.pseudorigid.material.material_law import (
-    Material,
-    check_material_of,
-    check_range,
-    validated_constant,
-)
+from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
 from forceid.pseudorigid.motion.constrained import RATTLE, check_volume
 from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
 from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
@@ -29,11 +23,10 @@ from forceid.pseudorigid.motion.system import AffineSystem, State
 from forceid.pseudorigid.motion.trajectory import Trajectory, trajectory_of
 from forceid.pseudorigid.validation import (
     STEPS_AT_MOST,
-    check_second_moment,
     check_step,
     instants,
-    real_values,
     real_vector,
+    validated_second_moment,
     validated_start,
 )
 from forceid.records import Array
@@ -72,12 +65,10 @@ class Body:
     system: AffineSystem = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        E = real_values(self.second_moment, "second_moment", "give E = int rho X X^T dX, or mu")
-        E = E * EYE if E.ndim == 0 else E
-        check_second_moment(E)
+        E = validated_second_moment(self.second_moment)
         check_material_of("Body", self.material)
         if self.mass is not None:
-            check_range("Body", "mass", validated_constant("Body", "mass", self.mass), self.mass > 0, "> 0")
+            check_above("Body", "mass", self.mass)
         object.__setattr__(self, "second_moment", E)
         object.__setattr__(self, "system", AffineSystem(self.material, E))
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import determinant
+from forceid.pseudorigid.factors.cofactors import EYE, determinant
 from forceid.pseudorigid.material.material_law import validated_constant
 from forceid.records import Array
 
@@ -20,11 +20,7 @@ ROTATION_ROUNDING = 1e-6  # of L^T L = I, that rounding of a rotation written to
 
 
 def real_values(value: Any, name: str, advice: str = "give real numbers") -> Array:
-    """An array of floats. DataError for text, None, complex numbers, lists that are no arrays.
-
-    >>> real_values([[1, 2]], "F").shape
-    (1, 2)
-    """
+    """An array of floats. DataError for text, None, complex numbers, lists that are no arrays."""
     try:
         found = np.asarray(value)
         if found.dtype.kind not in "biuf":
@@ -34,31 +30,19 @@ def real_values(value: Any, name: str, advice: str = "give real numbers") -> Arr
     return np.asarray(found, float)
 
 
-def tensors(value: Any, name: str = "F") -> Array:
-    """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already.
-
-    >>> tensors([[1, 0, 0], [0, 1, 0], [0, 0, 1]]).dtype
-    dtype('float64')
-    """
+def tensors(value: Any, name: str = "F", advice: str = "give matrices") -> Array:
+    """Matrices (..., 3, 3) of floats, finite or not; at no cost where they are such already."""
     A = value
     if not isinstance(A, np.ndarray) or A.dtype != np.float64:
-        A = real_values(value, name, "give matrices")
+        A = real_values(value, name, advice)
     if A.shape[-2:] != (3, 3):
-        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, "give matrices")
+        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
     return np.asarray(A)
 
 
 def matrices(value: Any, name: str, advice: str = "give matrices") -> Array:
-    """Finite matrices (..., 3, 3). DataError for any other shape, or what is not finite.
-
-    >>> matrices(np.eye(2), "F0")
-    Traceback (most recent call last):
-    ...
-    forceid.errors.DataError: F0 has shape (2, 2), expected (..., 3, 3); give matrices
-    """
-    A = real_values(value, name, advice)
-    if A.shape[-2:] != (3, 3):
-        raise DataError(f"has shape {A.shape}, expected (..., 3, 3)", name, advice)
+    """Finite matrices (..., 3, 3). DataError for any other shape, or what is not finite."""
+    A = tensors(value, name, advice)
     if not np.isfinite(A).all():
         raise DataError("holds values that are not finite", name, "leave those frames out or fill them")
     return A
@@ -72,13 +56,18 @@ def matrix(value: Any, name: str) -> Array:
     return A
 
 
+def shaped(value: Any, shape: tuple[int, ...], name: str, advice: str) -> Array:
+    """Finite numbers of a shape."""
+    found = real_values(value, name)
+    if found.shape != shape or not np.isfinite(found).all():
+        what = f"has shape {found.shape}, expected {shape}" if found.shape != shape else "is not finite"
+        raise DataError(what, name, advice)
+    return found
+
+
 def real_vector(value: Any, name: str) -> Array:
     """One finite vector (3,)."""
-    v = real_values(value, name)
-    if v.shape != (3,) or not np.isfinite(v).all():
-        what = f"has shape {v.shape}, expected (3,)" if v.shape != (3,) else "is not finite"
-        raise DataError(what, name, "give three finite numbers")
-    return v
+    return shaped(value, (3,), name, "give three finite numbers")
 
 
 def deformation(value: Any, name: str) -> Array:
@@ -101,13 +90,7 @@ def rotation_matrix(value: Any, name: str) -> Array:
 
 
 def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1) -> Array:
-    """Finite instants (time,), s, growing if `rising`. DataError for any other.
-
-    >>> instants([0.0, 1.0, 1.0])
-    Traceback (most recent call last):
-    ...
-    forceid.errors.DataError: time is not a growing list of finite numbers; sort it and drop repeated samples
-    """
+    """Finite instants (time,), s, growing if `rising`. DataError for any other."""
     t = real_values(value, name, "give instants in s")
     if t.ndim != 1 or len(t) < least or not np.isfinite(t).all():
         what = f"is not a list of {least} or more finite numbers"
@@ -118,9 +101,11 @@ def instants(value: Any, name: str = "time", rising: bool = True, least: int = 1
     return t
 
 
-def check_second_moment(E: Array) -> None:
-    """DataError unless E (3, 3) is symmetric positive definite."""
+def validated_second_moment(value: Any) -> Array:
+    """E (3, 3) kg m^2, symmetric positive definite, of E or of mu in E = mu I. DataError for any other."""
     where = "second_moment"
+    E = real_values(value, where, "give E = int rho X X^T dX, or mu")
+    E = E * EYE if E.ndim == 0 else E
     if E.shape != (3, 3):
         raise DataError(f"has shape {E.shape}, expected (3, 3)", where, "give E = int rho X X^T dX, or mu")
     if not np.isfinite(E).all() or np.abs(E - E.T).max() > 1e-12 * np.abs(E).max():
@@ -130,6 +115,7 @@ def check_second_moment(E: Array) -> None:
         what = f"has the eigenvalue {least:.3g} beside {most:.3g}, expected all positive"
         advice = "a flat or thin body has no affine motion across: use a rigid body, or give it thickness"
         raise DataError(what, where, advice)
+    return E
 
 
 def validated_start(F0: ArrayLike, dF0: ArrayLike) -> tuple[Array, Array]:

@@ -21,10 +21,6 @@ def draw_periodic(std: ArrayLike, rate: float, rng: np.random.Generator) -> tupl
     """Independent Matern loads of std (load,) N or N m, rate 1/s, that repeat themselves after PERIOD s.
 
     Sines at all its harmonics up to HIGHEST_PERIODIC: w, a, b as `waves` takes them.
-
-    >>> load = draw_periodic([1.0, 0.0], 12.0, np.random.default_rng(0))
-    >>> bool(np.allclose(*waves(np.array([0.5, 0.5 + PERIOD]), *load)))
-    True
     """
     w = 2 * np.pi * np.arange(1.0, HIGHEST_PERIODIC * PERIOD + 1) / PERIOD
     power = spectrum(w, rate, ORDER_PERIODIC)
@@ -44,10 +40,7 @@ def waves(time: Array, w: Array, a: Array, b: Array) -> Array:
 
 
 def spectrum(w: Array, rate: float, order: int) -> Array:
-    """Power per rad/s at w rad/s of a Matern load of unit variance, both signs of w together.
-
-    Source: principal equations 4e.
-    """
+    """Power per rad/s at w rad/s of a Matern load of unit variance, both signs of w together."""
     # 2 sqrt(pi) G(n) / G(n - 1/2) rate^(2n-1) / (w^2 + rate^2)^n over 2 pi
     scale = np.exp(lgamma(order) - lgamma(order - 0.5)) / np.sqrt(np.pi)
     return np.asarray(2 * scale * rate ** (2 * order - 1) / (w**2 + rate**2) ** order)

@@ -124,8 +124,7 @@ def simulate(recipe: SceneRecipe, rng: np.random.Generator | None = None) -> Rec
 def sample_times(recipe: SceneRecipe, rng: np.random.Generator) -> Array:
     """The instants (time,) s at which the recipe samples."""
     count = int(np.ceil(recipe.duration * recipe.sample_rate * (1.0 - 1e-12)))
-    times: Array = (np.arange(count) + recipe.jitter * rng.random(count)) / recipe.sample_rate
-    return times
+    return np.asarray((np.arange(count) + recipe.jitter * rng.random(count)) / recipe.sample_rate)
 
 
 def fly(recipe: SceneRecipe, time: Array) -> KnownFlight:

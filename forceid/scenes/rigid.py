@@ -65,5 +65,4 @@ def fly_rigid(
 def rigid_positions(truth: dict[str, Array], X: Array) -> Array:
     """World positions (time, node, 3) m of points of a rigid body, X (node, 3) m from its mass center."""
     R = Rotation.from_quat(truth["orientation"]).as_matrix()
-    positions: Array = truth["center"][:, None] + np.einsum("tab,nb->tna", R, X)
-    return positions
+    return np.asarray(truth["center"][:, None] + np.einsum("tab,nb->tna", R, X))

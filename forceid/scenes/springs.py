@@ -44,13 +44,11 @@ def spring_force(springs: Springs, x: Array, v: Array) -> Array:
     along = d / length[:, None]
     rate = (along * (springs.incidence @ v)).sum(1)
     tension = springs.stiffness * (length - springs.rest_length) + springs.damping * rate
-    force: Array = -springs.incidence.T @ (tension[:, None] * along)
-    return force
+    return np.asarray(-springs.incidence.T @ (tension[:, None] * along))
 
 
 def spring_stiffness(springs: Springs, rest: Array) -> Array:
     """Stiffness matrix (dof, dof) N/m linearized at the stress-free shape, degrees of freedom node-major."""
     along = springs.incidence @ rest / springs.rest_length[:, None]
     strain = (springs.incidence[:, :, None] * along[:, None, :]).reshape(len(along), -1)
-    K: Array = strain.T @ (springs.stiffness[:, None] * strain)
-    return K
+    return np.asarray(strain.T @ (springs.stiffness[:, None] * strain))

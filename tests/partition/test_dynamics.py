@@ -7,7 +7,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.partition.dynamics import TiedParts, block_product, integrate, masses, mean_motion
+from forceid.partition.dynamics import TiedParts, block_product, integrate, mean_motion
 from forceid.partition.grids import solid_parts
 from forceid.partition.system import PartitionedSystem
 from forceid.principal.operator import summation_operator
@@ -15,7 +15,7 @@ from forceid.principal.operator import summation_operator
 
 def energy(system, motion):
     """Energy of motion and of deformation (time,) J: kept where no load acts."""
-    pairs = [(masses(system), motion.v), (system.stiffness, motion.u)]
+    pairs = [(system.masses, motion.v), (system.stiffness, motion.u)]
     return np.array(
         [
             sum(0.5 * float(x[k] @ block_product(system, m, x[k])) for m, x in pairs)
@@ -131,7 +131,7 @@ def test_iterations_are_those_of_the_note_within_two(step, without, with_modes):
 def test_a_part_of_every_kind_is_factored_once():
     system, _, _ = plate(4, 2, 2)
     D = tuple(k + 4 * m for k, m in zip(system.stiffness, system.mass, strict=True))
-    each, which = TiedParts(system, D).factored
+    each, which = TiedParts(system, D).parts.factored
     assert len(each) == 2  # at the wall, and not
     assert sorted(np.bincount(which)) == [2, 6]
 
@@ -194,7 +194,7 @@ def test_mean_motions_of_every_part_obey_its_loads_and_ties_alone():
 def test_mean_motion_of_a_rigid_motion_is_that_motion():
     system, _, _ = plate(2, 2, 2, held=False)
     alpha = np.random.default_rng(5).standard_normal((4, system.R_b.shape[1]))
-    assert mean_motion(system, alpha @ system.R.T) == pytest.approx(alpha, abs=1e-12)
+    assert mean_motion(system, alpha @ system.modes.T) == pytest.approx(alpha, abs=1e-12)
 
 
 def test_one_part_alone_needs_no_iterations():

@@ -171,7 +171,7 @@ def test_a_solid_chain_passes_six_components():
 
 def test_mean_motions_of_the_partitions_are_all_that_is_asked_for():
     system, f, _, a, _ = shaken(chain(2), (4,), seed=9)
-    R, top = system.R, system.topology
+    R, top = system.modes, system.topology
     each = [r.T @ m for r, m in zip(system.rigid_modes, system.mass, strict=True)]
     carries = np.concatenate([(rm @ a[:, g].T).T for rm, g in zip(each, top.glob, strict=True)], axis=-1)
     M_alpha = np.concatenate([R[d, :].T @ rm.T for rm, d in zip(each, top.dofs, strict=True)], axis=1)
@@ -260,9 +260,9 @@ def test_covariance_of_what_moves_the_parts_passes_through_the_published_operato
     )
     np.testing.assert_allclose(found.lam_cov, N @ C @ N.T, atol=1e-10)
     np.testing.assert_allclose(
-        interface_forces(system, f, 0 * a).lam, N @ system.R.T @ system.topology.shared(f)
+        interface_forces(system, f, 0 * a).lam, N @ system.modes.T @ system.topology.shared(f)
     )
-    np.testing.assert_allclose(R_b.T @ found.lam - system.R.T @ net, 0, atol=1e-11)
+    np.testing.assert_allclose(R_b.T @ found.lam - system.modes.T @ net, 0, atol=1e-11)
     assert found.resultant.cov.shape == (3, 7, 3, 3)
 
 
@@ -374,7 +374,7 @@ def test_input_that_does_not_fit_is_named(options, told):
 def test_accelerations_need_a_mass():
     parts = chain(1)
     system = PartitionedSystem(parts.stiffness, None, boolean_from_positions(parts.position, 1e-6))
-    with pytest.raises(DataError, match="mass is not given, and accelerations need it"):
+    with pytest.raises(DataError, match="mass is not given, and what accelerates needs it"):
         interface_forces(system, np.zeros(20), np.zeros(20))
 
 

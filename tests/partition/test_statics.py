@@ -15,6 +15,7 @@ from forceid.partition.elements import assemble_elements, box_element
 from forceid.partition.grids import solid_parts
 from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.partition.saddle import deficiency, four_field, reduced_matrix
+from forceid.partition.statics import relieved
 from forceid.principal.operator import summation_operator
 
 NAMES = list(lc.PRINTED)
@@ -86,7 +87,7 @@ def test_floating_plate_accelerates_as_printed():
 def test_floating_plate_is_in_balance_with_its_inertia_and_does_not_move_as_a_whole():
     system, load = lc.free_plate()
     found = system.solve(load, relief=True)
-    f, _ = system.relieved(system.loads(load), relief=True)
+    f, _ = relieved(system, system.loads(load), relief=True)
     S = system.whole()
     assert np.abs(S.T @ f).max() < 1e-12
     assert np.abs(S.T @ found.u).max() < 1e-12 * np.abs(found.u).max() * len(S)
@@ -124,8 +125,8 @@ def test_loads_given_by_partition_are_the_same_as_in_one_array():
 @pytest.mark.parametrize("name", ["plane_stress_4", "truss_4", "solid_8"])
 def test_rigid_part_of_the_motion_is_what_the_pseudoinverse_leaves(name):
     system, force, found = lc.solved(name)
-    u = found.u - system.R @ found.alpha
-    assert np.abs(system.R.T @ u).max() < 1e-11 * np.abs(found.u).max()
+    u = found.u - system.modes @ found.alpha
+    assert np.abs(system.modes.T @ u).max() < 1e-11 * np.abs(found.u).max()
     f = system.loads(force) - system.topology.B @ found.lam
     for K, d in zip(system.stiffness, system.topology.dofs, strict=True):
         assert lc.largest(u[d], np.linalg.pinv(K.toarray(), rcond=1e-10, hermitian=True) @ f[d]) < 1e-10
@@ -138,7 +139,7 @@ def test_multipliers_are_those_of_the_pseudoinverse():
     B, R_b, L_f = top.B.toarray(), system.R_b, top.L_f.toarray()
     a, m = R_b.shape[1], L_f.shape[1]
     A = np.block([[B.T @ plus @ B, -R_b, L_f], [-R_b.T, np.zeros((a, a + m))], [L_f.T, np.zeros((m, a + m))]])
-    x = np.linalg.solve(A, np.concatenate([B.T @ plus @ f, -system.R.T @ f, np.zeros(m)]))
+    x = np.linalg.solve(A, np.concatenate([B.T @ plus @ f, -system.modes.T @ f, np.zeros(m)]))
     n = len(B.T)
     assert lc.largest(found.lam, x[:n]) < 1e-10
     assert lc.largest(found.alpha, x[n : n + a]) < 1e-10

@@ -139,7 +139,7 @@ def test_a_load_on_a_floating_body_out_of_equilibrium_is_told_by_how_much_and_wh
 
 def test_relief_without_mass_is_refused():
     system = build([PAIR, PAIR])
-    with pytest.raises(DataError, match="mass is not given, and inertia relief needs it"):
+    with pytest.raises(DataError, match="mass is not given, and what accelerates needs it"):
         system.solve([1.0, 0.0, 0.0], relief=True)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from forceid.pseudorigid import general_reduced, left_reduced, two_sided
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 
 BALL, BLOCK = 1.7 * np.eye(3), np.array([[1.0, 0.2, 0], [0.2, 1.5, -0.1], [0, -0.1, 2.2]])
 EVERY = [(left_reduced, BLOCK), (two_sided, BALL), (general_reduced, BLOCK)]

@@ -157,7 +157,7 @@ def test_motions_without_a_period_are_refused_with_the_reason():
         breathing(GasCloud(1.0), 1.0, 1.0)
     with pytest.raises(DataError, match="is an equilibrium"):
         breathing(GasCloud(1.0, trap=1.0), 1.0, 1.0)
-    with pytest.raises(DataError, match="start is -1, expected above 0"):
+    with pytest.raises(DataError, match="start = -1, expected > 0"):
         spheroid_oscillation(-1.0)
     with pytest.raises(DataError, match="collapses"):
         oscillation(lambda q: -1 / q, np.ones_like, 1.0)
@@ -166,14 +166,14 @@ def test_motions_without_a_period_are_refused_with_the_reason():
 @pytest.mark.parametrize(
     ("make", "line"),
     [
-        (lambda: GasCloud(-1.0), "K is -1, expected above 0"),
-        (lambda: GasCloud(1.0, 1.0), "gamma is 1, expected above 1"),
-        (lambda: GasCloud(1.0, trap=-0.5), "trap is -0.5, expected 0 or above"),
+        (lambda: GasCloud(-1.0), "K = -1, expected > 0"),
+        (lambda: GasCloud(1.0, 1.0), "gamma = 1, expected > 1"),
+        (lambda: GasCloud(1.0, trap=-0.5), "trap = -0.5, expected >= 0"),
         (lambda: GasCloud(1.0).energy(np.diag([1.0, 1.0, -1.0])), "det F is -1, expected > 0"),
         (lambda: GasCloud(1.0).resting_size(), "a free cloud has no size at rest"),
         (lambda: GasCloud(1.0, 4 / 3, pi_G_rho=1.0).resting_size(), "gamma is 4/3"),
         (lambda: GasCloud(1.0, 1.1, trap=0.1, pi_G_rho=5.0).resting_size(), "too little against gravity"),
-        (lambda: free_fall_time(0.0), "pi_G_rho is 0, expected above 0"),
+        (lambda: free_fall_time(0.0), "pi_G_rho = 0, expected > 0"),
     ],
 )
 def test_bad_clouds_are_refused_in_one_line(make, line):

@@ -102,7 +102,7 @@ def test_the_printed_trajectory_of_a_riemann_ellipsoid_is_met():
 
 @pytest.mark.parametrize(("constants", "name"), [((0.0, 1.0), "pi_G_rho"), ((1.0, np.inf), "mu")])
 def test_constants_that_are_not_positive_are_refused_by_name(constants, name):
-    with pytest.raises(DataError, match=f"{name} is .*expected above 0"):
+    with pytest.raises(DataError, match=f"{name} = .*expected > 0"):
         SelfGravity(*constants)
-    with pytest.raises(DataError, match="mass is -1, expected above 0"):
+    with pytest.raises(DataError, match="mass = -1, expected > 0"):
         ball_gravity(1.0, -1.0, 1.0)

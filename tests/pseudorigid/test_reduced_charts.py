@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reduced_cases import BALL, BLOCK, EVERY, IDS, TIME, Springs, master, near_crossing, random_start
 
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from forceid.errors import DataError, EstimationError
-from forceid.pseudorigid import general_reduced, left_reduced, two_sided
 
 
 @pytest.mark.parametrize(("form", "E"), EVERY[1:], ids=IDS[1:])

@@ -5,7 +5,7 @@ import pytest
 from printed_motions import PRINTED
 from reduced_cases import BALL, BLOCK, EVERY, IDS, TIME, Springs, master, random_start
 
-from forceid.pseudorigid import general_reduced, left_reduced, two_sided
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from forceid.pseudorigid.material.formless import PerfectGas
 from forceid.pseudorigid.material.materials import MooneyRivlin, NeoHookean, StVenantKirchhoff
 from forceid.pseudorigid.motion.invariants import angular_momentum, circulation

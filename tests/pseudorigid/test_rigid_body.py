@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.material.materials import MooneyRivlin
@@ -12,10 +13,7 @@ from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.rigid_body import (
     free_rotation,
     inertia,
-    quaternion,
-    quaternion_rates,
     rigid_rates,
-    rotation,
     second_moment,
 )
 

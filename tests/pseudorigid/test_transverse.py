@@ -3,6 +3,7 @@ import pytest
 from reduced_cases import BLOCK, TIME, master, random_start
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.affine.reduced import left_reduced
 from forceid.errors import DataError
 from forceid.pseudorigid import (
     Body,
@@ -11,7 +12,6 @@ from forceid.pseudorigid import (
     StVenantKirchhoff,
     TransverselyIsotropic,
     check_material,
-    left_reduced,
 )
 
 LAM, MU, ALPHA, SHEAR, BETA = 1.3, 0.7, 0.4, 0.5, 6.0

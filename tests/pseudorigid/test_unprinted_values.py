@@ -7,8 +7,8 @@ differences of the master system, all with 24 to 40 digits: no formula of it is 
 import numpy as np
 import pytest
 
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from forceid import pseudorigid as pr
-from forceid.pseudorigid import general_reduced, left_reduced, two_sided
 from forceid.pseudorigid.motion.system import AffineSystem
 
 RUBBER = pr.MooneyRivlin(0.73, 0.31, 0.52, 1.9)

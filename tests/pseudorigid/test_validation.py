@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from forceid import pseudorigid
 from forceid.errors import DataError, ForceIdError
-from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
+from forceid.pseudorigid import Body, MooneyRivlin
 
 RUBBER = MooneyRivlin(0.6, 0.25, 0.4, 3.0)
 F0, V0 = np.diag([1.1, 1.0, 0.9]), np.array([[0.1, -0.4, 0.3], [0.5, 0, -0.2], [-0.1, 0.3, -0.05]])

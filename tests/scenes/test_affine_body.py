@@ -62,7 +62,7 @@ def test_library_of_affine_bodies_makes_the_same_flight_of_the_block():
         time,
         force=lambda t: thrown.loads(np.array([t]))[0][0],
         first_moment=lambda t: thrown.loads(np.array([t]))[1][0],
-        weight=block.mass * thrown.gravity,
+        weight=block.mass * np.array(p.gravity),
         center=made.center[0],
         velocity=made.velocity[0],
     )

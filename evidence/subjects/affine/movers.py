@@ -18,10 +18,16 @@ from scipy.spatial.transform import Rotation
 from evidence.subject import Answer, at_once
 from evidence.subjects.affine.bodies import EYE, LinearSprings, Throw, hat
 from evidence.subjects.affine.problem import AffineProblem, relative_error
-from forceid.pseudorigid import Body, MooneyRivlin, general_reduced, left_reduced, two_sided
+from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
+from evidence.subjects.affine.reduced.two_sided import (
+    TwoSidedState,
+    reduced_velocity,
+    two_sided_rates,
+    two_sided_state,
+)
+from forceid.pseudorigid import Body, MooneyRivlin
 from forceid.pseudorigid.motion.trajectory import Trajectory
 from forceid.pseudorigid.steady.rigid_body import free_rotation
-from forceid.pseudorigid.two_sided import TwoSidedState, reduced_velocity, two_sided_rates, two_sided_state
 from forceid.records import Array
 
 STEP = 0.01  # s, where a problem has none

@@ -16,7 +16,8 @@ from evidence.subjects.affine.bodies import Throw
 from evidence.subjects.affine.cases import BODIES, FOLLOWED, AffineCase
 from evidence.subjects.affine.contestants import by_loop, by_svd
 from evidence.subjects.affine.movers import by_reduced_form, material_of, run
-from forceid.pseudorigid import Body, left_reduced, polar, two_sided
+from evidence.subjects.affine.reduced import left_reduced, two_sided
+from forceid.pseudorigid import Body, polar
 from forceid.records import Array
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)

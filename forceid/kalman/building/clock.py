@@ -19,12 +19,6 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     process: A, Qc (..., state, state). As exact as `discretize`, for many steps at once: a clock with jitter
     has as many as frames. F and Q are entire functions of the step, so a polynomial through Chebyshev points
     of a short range has them to rounding. Source: Trefethen (2013), Approximation theory, 8.
-
-    >>> from forceid.kalman.building.process import matern
-    >>> load, step = matern(2, std=1.0, rate=30.0), np.linspace(0.0099, 0.0101, 400)
-    >>> F, Q = discretize_steps(load, step)
-    >>> bool(np.allclose(F[7], discretize(load, step[7])[0], rtol=1e-13, atol=0))
-    True
     """
     lead = process.A.ndim - 2
     process = Process(process.A[None], process.Qc[None], process.P0, process.P0)
@@ -64,13 +58,7 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
 
 
 def points_for(bend: float, most: int) -> int:
-    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding, `most` if it takes so many.
-
-    Its coefficients fall as bend^k / k!.
-
-    >>> points_for(0.0, 99), points_for(1.0, 99), points_for(98.3, 200)
-    (1, 15, 200)
-    """
+    """Chebyshev points that exp(bend x), |x| <= 1, takes to rounding, `most` if it takes so many."""
     if bend == 0:
         return 1
     count = np.arange(1, most)

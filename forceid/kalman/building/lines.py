@@ -71,11 +71,7 @@ class Candidate:
 
 
 def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
-    """Whether a line is among those taken, as far as a record of this length can tell: to a cycle (Rayleigh).
-
-    >>> near(10.0, [10.4], np.linspace(0.0, 2.0, 100)), near(10.0, [11.0], np.linspace(0.0, 2.0, 100))
-    (True, False)
-    """
+    """Whether a line is among those taken, as far as a record of this length tells: to a cycle (Rayleigh)."""
     return any(abs(frequency - f) * np.ptp(time) <= 1 for f in taken)
 
 
@@ -109,28 +105,19 @@ def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable
 
 
 def winsorized(innovation: Array) -> Array:
-    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none.
-
-    >>> winsorized(np.array([[1.0, 9.0], [-1.0, -9.0], [9.0, 9.0]])).round(2).tolist()
-    [[1.0, 9.0], [-1.0, -9.0], [5.93, 9.0]]
-    """
+    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none."""
     v = np.nan_to_num(innovation)
     typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
     return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
 
 
 def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
-    """Signals (time, channel, column) as the innovations that they would make, whitened; zero at gaps.
-
-    filtered: what the model made of a measurement; the signals are sent through the same gains, which are
-    zero for a channel that is missing.
-    """
+    """Signals (time, channel, column) as innovations of a filter whose gains they go through, whitened."""
     F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
     gains = filtered.gains
     K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
     if compiled is not None:
-        white: Array = compiled.whitened(F, H, K, W, signal)
-        return white
+        return np.asarray(compiled.whitened(F, H, K, W, signal))
     F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
     error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
     for k in range(len(signal)):

@@ -178,10 +178,7 @@ def as_many(a: Array) -> Array:
 
 
 def transitions(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
-    """F, Q of each step: (state, state) or (time - 1, state, state); of many models (., model, state, state).
-
-    Equal steps share one discretization, and a regular clock has one pair for all.
-    """
+    """F, Q of each step ([time - 1,] state, state), alike where steps are; of many models (., model, ...)."""
     h, many = np.asarray(step, float), np.ndim(process.P0) > 2
     if (h < 0).any():
         raise ConfigError(

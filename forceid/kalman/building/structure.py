@@ -207,10 +207,7 @@ def response(W2: Array, c: Array, G: Array, A_p: Array, P_p: Array) -> tuple[Arr
 
 
 def stationary(A: Array, Qc: Array, P0: Array) -> Flags:
-    """Which states (state,) start at a covariance that stays: A P0 + P0 A^T + Qc = 0.
-
-    Judged for each group of states that have to do with one another.
-    """
+    """Which states (state,) start at a covariance that stays, A P0 + P0 A^T + Qc = 0, group by group."""
     size = np.sqrt(np.diagonal(P0))
     scale = np.abs(A) @ np.outer(size, size)
     change, scale = A @ P0 + P0 @ A.T + Qc, scale + scale.T + np.abs(Qc)

@@ -132,11 +132,7 @@ def determined(A: Array, B: Array, C: Array, D: Array, Q: Array, R: Array, S: Ar
 
 
 def combination(v: Array) -> str:
-    """A direction of the inputs in words.
-
-    >>> combination(np.array([1.0, 0.0, -2.0]))
-    '0.5 input 0 - input 2'
-    """
+    """A direction of the inputs in words."""
     v = v / v[np.abs(v).argmax()]
     v = v * np.sign(v[np.flatnonzero(v)[0]])
     words = ""

@@ -17,12 +17,7 @@ from forceid.records import Array
 
 
 def filter(model: StateSpace, z: Array) -> Filtered:
-    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
-
-    >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
-    >>> round(float(filter(level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
-    0.5
-    """
+    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing."""
     z = as_channels(z)
     if z.ndim == 3:
         starts = iter(range(z.shape[1]))

@@ -53,11 +53,6 @@ def followed(
     x (state,): where the step leads, F and Q (state, state) its derivative and what it adds; rows (3, state)
     read the output; z (3,) with noise R (3, 3): the first three states as the frame shows them, `NO_FRAME`
     where it shows none; most: beyond which the frame is taken to show nothing.
-
-    >>> one = np.eye(3)
-    >>> course, _ = followed(begun(np.zeros(3), one), np.zeros(3), one, 0 * one, one, np.ones(3), one)
-    >>> course.x.tolist(), course.y.tolist(), course.var.tolist()
-    ([0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.5, 0.5, 0.5])
     """
     if FOLLOW is None:
         return followed_in_numpy(course, x, F, Q, rows, z, R, most)

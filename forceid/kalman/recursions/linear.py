@@ -35,13 +35,7 @@ class Passes(Protocol):
 
 
 def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
-    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing.
-
-    >>> from forceid.kalman.recursions import passes
-    >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
-    >>> round(float(filter(passes, level, np.array([1.0, np.nan, 2.0])).x[0, 0]), 9)
-    0.5
-    """
+    """Kalman filter over z (time, channel), (time,) or (time, signal, channel); NaN = missing."""
     z = as_channels(z)
     if z.ndim == 3 and not same_gaps(z):
         return filter_each(lambda one: filter(passes, model, one), z)
@@ -135,7 +129,7 @@ def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     if 2 * m < n or u.any():
         return G
     for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG_RUN):
-        if max(np.linalg.cond(correlations(a)) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
+        if max(np.linalg.cond(correlations(a)[0]) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G
 

@@ -267,14 +267,12 @@ def spans(start: Indices, time: int) -> list[tuple[int, int]]:
 
 def of(a: Array, k: int) -> Array:
     """Matrix of sample or step k of one model."""
-    out: Array = a[k, 0] if len(a) > 1 else a[0, 0]
-    return out
+    return np.asarray(a[k, 0] if len(a) > 1 else a[0, 0])
 
 
 def step_of(a: Array, k: int) -> Array:
     """Matrices (model, ...) of sample or step k."""
-    out: Array = a[k] if len(a) > 1 else a[0]
-    return out
+    return np.asarray(a[k] if len(a) > 1 else a[0])
 
 
 def known_inputs(u: Array, first: int, stop: int) -> Array:

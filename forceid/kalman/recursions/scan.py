@@ -13,9 +13,6 @@ def scan(A: Array, b: Array, y: Array) -> Array:
     """All y_k = A y_{k-1} + b_k; b (time, signal, state), y (signal, state) before the first.
 
     In blocks: every block from zero, all at once; then from block to block; then what each block inherits.
-
-    >>> scan(np.array([[0.5]]), np.ones((3, 1, 1)), np.zeros((1, 1)))[:, 0, 0].tolist()
-    [1.0, 1.5, 1.75]
     """
     time, signals, n = b.shape
     blocks = min(max(ROWS // signals, 1), time)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,27 +122,24 @@ def by_complex_step(build: Build, theta: Array, step: Array) -> StateSpace | Non
             moved = build(theta + 1j * COMPLEX_STEP * step)
     except (TypeError, ValueError, np.exceptions.ComplexWarning, np.linalg.LinAlgError):
         return None
-    if not any(np.iscomplexobj(getattr(moved, name)) for name in NAMES):
+    if not any(map(np.iscomplexobj, matrices_of(moved))):
         return None
-    return change_of(
-        {n: None if (a := getattr(moved, n)) is None else np.imag(a) / COMPLEX_STEP for n in NAMES}
-    )
+    change: list[Any] = [None if a is None else np.imag(a) / COMPLEX_STEP for a in matrices_of(moved)]
+    return StateSpace(*change)
 
 
 def by_difference(build: Build, theta: Array, step: Array) -> StateSpace:
     """Derivative along a step, by central difference."""
     h = CENTRAL_STEP * max(1.0, float(np.abs(theta @ step)))
     ahead, behind = build(theta + h * step), build(theta - h * step)
-    change: dict[str, Array | None] = {}
-    for name in NAMES:
-        a, b = getattr(ahead, name), getattr(behind, name)
-        change[name] = None if a is None else (a - b) / (2 * h)
-    return change_of(change)
+    pairs = zip(matrices_of(ahead), matrices_of(behind), strict=True)
+    change: list[Any] = [None if a is None else (a - b) / (2 * h) for a, b in pairs]
+    return StateSpace(*change)
 
 
-def change_of(matrices: dict[str, Array | None]) -> StateSpace:
-    """Changes of matrices by name, as a model."""
-    return StateSpace(**matrices)  # type: ignore[arg-type]
+def matrices_of(model: StateSpace) -> list[Any]:
+    """F, Q, H, R, x0, P0 and u of a model."""
+    return [getattr(model, name) for name in NAMES]
 
 
 def observed_covariance(

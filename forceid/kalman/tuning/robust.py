@@ -96,11 +96,7 @@ def drop_wild(
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:
-    """Start and length of every run of true entries.
-
-    >>> runs(np.array([0, 1, 1, 0, 1], bool))
-    [(1, 2), (4, 1)]
-    """
+    """Start and length of every run of true entries."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
     return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

@@ -34,12 +34,6 @@ def maximize(
     (level, problem)) -> (level, problem, point). A grid, so as many starts as it has points, unless start
     (points and numbers) is given; then Newton's steps, derivatives by differences: many points cost about as
     much as one. Returns points, numbers (problem,) and values (problem,).
-
-    >>> def hills(p, s):
-    ...     return -((p - 0.3) ** 2).sum(-1) - (s[..., None] - 0.7) ** 2
-    >>> at, level, _ = maximize(hills, np.zeros((2, 2)), np.ones((2, 2)), (0.0, 1.0))
-    >>> bool(abs(at - 0.3).max() < 0.01), bool(abs(level - 0.7).max() < 0.01)
-    (True, True)
     """
     least, most = (np.broadcast_to(edge, len(lower)) for edge in shared)
     if not (most > least).any():
@@ -206,10 +200,6 @@ def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
 
     Where a coordinate comes to its bound it stays there, and the others go on from there: so the quadratic
     itself never falls on the way.
-
-    >>> ridge = np.array([[-2.0, 1.9], [1.9, -2.0]])
-    >>> uphill(np.array([0.1, 0.1]), ridge, np.array([-9.0, -9.0]), np.array([9.0, 0.5])).round(3).tolist()
-    [0.525, 0.5]
     """
     step, go = np.zeros(len(slope)), most > least
     while go.any():

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import qr, solve_triangular
 
 from forceid.errors import DataError, EstimationError
+from forceid.partition.validation import finite
 from forceid.principal.mass import SparseMatrix
 from forceid.records import Array
 
@@ -77,8 +78,7 @@ def solve_commands(
     B = B if isinstance(B, np.ndarray) else B.toarray()
     if B.ndim != 2 or not B.size:
         raise DataError(f"has shape {B.shape}, expected (dof, actuator)", "actuators")
-    if not np.isfinite(B).all():
-        raise DataError("holds numbers that are not finite", "actuators")
+    finite(B, "actuators")
     R, Phi = _modes(R, len(B), "R"), _modes(Phi, len(B), "Phi")
     Phi_r = np.zeros((len(B), 0)) if residual is None else _modes(residual, len(B), "residual")
     if mass is not None:
@@ -126,29 +126,13 @@ def mean_control(mass: ArrayLike | Any, R: ArrayLike, tau: ArrayLike) -> Array:
     return np.asarray(np.linalg.solve(_mean_mass(MR, R), target[..., None])[..., 0] @ MR.T)
 
 
-def mass_gauge(mass: ArrayLike | Any, R: ArrayLike, Phi: ArrayLike) -> Array:
-    """The modes (dof, m) less their mean motion, Phi - R M_alpha^-1 R^T M Phi, so that R^T M Phi = 0.
-
-    mass and R as in `mean_control`. Raises DataError. Source: principal equations 2.5.
-
-    >>> mass_gauge([1.0, 3.0], [[1.0], [1.0]], [[4.0], [0.0]]).tolist()
-    [[3.0], [-1.0]]
-    """
-    R = _modes(R, None, "R")
-    Phi = _modes(Phi, len(R), "Phi")
-    MR = _times(mass, R)
-    return np.asarray(Phi - R @ np.linalg.solve(_mean_mass(MR, R), MR.T @ Phi))
-
-
 def _modes(given: ArrayLike, dof: int | None, where: str) -> Array:
     """Modes as columns (dof, mode), finite, none of them zero."""
-    X = np.asarray(given, dtype=float)
+    X = finite(given, where)
     if X.ndim != 2 or (dof is not None and len(X) != dof):
         raise DataError(
             f"has shape {X.shape}, expected ({'dof' if dof is None else dof}, mode), modes as columns", where
         )
-    if not np.isfinite(X).all():
-        raise DataError("holds numbers that are not finite", where)
     if not X.any(axis=0).all():
         raise DataError(f"is zero in column {int(np.argmin(X.any(axis=0)))}", where, "leave that mode out")
     return X
@@ -158,11 +142,9 @@ def _targets(tau_alpha: ArrayLike, tau_q: ArrayLike, mean: int, modes: int) -> A
     """Both targets in one (..., command)."""
     parts = []
     for value, count, where in ((tau_alpha, mean, "tau_alpha"), (tau_q, modes, "tau_q")):
-        t = np.asarray(value, dtype=float)
+        t = finite(value, where)
         if t.ndim == 0 or t.shape[-1] != count:
             raise DataError(f"has shape {t.shape}, expected (..., {count}), one a mode", where)
-        if not np.isfinite(t).all():
-            raise DataError("holds numbers that are not finite", where)
         parts.append(t)
     try:
         batch = np.broadcast_shapes(*(t.shape[:-1] for t in parts))
@@ -183,8 +165,7 @@ def _times(mass: ArrayLike | Any, X: Array) -> Array:
     M = _plain(mass)
     if M.shape not in ((len(X),), (len(X), len(X))):
         raise DataError(f"has shape {M.shape}, expected ({len(X)}, {len(X)}) or ({len(X)},)", "mass")
-    if not np.isfinite(M if isinstance(M, np.ndarray) else M.data).all():
-        raise DataError("holds numbers that are not finite", "mass")
+    finite(M if isinstance(M, np.ndarray) else M.data, "mass")
     return np.asarray(M[:, None] * X if M.ndim == 1 else M @ X)
 
 
@@ -206,7 +187,8 @@ def _in_mass_gauge(mass: ArrayLike | Any, R: Array, modes: Array) -> None:
         worst = float((off / np.where(own > 0, own, 1.0)).max())
         raise DataError(
             f"and R couple in the mass, R^T M Phi is {worst:.1e} of modes of unit mass, expected zero: "
-            "commands for one would accelerate the other", "Phi or residual", "take mass_gauge(mass, R, Phi)",
+            "commands for one would accelerate the other", "Phi or residual",
+            "take Phi - R (R^T M R)^-1 R^T M Phi",
         )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from forceid.errors import DataError
+from forceid.partition.validation import finite
 from forceid.principal.mass import SparseMatrix, mass_center
 from forceid.principal.operator import sum_nodal
 from forceid.principal.wrench import momentum
@@ -35,31 +36,11 @@ class PrincipalBalance:
     residual: Array
 
 
-def momenta(
-    mass: ArrayLike | SparseMatrix, position: ArrayLike, velocity: ArrayLike, about: ArrayLike | None = None
-) -> tuple[Array, Array]:
-    """Linear momentum P (..., 3) kg m/s and angular momentum H (..., 3) kg m2/s of a part's nodes.
-
-    mass (node,) kg or a mass matrix; position (..., node, 3) m and velocity m/s, current; about (..., 3) m,
-    None = the mass center of the part. Planar: two axes, H (..., 1). Source: principal equations 2.4.
-
-    >>> P, H = momenta([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
-    >>> P.tolist(), H.tolist()
-    ([0.0, 0.0], [12.0])
-    """
-    both = momentum(mass, position, velocity, about)
-    axes = np.shape(position)[-1]
-    return both[..., :axes], both[..., axes:]
-
-
 def tied_force(force: ArrayLike, lam: ArrayLike, boundary: ArrayLike) -> Array:
     """Nodal forces f - B lambda (time, node, axis) N on a part.
 
     force (time, node, axis) N: loads; lam (time, multiplier) N: what the part exerts on the interface at its
     degrees of freedom boundary (multiplier,), counted node by node, as in `Topology.boundary`.
-
-    >>> tied_force([[[1.0, 0.0], [0.0, 0.0]]], [[5.0]], [3]).tolist()
-    [[[1.0, 0.0], [0.0, -5.0]]]
     """
     f, at = np.array(force, dtype=float), np.asarray(boundary, dtype=np.intp)
     tie = np.asarray(lam, dtype=float)
@@ -100,16 +81,14 @@ def principal_balance(
     for name, given in (("position", x), ("velocity", v), ("force", on_part)):
         if given.shape != x.shape or x.ndim != 3 or len(given) != len(t):
             raise DataError(f"has shape {given.shape}, expected ({len(t)}, node, axis) for all", name)
-        if not np.isfinite(given).all():
-            raise DataError("holds numbers that are not finite", name, "leave those times out")
+        finite(given, name, "leave those times out")
     if about is not None and np.shape(about) != x.shape[-1:]:
         raise DataError(
             f"has shape {np.shape(about)}, expected ({x.shape[-1]},): a point at rest", "about",
             "leave it out for the mass center; momenta about another moving point change without force",
         )  # fmt: skip
     point = mass_center(mass, x) if about is None else np.asarray(about, dtype=float)
-    P, H = momenta(mass, x, v, point)
-    gained = np.concatenate([P, H], axis=1)
+    gained = momentum(mass, x, v, point)
     wrench = sum_nodal(on_part, x, point)
     impulse = CubicSpline(t, wrench).antiderivative()(t)
     residual = np.diff(gained - impulse, axis=0) / np.diff(t)[:, None]

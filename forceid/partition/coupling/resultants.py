@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
 from forceid.errors import DataError
+from forceid.principal.loads import whitened_fit
 from forceid.records import Array, Flags
 
 GROUND = -1  # the part that no balance is asked of
@@ -123,13 +124,7 @@ def link_resultants(
         b = np.linalg.solve(root, b[..., None])[..., 0]
     AV = AV.reshape(*AV.shape[:-3], parts * n, AV.shape[-1])
     b = b.reshape(*b.shape[:-2], parts * n)
-    U, t, Wt = np.linalg.svd(AV, full_matrices=False)
-    kept = np.arange(t.shape[-1]) < rank[..., None]
-    Y = E @ V @ (Wt.mT * np.where(kept, 1 / np.where(kept, t, 1.0), 0.0)[..., None, :])
-    U = U * kept[..., None, :]
-    share = (U.mT @ b[..., None])[..., 0]
-    g = (Y @ share[..., None])[..., 0]
-    left = b - (U @ share[..., None])[..., 0]
+    Y, g, misfit = whitened_fit(AV, b, E @ V, rank)
 
     every = rank == int(rank[seen].max(initial=0))
     determined = known & every
@@ -140,7 +135,7 @@ def link_resultants(
         joint_cov=joint,
         null_space=unobserved_directions(E @ (np.eye(E.shape[-1]) - V @ V.mT) @ E.mT, seen),
         loops=loop_count(pairs, parts),
-        chi_square=np.where(determined, (left**2).sum(-1), np.nan),
+        chi_square=np.where(determined, misfit, np.nan),
         dof=parts * n - int(rank[seen].max(initial=0)),
     )
 

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from forceid.records import Array, Indices
 
@@ -24,12 +22,7 @@ EXPECTED_PRODUCTS = 30  # and times the parts that share it: as often as it is a
 
 @dataclass(frozen=True)
 class Blocks:
-    """A block-diagonal product: groups of rows (part, m), and what it makes of their vectors (m, part).
-
-    >>> swap = np.array([[0.0, 1.0], [1.0, 0.0]])
-    >>> Blocks(((np.array([[0, 1], [2, 3]]), lambda x: swap @ x),))(np.arange(4.0)).tolist()
-    [1.0, 0.0, 3.0, 2.0]
-    """
+    """A block-diagonal product: groups of rows (part, m), and what it makes of their vectors (m, part)."""
 
     groups: tuple[tuple[Indices, Apply], ...]
 
@@ -66,24 +59,3 @@ def dense(matrix: Array) -> Apply:
     """The product with a symmetric matrix, with what rounding left of its asymmetry taken off."""
     even = 0.5 * (matrix + matrix.T)
     return lambda x: np.asarray(even @ x)
-
-
-def diagonal(matrices: Sequence[Any]) -> Any:
-    """Matrices of parts, dense or sparse rows, along the diagonal of a sparse one."""
-    stored = [entries(m) for m in matrices]
-    shapes = np.array([m.shape for m in matrices]).reshape(-1, 2)
-    rows, columns = np.cumsum(np.vstack([[0, 0], shapes]), axis=0).T
-    count = np.concatenate([[0], *[c for _, _, c in stored]])
-    indices = [i + at for (_, i, _), at in zip(stored, columns, strict=False)]
-    data = np.concatenate([np.zeros(0), *[d for d, _, _ in stored]])
-    where = np.concatenate([np.zeros(0, np.intp), *indices])
-    return sp.csr_array((data, where, np.cumsum(count)), (rows[-1], columns[-1]))
-
-
-def entries(m: Any) -> tuple[Array, Indices, Indices]:
-    """Entries of a matrix row by row, their columns, and how many a row has."""
-    if sp.issparse(m):
-        rows_of: Any = m
-        return rows_of.data, rows_of.indices, np.diff(rows_of.indptr)
-    rows, columns = m.shape
-    return m.ravel(), np.tile(np.arange(columns), rows), np.full(rows, columns)

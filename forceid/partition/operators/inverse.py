@@ -95,10 +95,7 @@ def all_symmetric(matrices: Sequence[Any], name: str = "stiffness") -> tuple[Any
 
 
 def zero_modes(K: Any) -> Array:
-    """Orthonormal motions (dof, mode) that a symmetric semidefinite K leaves free, mechanisms among them.
-
-    The rank is counted with every degree of freedom scaled by its own stiffness.
-    """
+    """Orthonormal motions (dof, mode) that a symmetric semidefinite K leaves free, mechanisms among them."""
     diagonal = K.diagonal()
     if (diagonal <= 0).all():
         return np.eye(K.shape[0])
@@ -151,10 +148,7 @@ def rigid_modes(K: Any, R: Any, part: int) -> Array:
 
 
 def factor(K: Any, R: Array, part: int) -> Factor:
-    """K^- with the fixing degrees of freedom at which R is best conditioned.
-
-    Raises DataError where what is then held is still free: K has more zero modes than R names.
-    """
+    """K^- held where R is conditioned best; DataError where K has more zero modes than R names."""
     n, modes = K.shape[0], R.shape[1]
     fixed = qr(R.T, mode="r", pivoting=True)[1][:modes] if modes else np.zeros(0, int)
     free = np.setdiff1d(np.arange(n), fixed)

@@ -78,10 +78,7 @@ def separated_stiffness(K: Any, cut: NodeCut, motions: Array) -> list[Any]:
 
 
 def separated_mass(M: Any, cut: NodeCut) -> list[Any]:
-    """The mass of every part: of nodes that parts share in equal shares, as their loads are.
-
-    Raises DataError where a consistent mass couples a shared node.
-    """
+    """The mass of every part, shared nodes in equal shares; DataError where a consistent mass couples one."""
     check_pairs(M, cut, "mass", alone=True)
     found = []
     for s, nodes in enumerate(cut.nodes):

@@ -197,10 +197,7 @@ def boolean_from_positions(positions: Sequence[ArrayLike], tolerance: float) -> 
 
 
 def without_fixed(boolean: Sequence[Any], fixed: Indices) -> tuple[list[Any], list[Indices]]:
-    """Boolean matrices without the assembled degrees of freedom `fixed`, and which rows of each are left.
-
-    Those rows and columns of stiffness and mass are to be kept, and of rigid modes what `compatible` leaves.
-    """
+    """Boolean matrices without the assembled degrees of freedom `fixed`, and which rows of each are left."""
     size = boolean[0].shape[1]
     free = np.setdiff1d(np.arange(size), fixed)
     cut, kept = [], []

@@ -167,9 +167,5 @@ def norm(x: Array) -> float:
 
 
 def ratio(part: float, whole: float) -> float:
-    """Part over whole; none of nothing.
-
-    >>> ratio(1.0, 4.0), ratio(0.0, 0.0)
-    (0.25, 0.0)
-    """
+    """Part over whole; none of nothing."""
     return part / whole if part > 0 and whole > 0 else 0.0

@@ -5,21 +5,24 @@ Factors and projections are made on first use and kept. Source: principal equati
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from forceid.errors import DataError
-from forceid.partition.operators.blocks import Apply, diagonal
+from forceid.partition.operators.blocks import Apply
 from forceid.partition.operators.flexibility import flexibility
 from forceid.partition.operators.inverse import Factor, block_products, factor_parts, solved
 from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import Projection
 from forceid.partition.operators.saddle_factor import Saddle, factored_saddle
 from forceid.partition.operators.topology import Topology, slices
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -36,15 +39,17 @@ class Assembly:
     rigid_modes: tuple[Array, ...]
 
     @property
+    def masses(self) -> tuple[Any, ...]:
+        """The mass of every partition; DataError where none was given."""
+        if self.mass is None:
+            raise DataError("is not given, and what accelerates needs it", "mass", "give one a partition")
+        return self.mass
+
+    @property
     def boolean(self) -> tuple[Any, ...]:
         """Boolean L_s of every partition, sparse (dof, size)."""
         L = self.topology.L
         return tuple(L[d] for d in self.topology.dofs)
-
-    @property
-    def R(self) -> Array:
-        """Rigid modes (dof, alpha), each partition in its own columns."""
-        return np.asarray(block_diag(*self.rigid_modes))
 
     @cached_property
     def columns(self) -> tuple[slice, ...]:
@@ -88,9 +93,7 @@ class Assembly:
                 f"has shape {f.shape}, expected ({top.size},) assembled, or ({top.dofs[-1].stop},) of all "
                 "partitions", "load",
             )  # fmt: skip
-        if not np.isfinite(f).all():
-            raise DataError("holds numbers that are not finite", "load")
-        return f
+        return finite(f, "load")
 
     @cached_property
     def strained(self) -> Apply:
@@ -132,37 +135,24 @@ class Assembly:
     @cached_property
     def rigid(self) -> Any:
         """Rigid modes of every partition, orthonormal, sparse (dof, alpha)."""
-        return diagonal([np.linalg.qr(r)[0] for r in self.rigid_modes])
+        return sp.block_diag([np.linalg.qr(r)[0] for r in self.rigid_modes], format="csr")
 
     @cached_property
     def pinned(self) -> Any:
         """R^+ of every partition, sparse (alpha, dof)."""
-        return diagonal([np.linalg.pinv(r) for r in self.rigid_modes])
+        return sp.block_diag([np.linalg.pinv(r) for r in self.rigid_modes], format="csr")
 
     @cached_property
     def modes(self) -> Any:
         """R of every partition, sparse (dof, alpha)."""
-        return diagonal(self.rigid_modes)
+        return sp.block_diag(self.rigid_modes, format="csr")
 
     @cached_property
     def free_motions(self) -> Array:
         """Rigid motions of the assembly (dof, mode), orthonormal."""
         return np.asarray(np.linalg.qr(self.whole())[0])
 
-    def precondition(self, name: str) -> Apply:
-        """The preconditioner of that name, of displacements (multiplier,) of the interface."""
-        if name == "lumped":
-            return self.lumped
-        if name == "dirichlet":
-            return self.dirichlet
-        return preconditioner(name, self.topology, self.stiffness)
-
     @cached_property
-    def lumped(self) -> Apply:
-        """The lumped preconditioner."""
-        return preconditioner("lumped", self.topology, self.stiffness)
-
-    @cached_property
-    def dirichlet(self) -> Apply:
-        """The Dirichlet preconditioner."""
-        return preconditioner("dirichlet", self.topology, self.stiffness)
+    def precondition(self) -> Callable[[str], Apply]:
+        """The preconditioner of a name, of displacements (multiplier,) of the interface; made once."""
+        return cache(lambda name: preconditioner(name, self.topology, self.stiffness))

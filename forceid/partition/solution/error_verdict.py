@@ -20,10 +20,7 @@ CANCELED = 1e4  # ratio of the loads on the parts and of what they add up to, th
 
 
 def condition_verdict(system: Assembly, f: Array, best: Refined, tolerance: float) -> Verdict:
-    """The verdict on the best solution under loads f (dof,); tolerance: of conjugate gradients, else zero.
-
-    Raises EstimationError where it is off by more than `USELESS`.
-    """
+    """The verdict on the best solution under loads f (dof,); EstimationError where it is useless."""
     if best.worse <= SOUND:
         return Verdict()
     cause, step = cause_of(system, f, best, tolerance)

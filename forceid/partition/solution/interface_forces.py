@@ -27,6 +27,7 @@ from forceid.partition.solution.interfaces import (
     meetings,
     unseen_resultants,
 )
+from forceid.partition.validation import finite
 from forceid.records import Array, Indices
 
 
@@ -78,7 +79,7 @@ def interface_forces(
     (((0, 1),), array([[-2.]]))
     """
     f = loads(system, load)
-    R, N = sp.csr_array(system.R), nominal(system)
+    R, N = system.modes, nominal(system)
     b, noise = applied(R.T, f), []
     size = applied(abs(R).T, np.abs(f))
     if acceleration is not None:
@@ -110,7 +111,7 @@ def stiffness_forces(
     Source: principal equations 4h.
     """
     f, u = loads(system, load), stacked_parts(system, displacement)
-    R, B = sp.csr_array(system.R), system.topology.B
+    R, B = system.modes, system.topology.B
     strains = sp.block_diag(system.stiffness, format="csr") @ prolongation(
         system, u.shape[-1], "displacement"
     )
@@ -183,9 +184,7 @@ def nominal(system: Assembly) -> Array:
 
 def block_mass(system: Assembly) -> Any:
     """Mass of all partitions, sparse (dof, dof)."""
-    if system.mass is None:
-        raise DataError("is not given, and accelerations need it", "mass")
-    return sp.block_diag(system.mass, format="csr")
+    return sp.block_diag(system.masses, format="csr")
 
 
 def stacked_parts(system: Assembly, value: Any) -> Array:
@@ -201,7 +200,7 @@ def prolongation(system: Assembly, width: int, name: str, mean_motion: bool = Fa
     top = system.topology
     total = top.dofs[-1].stop
     if mean_motion:
-        R = sp.csr_array(system.R)
+        R = system.modes
         if width != R.shape[1]:
             raise DataError(f"has {width} columns, expected {R.shape[1]}, one a rigid mode", name)
         return R
@@ -214,9 +213,7 @@ def prolongation(system: Assembly, width: int, name: str, mean_motion: bool = Fa
 
 def loads(system: Assembly, load: Any) -> Array:
     """Loads (..., dof) on the partitions, assembled ones in equal shares."""
-    f = stacked_parts(system, load)
-    if not np.isfinite(f).all():
-        raise DataError("holds numbers that are not finite", "load")
+    f = finite(stacked_parts(system, load), "load")
     T = prolongation(system, f.shape[-1], "load")
     return applied(T, f / system.topology.count if T.shape[0] != T.shape[1] else f)
 

@@ -160,10 +160,7 @@ def _stretch_step(L: Array, D: Array, R: Array) -> Array:
 
 
 def turn_of_bases(L: Array, R: Array) -> Array:
-    """Half of what R turned since the last frame, less what L did: rad (..., time, 3), zero at the first.
-
-    It is what a change of both to (L Q^T, Q R) shows as, and half of (lam - omega) times the step.
-    """
+    """Half of what R turned since the last frame less what L did, rad (..., time, 3), zero at the first."""
     turn = np.zeros(L.shape[:-1])
     of_L = L[..., :-1, :, :].swapaxes(-1, -2) @ L[..., 1:, :, :]
     of_R = R[..., 1:, :, :] @ R[..., :-1, :, :].swapaxes(-1, -2)

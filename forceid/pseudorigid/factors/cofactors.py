@@ -18,22 +18,13 @@ CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 def by_component(F: ArrayLike) -> Array:
-    """A copy of matrices (..., 3, 3) stored component by component; shape as before.
-
-    >>> by_component(np.zeros((1000, 3, 3))).strides
-    (8, 24000, 8000)
-    """
+    """A copy of matrices (..., 3, 3) stored component by component; shape as before."""
     A = np.asarray(F, float)
     return np.moveaxis(np.array(np.moveaxis(A, (-2, -1), (0, 1)), order="C"), (0, 1), (-2, -1))
 
 
 def product(A: Array, B: Array) -> Array:
-    """A B of matrices (..., 3, 3).
-
-    >>> A = np.arange(9.0).reshape(3, 3)
-    >>> float(np.abs(product(A, A.T) - A @ A.T).max())
-    0.0
-    """
+    """A B of matrices (..., 3, 3)."""
     out = A[..., :, 0, None] * B[..., None, 0, :]
     out += A[..., :, 1, None] * B[..., None, 1, :]
     out += A[..., :, 2, None] * B[..., None, 2, :]
@@ -63,11 +54,7 @@ def wrapped(F: Array) -> Array:
 
 
 def cofactor(F: Array) -> Array:
-    """Cofactors det(F) F^-T of matrices (..., 3, 3), also where F is singular.
-
-    >>> cofactor(np.diag([2.0, 3.0, 5.0])).diagonal()
-    array([15., 10.,  6.])
-    """
+    """Cofactors det(F) F^-T of matrices (..., 3, 3), also where F is singular."""
     P = np.concatenate([F, F[..., :2]], -1)
     out = np.empty_like(P[..., :3])
     for i, j, k in CYCLIC:  # less memory at once than in one go, which counts for many bodies
@@ -77,12 +64,7 @@ def cofactor(F: Array) -> Array:
 
 
 def tensor_cross(A: Array, B: Array) -> Array:
-    """A x B (..., 3, 3), bilinear, symmetric, with F x F = 2 cof F: the derivative of cof F by H is F x H.
-
-    >>> F = np.diag([2.0, 3.0, 5.0])
-    >>> tensor_cross(F, F).diagonal() / 2
-    array([15., 10.,  6.])
-    """
+    """A x B (..., 3, 3), bilinear, symmetric, with F x F = 2 cof F: the derivative of cof F by H is F x H."""
     P, Q = wrapped(A), wrapped(B)
     out = P[..., 1:4, 1:4] * Q[..., 2:5, 2:5]
     out += P[..., 2:5, 2:5] * Q[..., 1:4, 1:4]
@@ -92,11 +74,7 @@ def tensor_cross(A: Array, B: Array) -> Array:
 
 
 def determinant(F: Array) -> Array:
-    """Determinants (...,) of matrices (..., 3, 3).
-
-    >>> float(determinant(np.diag([2.0, 3.0, 5.0])))
-    30.0
-    """
+    """Determinants (...,) of matrices (..., 3, 3)."""
     a, b, c = (F[..., i, :] for i in range(3))
     return np.asarray(
         a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from forceid.compiled import engine as compiled
 from forceid.errors import DataError
 from forceid.pseudorigid.factors import twofold
-from forceid.pseudorigid.validation import matrices, real_values
+from forceid.pseudorigid.motion.invariants import axial_vector
+from forceid.pseudorigid.validation import matrices, tensors
 from forceid.records import Array, Flags
 
 PRODUCT_ROUNDING = 0.5 * float(np.finfo(float).eps)  # of F and F' and of products of them, that rates divide
@@ -124,7 +125,7 @@ def polar_rates(F: ArrayLike, dF: ArrayLike) -> PolarRates:
     V = rate_of(L, dF)
     A = L.swapaxes(-1, -2) @ V
     inertia = np.trace(U, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - U
-    omega = np.linalg.solve(inertia, _vee(A - A.swapaxes(-1, -2))[..., None])[..., 0]
+    omega = np.linalg.solve(inertia, 2 * axial_vector(A)[..., None])[..., 0]
     dU = A - np.cross(omega[..., None], U, axis=-2)
     sums = np.linalg.eigvalsh(inertia)  # of two stretches; the least may be rounding itself
     rounding = (
@@ -192,18 +193,9 @@ def rate_of(F: Array, dF: ArrayLike) -> Array:
     return V
 
 
-def _vee(W: Array) -> Array:
-    """The w (..., 3) of [w]x."""
-    return np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
-
-
 def _matrices(F: ArrayLike) -> tuple[Array, Array]:
     """F as it is shaped, and as (n, 3, 3)."""
-    F = real_values(F, "F", "give deformations of a solid body")
-    if F.shape[-2:] != (3, 3):
-        raise DataError(
-            f"has shape {F.shape}, expected (..., 3, 3)", "F", "give deformations of a solid body"
-        )
+    F = tensors(F, "F", "give deformations of a solid body")
     return F, F.reshape(-1, 3, 3)
 
 

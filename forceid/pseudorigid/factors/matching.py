@@ -29,12 +29,7 @@ TABLE: Indices = np.argmax(np.einsum("aik,bkj,cij->abc", SIGNED, SIGNED, SIGNED)
 
 
 def nearest_signed(G: Array) -> Indices:
-    """Numbers (n,) in SIGNED of the signed permutations with the largest tr(Q^T G), G (n, 3, 3).
-
-    >>> G = np.array([[[0.1, -0.9, 0.0], [0.8, 0.0, 0.1], [0.0, 0.0, 1.0]]])
-    >>> SIGNED[nearest_signed(G)][0].astype(int).tolist()
-    [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    """
+    """Numbers (n,) in SIGNED of the signed permutations with the largest tr(Q^T G), G (n, 3, 3)."""
     return np.asarray(np.argmax(G.reshape(-1, 9) @ SIGNED.reshape(-1, 9).T, axis=1))
 
 
@@ -77,15 +72,7 @@ def _nearest_pair(G: Array, single: int) -> Array:
 
 
 def multiplied_up(number: Indices, first: Flags) -> Indices:
-    """Running products, from each `first` on, of signed permutations by their numbers, (n,) each.
-
-    By doubling: log2 n rounds of one look-up in the table of the group.
-
-    >>> quarter = nearest_signed(np.array([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]])).repeat(5)
-    >>> products = multiplied_up(quarter, np.zeros(5, bool))
-    >>> bool(products[3] == 0), bool(products[4] == quarter[0])
-    (True, True)
-    """
+    """Running products, from each `first` on, of signed permutations by numbers (n,), by doubling."""
     number, closed = number.copy(), first.copy()
     reach = 1
     while reach < len(number):

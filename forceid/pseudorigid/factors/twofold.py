@@ -18,10 +18,7 @@ Twofold = tuple[Array, Array]
 
 
 def exact_factors(F: Array) -> tuple[Array, Array, Array, Array]:
-    """The polar rotation Q of F (n, 3, 3), D and R of F = Q R^T D R, and a number with the sign of det F.
-
-    Q, D (n, 3) and R mean nothing where det F <= 0.
-    """
+    """Polar rotation Q of F (n, 3, 3), D and R of F = Q R^T D R, and a number with the sign of det F > 0."""
     with np.errstate(invalid="ignore"):  # what is not finite has no det > 0
         power = np.ldexp(1.0, np.frexp(np.abs(F).max((1, 2), initial=0.0))[1])[:, None, None]
         f = np.asarray(F / power)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.pseudorigid.factors.cofactors import cofactor, determinant, inner, scaled, tensor_cross
-from forceid.pseudorigid.material.material_law import check_range, validated_constant, validated_determinant
+from forceid.pseudorigid.material.material_law import check_above, validated_determinant
 from forceid.pseudorigid.material.materials import inner_rows
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
@@ -32,10 +32,8 @@ class PerfectGas:
     incompressible = False
 
     def __post_init__(self) -> None:
-        for name in ("K", "gamma"):
-            validated_constant("PerfectGas", name, getattr(self, name))
-        check_range("PerfectGas", "K", self.K, self.K > 0, "> 0")
-        check_range("PerfectGas", "gamma", self.gamma, self.gamma > 1, "> 1")
+        check_above("PerfectGas", "K", self.K)
+        check_above("PerfectGas", "gamma", self.gamma, 1.0)
 
     def energy(self, F: Array) -> Array:
         """W (...,)."""

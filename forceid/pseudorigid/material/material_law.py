@@ -53,6 +53,25 @@ def check_range(material: str, name: str, value: float, holds: bool, wanted: str
         raise DataError(f"{name} = {value:g}, expected {wanted}", f"{material}:", f"choose {name} {wanted}")
 
 
+def check_above(material: str, name: str, value: Any, least: float = 0.0, itself: bool = False) -> None:
+    """DataError where a constant is not a finite number above the least one, which may be allowed itself."""
+    x, wanted = validated_constant(material, name, value), f"{'>=' if itself else '>'} {least:g}"
+    check_range(material, name, x, x > least or (itself and x == least), wanted)
+
+
+def check_finite(material: str, **values: Any) -> None:
+    """DataError where a constant is not a finite number."""
+    for name, value in values.items():
+        check_range(material, name, validated_constant(material, name, value), True, "finite")
+
+
+def check_stable(material: str, lam: Any, mu: Any) -> None:
+    """DataError where small-strain constants are not those of a material that resists every strain."""
+    check_finite(material, lam=lam)
+    check_above(material, "mu", mu)
+    check_above(material, "3 lam + 2 mu", 3 * lam + 2 * mu)
+
+
 def check_material_of(body: str, material: Any) -> None:
     """DataError where a material lacks one of the functions of `Material`."""
     missing = [n for n in ("energy", "gradient", "hessian") if not callable(getattr(material, n, None))]
@@ -74,12 +93,13 @@ def validated_determinant(material: str, J: Array) -> Array:
 
 def check_volumetric(material: str, c: float, d: float, incompressible: bool) -> None:
     """DataError where c J^2 - d log J does not keep the body from collapsing."""
+    c, d = validated_constant(material, "c", c), validated_constant(material, "d", d)
     if incompressible:
         if c or d:
             what = f"c = {c:g}, d = {d:g} of an incompressible material, whose multiplier replaces Gamma"
             raise DataError(what, f"{material}:", "leave c and d out")
         return
-    check_range(material, "c", c, c >= 0, ">= 0")
+    check_above(material, "c", c, itself=True)
     if not (np.isfinite(d) and d > 0):
         what = f"d = {d:g}, expected > 0: without the barrier -d log J the body collapses"
         raise DataError(what, f"{material}:", "choose d > 0, or incompressible=True")

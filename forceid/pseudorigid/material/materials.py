@@ -24,9 +24,9 @@ from forceid.pseudorigid.factors.cofactors import (
 )
 from forceid.pseudorigid.material.material_law import (
     Lame,
-    check_range,
+    check_above,
+    check_stable,
     check_volumetric,
-    validated_constant,
     validated_determinant,
 )
 from forceid.pseudorigid.material.material_law import Material as Material
@@ -56,12 +56,11 @@ class MooneyRivlin:
     incompressible: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("a", "b", "c", "d"):
-            validated_constant(type(self).__name__, name, getattr(self, name))
-        check_range(type(self).__name__, "a", self.a, self.a >= 0, ">= 0")
-        check_range(type(self).__name__, "b", self.b, self.b >= 0, ">= 0")
-        check_range(type(self).__name__, "a + b", self.a + self.b, self.a + self.b > 0, "> 0")
-        check_volumetric(type(self).__name__, self.c, self.d, self.incompressible)
+        name = type(self).__name__
+        check_above(name, "a", self.a, itself=True)
+        check_above(name, "b", self.b, itself=True)
+        check_above(name, "a + b", self.a + self.b)
+        check_volumetric(name, self.c, self.d, self.incompressible)
 
     @classmethod
     def natural(cls, a: float, b: float, c: float) -> MooneyRivlin:
@@ -152,10 +151,8 @@ class HadamardGreen(MooneyRivlin):
     def __init__(
         self, alpha: float, beta: float, c: float = 0.0, d: float = 0.0, incompressible: bool = False
     ) -> None:
-        validated_constant("HadamardGreen", "alpha", alpha)
-        validated_constant("HadamardGreen", "beta", beta)
-        check_range("HadamardGreen", "alpha", alpha, alpha >= 0, ">= 0")
-        check_range("HadamardGreen", "beta", beta, beta >= 0, ">= 0")
+        check_above("HadamardGreen", "alpha", alpha, itself=True)
+        check_above("HadamardGreen", "beta", beta, itself=True)
         super().__init__(alpha / 2, beta, c, d, incompressible)
 
     @property
@@ -193,11 +190,7 @@ class StVenantKirchhoff:
     incompressible = False
 
     def __post_init__(self) -> None:
-        for name in ("lam", "mu"):
-            validated_constant("StVenantKirchhoff", name, getattr(self, name))
-        check_range("StVenantKirchhoff", "mu", self.mu, self.mu > 0, "> 0")
-        bulk = 3 * self.lam + 2 * self.mu
-        check_range("StVenantKirchhoff", "3 lam + 2 mu", bulk, bulk > 0, "> 0")
+        check_stable("StVenantKirchhoff", self.lam, self.mu)
 
     def lame(self) -> Lame:
         """The constants themselves."""

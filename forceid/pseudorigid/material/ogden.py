@@ -15,7 +15,7 @@ from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import EYE, determinant, transpose
 from forceid.pseudorigid.material.material_law import (
     Lame,
-    check_range,
+    check_above,
     check_volumetric,
     validated_constant,
     validated_determinant,
@@ -58,8 +58,6 @@ class Ogden:
                 what = f"{name} is {type(given).__name__}, expected numbers in a tuple"
                 raise DataError(what, "Ogden:", f"write {name}=(1.2,) for one number")
             object.__setattr__(self, name, tuple(validated_constant("Ogden", name, x) for x in given))
-        for name in ("c", "d"):
-            validated_constant("Ogden", name, getattr(self, name))
         if len(self.alpha) != len(self.gamma) or len(self.beta) != len(self.delta):
             what = f"{len(self.alpha)} alpha, {len(self.gamma)} gamma, {len(self.beta)} beta, "
             what += f"{len(self.delta)} delta"
@@ -67,9 +65,9 @@ class Ogden:
         strong = 0.0
         for name, pairs in (("alpha gamma", self._powers), ("beta delta", self._products)):
             for factor, exponent in pairs:
-                check_range("Ogden", name, factor * exponent, factor * exponent >= 0, ">= 0")
+                check_above("Ogden", name, factor * exponent, itself=True)
                 strong += factor * exponent
-        check_range("Ogden", "sum of alpha gamma and beta delta", strong, strong > 0, "> 0")
+        check_above("Ogden", "sum of alpha gamma and beta delta", strong)
         check_volumetric("Ogden", self.c, self.d, self.incompressible)
 
     @property
@@ -171,11 +169,7 @@ class Ogden:
 
 
 def divided(x: Array, y: Array, power: float) -> Array:
-    """(x^p - y^p)/(x - y), accurate where x and y are near or equal.
-
-    >>> divided(np.array([2.0]), np.array([2.0]), 3.0), divided(np.array([3.0]), np.array([1.0]), 2.0)
-    (array([12.]), array([4.]))
-    """
+    """(x^p - y^p)/(x - y), accurate where x and y are near or equal."""
     low, ratio = np.minimum(x, y), np.abs(x - y) / np.minimum(x, y)
     grown = np.log1p(ratio)
     # expm1(p log(1 + r))/r, by its limit p where x = y

@@ -12,12 +12,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import EYE, inner, product, scaled, trace, transpose
-from forceid.pseudorigid.material.material_law import (
-    Material,
-    check_material_of,
-    check_range,
-    validated_constant,
-)
+from forceid.pseudorigid.material.material_law import Material, check_finite, check_material_of
 from forceid.pseudorigid.material.materials import green
 from forceid.pseudorigid.validation import real_vector, tensors
 from forceid.records import Array
@@ -40,8 +35,8 @@ class TransverselyIsotropic:
     are energies: on a base of the Lame constants lam and mu the small-strain constants are those of Spencer,
     with the shear modulus mu across a and mu + shear along it. On StVenantKirchhoff this is the general
     quadratic law; on a base with a barrier det F stays above 0. W(Q F) = W(F) for every rotation Q, W(F Q) =
-    W(F) for rotations about a: `left_reduced` moves it at any E, and where E is round about a too, the
-    circulation about a is kept. DataError where a small strain of a compressible base would gain energy.
+    W(F) for rotations about a; where E is round about a too, the circulation about a is kept. DataError where
+    a small strain of a compressible base would gain energy.
     Source: pseudo-rigid bodies, sections 3 and 5.1; Spencer.
 
     >>> from forceid.pseudorigid.material.materials import StVenantKirchhoff
@@ -60,9 +55,7 @@ class TransverselyIsotropic:
     def __post_init__(self) -> None:
         where = "TransverselyIsotropic"
         check_material_of(where, self.base)
-        for name in ("alpha", "shear", "beta"):
-            value = validated_constant(where, name, getattr(self, name))
-            check_range(where, name, value, True, "a finite number")
+        check_finite(where, alpha=self.alpha, shear=self.shear, beta=self.beta)
         a = real_vector(self.direction, f"{where}: direction")
         if not a.any():
             raise DataError("is zero", f"{where}: direction", "give the direction of the fibers")

@@ -6,6 +6,8 @@ equation, solved by Newton's method from zero. Source: pseudo-rigid bodies, sect
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from forceid.errors import DataError
@@ -61,12 +63,7 @@ def rattle_steps(system: AffineSystem, state: State, h: float, n: int, table: Sp
 
 
 def volume_root(A: Array, K: Array) -> Array:
-    """The s (...,) next to zero with det(A + s K) = 1; NaN where Newton's method does not find it.
-
-    >>> K = np.diag([1.0, 0.0, 0.0])
-    >>> float(volume_root(np.diag([2.0, 0.25, 1.0]), K))
-    2.0
-    """
+    """The s (...,) next to zero with det(A + s K) = 1; NaN where Newton's method does not find it."""
     p0, p1, p2, p3 = determinant(A) - 1, inner(cofactor(A), K), inner(A, cofactor(K)), determinant(K)
     s = np.zeros_like(p0)
     last = np.full_like(p0, np.inf)
@@ -109,13 +106,6 @@ def check_volume(F: Array, V: Array) -> None:
         raise DataError(what, "incompressible body", advice)
 
 
-def rattle_stepper(table: Splitting) -> Stepper:
-    """Steps of one composition."""
-
-    def steps(system: AffineSystem, state: State, h: float, n: int) -> None:
-        rattle_steps(system, state, h, n, table)
-
-    return steps
-
-
-RATTLE: dict[str, Stepper] = {name: rattle_stepper(table) for name, table in COMPOSITIONS.items()}
+RATTLE: dict[str, Stepper] = {
+    name: partial(rattle_steps, table=table) for name, table in COMPOSITIONS.items()
+}

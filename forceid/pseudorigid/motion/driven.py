@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
-from forceid.pseudorigid.material.material_law import check_range, validated_constant
+from forceid.pseudorigid.material.material_law import check_above
 from forceid.pseudorigid.material.stress import viscous
-from forceid.pseudorigid.validation import real_values, real_vector
+from forceid.pseudorigid.validation import real_vector, shaped
 from forceid.records import Array
 
 Load = ArrayLike | Callable[..., ArrayLike]
+ADVICE = "give finite numbers at all times, world axes in rows"
 
 
 class AffineState(NamedTuple):
@@ -59,10 +60,7 @@ class Drive:
         return (self.force(t, state) + self.weight) / self.mass
 
     def sampled(self, time: Array, *path: Array) -> tuple[Array, Array, Array]:
-        """Force (time, body, 3), first moment and pull (time, body, 3, 3) on a path; NaN where it stopped.
-
-        path: the fields of `AffineState`, each (time, body, ...).
-        """
+        """Force (time, body, 3), first moment and pull (..., 3, 3) on a path, fields of `AffineState`."""
         shape = path[0].shape
         force, N, pull = np.full(shape[:-1], np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
         for k, i in zip(*np.nonzero(~np.isnan(path[0][..., 0, 0])), strict=True):
@@ -80,8 +78,7 @@ def drive_of(
     mass: float | None,
 ) -> Drive:
     """The drive of what a user gives. DataError for what is out of range, or has no mass to move."""
-    eta = validated_constant("simulate", "damping", damping)
-    check_range("simulate", "damping", eta, eta >= 0, ">= 0")
+    check_above("simulate", "damping", damping, itself=True)
     given = [name for name, load in (("force", force), ("weight", weight)) if load is not None]
     if given and mass is None:
         raise DataError("has no mass to move", given[0], "give the body one: Body(..., mass=)")
@@ -89,7 +86,7 @@ def drive_of(
         load_of(force, (3,), "force"),
         load_of(first_moment, (3, 3), "first_moment"),
         np.zeros(3) if weight is None else real_vector(weight, "weight"),
-        eta,
+        float(damping),
         np.inf if mass is None else mass,
     )
 
@@ -99,23 +96,13 @@ def load_of(load: Load | None, shape: tuple[int, ...], name: str) -> Callable[[f
     if load is None:
         load = np.zeros(shape)
     if not callable(load):
-        fixed = looked_at(load, shape, name)
+        fixed = shaped(load, shape, name, ADVICE)
         return lambda t, state: fixed
     function: Callable[..., Any] = load
     try:
         inspect.signature(function).bind(0.0)
     except TypeError:  # time alone does not do
-        return lambda t, state: looked_at(function(t, state), shape, f"{name} at t = {t:.6g} s")
+        return lambda t, state: shaped(function(t, state), shape, f"{name} at t = {t:.6g} s", ADVICE)
     except ValueError:  # it does not tell what it takes
         pass
-    return lambda t, state: looked_at(function(t), shape, f"{name} at t = {t:.6g} s")
-
-
-def looked_at(value: Any, shape: tuple[int, ...], name: str) -> Array:
-    """A load as finite numbers of a shape, or a DataError."""
-    found = real_values(value, name)
-    if found.shape != shape:
-        raise DataError(f"has shape {found.shape}, expected {shape}", name, "give world axes in rows")
-    if not np.isfinite(found).all():
-        raise DataError("is not finite", name, "give finite numbers at all times of the motion")
-    return found
+    return lambda t, state: shaped(function(t), shape, f"{name} at t = {t:.6g} s", ADVICE)

@@ -59,11 +59,7 @@ def stop_of(
 def tension_times(
     time: Array, F: Array, V: Array, pressure: Array, system: AffineSystem, pull: Array
 ) -> Array:
-    """First time (body,) at which the multiplier (time, body) is negative, NaN where it never is.
-
-    Between samples F is the cubic of F and F' at its ends, and pull (time, body, 3, 3), what loads and
-    damping add to F'', is straight.
-    """
+    """First time (body,) of a negative multiplier (time, body), by cubics of F between samples; else NaN."""
     with np.errstate(invalid="ignore"):
         negative = pressure < 0
     out = np.full(pressure.shape[1], np.nan)

@@ -190,16 +190,8 @@ def solve_step(
     return Z, failed
 
 
-def splitting_stepper(table: Splitting) -> Stepper:
-    """Steps of one table."""
-
-    def steps(system: AffineSystem, state: State, h: float, n: int) -> None:
-        split_steps(system, state, h, n, table)
-
-    return steps
-
-
-STEPPERS: dict[str, Stepper] = {name: splitting_stepper(table) for name, table in SPLITTINGS.items()} | {
+STEPPERS: dict[str, Stepper] = {
+    **{name: partial(split_steps, table=table) for name, table in SPLITTINGS.items()},
     "implicit_midpoint": midpoint_steps,
     "energy": energy_steps,
 }

@@ -6,24 +6,13 @@ w stands for the skew matrix of w x. Source: pseudo-rigid bodies, sections 0 and
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
+from forceid.pseudorigid.material.material_law import Material
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
 
 ISOTROPIC = 1e-13  # of E: what rounding leaves between the principal second moments of a ball
-
-
-class Elastic(Protocol):
-    """Whatever stores energy in a deformation: W(F) and its gradient dW/dF."""
-
-    def energy(self, F: Array) -> Array:
-        """W (...,) of F (..., 3, 3), J."""
-
-    def gradient(self, F: Array) -> Array:
-        """dW/dF (..., 3, 3) at F (..., 3, 3), J."""
 
 
 def kinetic_energy(dF: Array, second_moment: Array) -> Array:
@@ -38,7 +27,7 @@ def kinetic_energy(dF: Array, second_moment: Array) -> Array:
     return np.asarray(0.5 * np.einsum("...ij,...jk,...ik->...", dF, E, dF))
 
 
-def energy(F: Array, dF: Array, second_moment: Array, material: Elastic) -> Array:
+def energy(F: Array, dF: Array, second_moment: Array, material: Material) -> Array:
     """Total energy (...,) in J: of motion, and stored in the material. Kept always.
 
     F, dF (..., 3, 3); second_moment (3, 3) kg m^2. Source: pseudo-rigid bodies, section 1.
@@ -117,11 +106,7 @@ def is_symmetric_body(second_moment: Array) -> bool:
 
 
 def hat(w: Array) -> Array:
-    """Skew matrix (..., 3, 3) of w x, from w (..., 3).
-
-    >>> hat(np.array([1.0, 0, 0])) @ np.array([0.0, 1, 0])
-    array([0., 0., 1.])
-    """
+    """Skew matrix (..., 3, 3) of w x, from w (..., 3)."""
     out = np.zeros((*w.shape, 3))
     out[..., [2, 0, 1], [1, 2, 0]] = w
     out[..., [1, 2, 0], [2, 0, 1]] = -w

@@ -53,11 +53,7 @@ class Splitting:
 
 
 def composition(name: str, order: int, half: tuple[float, ...]) -> Splitting:
-    """Verlet steps of the lengths half, the rest, half reversed.
-
-    >>> composition("verlet", 2, ())
-    Splitting(name='verlet', order=2, kick=(0.5, 0.5), drift=(1.0,))
-    """
+    """Verlet steps of the lengths half, the rest, half reversed."""
     gamma = (*half, 1.0 - 2 * sum(half), *half[::-1])
     ends = (0.0, *gamma, 0.0)
     kick = tuple(0.5 * (ends[i] + ends[i + 1]) for i in range(len(gamma) + 1))

@@ -49,10 +49,6 @@ class AffineSystem:
         rows = self.over_moment(self.material.hessian(F9, H9))
         return np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
 
-    def energy(self, F: Array, V: Array) -> Array:
-        """H (...,): kinetic tr(V E V^T)/2 and W."""
-        return np.asarray(0.5 * np.einsum("...ij,jk,...ik->...", V, self.E, V) + self.material.energy(F))
-
     def vibration(self, F: Array) -> Array:
         """Largest frequency (...,) rad/s of small vibrations about F; 0 where none is stable."""
         value, vector = np.linalg.eigh(self.E)
@@ -79,8 +75,7 @@ def along_basis(F: Array) -> tuple[Array, Array]:
 class State:
     """F and V = F' of many bodies (body, 3, 3), component first, with what their sums have lost so far.
 
-    push: acceleration at F where it is known. stopped: bodies parked at rest at F = I. Steps change the state
-    in place.
+    push: acceleration at F where it is known. stopped: bodies parked at rest at F = I.
     """
 
     F: Array

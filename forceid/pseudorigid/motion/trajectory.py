@@ -13,6 +13,7 @@ from forceid.pseudorigid.factors.cofactors import EYE
 from forceid.pseudorigid.motion.constrained import multiplier
 from forceid.pseudorigid.motion.events import Event, EventKinds, tension_times
 from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
+from forceid.pseudorigid.motion.invariants import energy as energy_of
 from forceid.pseudorigid.motion.system import AffineSystem
 from forceid.records import Array
 
@@ -67,7 +68,7 @@ def trajectory_of(
     F, V, kind, when = path
     ended = np.isnan(F[..., 0, 0])
     known = F if not ended.any() else np.where(ended[..., None, None], EYE, F)
-    energy = np.where(ended, np.nan, system.energy(known, V))
+    energy = np.where(ended, np.nan, energy_of(known, V, system.E, system.material))
     pressure = None
     stopped = kind != ""
     if constrained:

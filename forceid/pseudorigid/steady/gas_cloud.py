@@ -7,14 +7,16 @@ temperature, adiabatic flow. Source: pseudo-rigid bodies, section 7.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, isfinite, log, sqrt
+from functools import cached_property
+from math import exp, log, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from forceid.errors import DataError
-from forceid.pseudorigid.material.material_law import validated_constant, validated_determinant
+from forceid.pseudorigid.material.formless import PerfectGas
+from forceid.pseudorigid.material.material_law import Material, check_above
 from forceid.pseudorigid.steady.gravity import SelfGravity
 from forceid.pseudorigid.validation import matrices, real_values, tensors
 from forceid.records import Array
@@ -42,48 +44,32 @@ class GasCloud:
     mu: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("K", "gamma", "trap", "pi_G_rho", "mu"):
-            validated_constant("GasCloud", name, getattr(self, name))
-        limits = (("K", self.K, 0.0), ("gamma", self.gamma, 1.0), ("mu", self.mu, 0.0))
-        for name, value, least in limits:
-            if not (isfinite(value) and value > least):
-                raise DataError(
-                    f"is {value:g}, expected above {least:g}", name, "give a finite constant above it"
-                )
-        for name, value in (("trap", self.trap), ("pi_G_rho", self.pi_G_rho)):
-            if not (isfinite(value) and value >= 0):
-                raise DataError(
-                    f"is {value:g}, expected 0 or above", name, "leave it out where there is none"
-                )
+        for name, least in (("K", 0.0), ("gamma", 1.0), ("mu", 0.0)):
+            check_above("GasCloud", name, getattr(self, name), least)
+        for name in ("trap", "pi_G_rho"):
+            check_above("GasCloud", name, getattr(self, name), itself=True)
 
-    @property
-    def gravity(self) -> SelfGravity | None:
-        """The stored energy of its own gravity, None without it."""
-        return SelfGravity(self.pi_G_rho, self.mu) if self.pi_G_rho else None
+    @cached_property
+    def parts(self) -> tuple[Material, ...]:
+        """The gas, and its own gravity where it has one."""
+        gas = PerfectGas(self.K, self.gamma)
+        return (gas, SelfGravity(self.pi_G_rho, self.mu)) if self.pi_G_rho else (gas,)
 
     def energy(self, F: Array) -> Array:
         """W(F) (...,) of F (..., 3, 3)."""
         F = tensors(F)
-        J = volume(F)
-        W = self.K / (self.gamma - 1) * J ** (1 - self.gamma)
-        W = W + 0.5 * self.mu * self.trap**2 * (F * F).sum((-2, -1))
-        return np.asarray(W if self.gravity is None else W + self.gravity.energy(F))
+        held = 0.5 * self.mu * self.trap**2 * (F * F).sum((-2, -1))
+        return np.asarray(held + sum(part.energy(F) for part in self.parts))
 
     def gradient(self, F: Array) -> Array:
-        """dW/dF (..., 3, 3): -K J^(1 - gamma) F^-T + mu omega_0^2 F, and that of gravity."""
+        """dW/dF (..., 3, 3): of gas and gravity, and mu omega_0^2 F."""
         F = tensors(F)
-        J = volume(F)[..., None, None]
-        g = self.mu * self.trap**2 * F - self.K * J ** (1 - self.gamma) * inverse_transpose(F)
-        return np.asarray(g if self.gravity is None else g + self.gravity.gradient(F))
+        return np.asarray(self.mu * self.trap**2 * F + sum(part.gradient(F) for part in self.parts))
 
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3) along H (..., 3, 3)."""
         F, H = tensors(F), tensors(H, "H")
-        J, N = volume(F)[..., None, None], inverse_transpose(F)
-        spread = (N * H).sum((-2, -1))[..., None, None]
-        gas = (self.gamma - 1) * spread * N + N @ np.swapaxes(H, -1, -2) @ N
-        d = self.mu * self.trap**2 * H + self.K * J ** (1 - self.gamma) * gas
-        return np.asarray(d if self.gravity is None else d + self.gravity.hessian(F, H))
+        return np.asarray(self.mu * self.trap**2 * H + sum(part.hessian(F, H) for part in self.parts))
 
     def resting_size(self) -> float:
         """The a of the cloud at rest, F = a I: K a^(1 - 3 gamma) = mu (omega_0^2 + (4/3) pi G rho / a^3).
@@ -172,17 +158,5 @@ def free_fall_time(pi_G_rho: float) -> float:
     >>> print(f"{free_fall_time(1.0):.9f}")
     0.961912373
     """
-    validated_constant("free fall", "pi_G_rho", pi_G_rho)
-    if not (isfinite(pi_G_rho) and pi_G_rho > 0):
-        raise DataError(f"is {pi_G_rho:g}, expected above 0", "pi_G_rho", "give pi G rho in 1/s^2")
+    check_above("free_fall_time", "pi_G_rho", pi_G_rho)
     return np.pi / 2 * sqrt(3 / (8 * pi_G_rho))
-
-
-def volume(F: Array) -> Array:
-    """Determinant of F (...,); DataError where it is not above zero."""
-    return validated_determinant("GasCloud", np.asarray(np.linalg.det(F)))
-
-
-def inverse_transpose(F: Array) -> Array:
-    """F^-T (..., 3, 3)."""
-    return np.asarray(np.swapaxes(np.linalg.inv(F), -1, -2))

@@ -7,12 +7,11 @@ a_3^2) with rho at J = 1 and a_i the singular values of F. Source: pseudo-rigid 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 
-from forceid.errors import DataError
-from forceid.pseudorigid.material.material_law import validated_constant
+from forceid.pseudorigid.material.material_law import check_above
 from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols, potential_integral
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
@@ -33,10 +32,8 @@ class SelfGravity:
     mu: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, value in (("pi_G_rho", self.pi_G_rho), ("mu", self.mu)):
-            validated_constant("SelfGravity", name, value)
-            if not (isfinite(value) and value > 0):
-                raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")
+        check_above("SelfGravity", "pi_G_rho", self.pi_G_rho)
+        check_above("SelfGravity", "mu", self.mu)
 
     def energy(self, F: Array) -> Array:
         """W(F) (...,) of F (..., 3, 3): -(3/5) G m^2 R_F for a homogeneous ball, mu = m r^2 / 5."""
@@ -81,7 +78,8 @@ def ball_gravity(G: float, mass: float, radius: float) -> SelfGravity:
     >>> print(f"{ball.energy(np.eye(3)):.1f}")  # -(3/5) G m^2 / r
     -15.0
     """
-    validate_constants(G, mass, radius)
+    for name, value in (("G", G), ("mass", mass), ("radius", radius)):
+        check_above("ball_gravity", name, value)
     return SelfGravity(pi_G_rho=0.75 * G * mass / radius**3, mu=mass * radius**2 / 5)
 
 
@@ -94,14 +92,7 @@ def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
     >>> print(f"{cloud.energy(np.eye(3)) * 2 * np.sqrt(np.pi):.1f}")
     -1.0
     """
-    validate_constants(G, mass, sigma)
+    for name, value in (("G", G), ("mass", mass), ("sigma", sigma)):
+        check_above("gaussian_gravity", name, value)
     mu = mass * sigma**2
     return SelfGravity(pi_G_rho=G * mass**2 / (8 * sqrt(pi) * sigma * mu), mu=mu)
-
-
-def validate_constants(G: float, mass: float, length: float) -> None:
-    """DataError where a constant of a gravitating body is not positive and finite."""
-    for name, value in (("G", G), ("mass", mass), ("length", length)):
-        validated_constant("gravity", name, value)
-        if not (isfinite(value) and value > 0):
-            raise DataError(f"is {value:g}, expected above 0", name, "give a positive finite constant")

@@ -89,12 +89,6 @@ def half_line(smallest: Array, largest: Array) -> tuple[Array, Array]:
 
 
 def potential_integral(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> Array:
-    """R_F(a1^2, a2^2, a3^2) = (1/2) int du / Delta (...,) of semi-axes that broadcast, in 1/length.
-
-    The self-energy of the ellipsoid is -(3/5) G m^2 R_F. Source: pseudo-rigid bodies, section 8.
-
-    >>> float(potential_integral(2, 2, 2))
-    0.5
-    """
+    """R_F(a1^2, a2^2, a3^2) = (1/2) int du / Delta (...,) of semi-axes that broadcast, in 1/length."""
     a, b, c = checked_axes(a1, a2, a3)
     return np.asarray(elliprf(a * a, b * b, c * c))

@@ -57,10 +57,7 @@ def maclaurin_modes(e: ArrayLike) -> MaclaurinModes:
 
 
 def pulsation(c: Array) -> Array:
-    """Squared pulsation frequency (...,) of spheroids of axes 1, 1, c (...,): V''(c) / m(c) at a^2 c = 1.
-
-    V = j^2 c - 4 R_F(1/c, 1/c, c^2), m = 1 + 1/(2 c^3) with c of unit volume. 16/15 for the sphere.
-    """
+    """Squared pulsation frequency (...,) of spheroids of axes 1, 1, c (...,): V''(c) / m(c) at a^2 c = 1."""
     z = np.cbrt(c**2)  # the axis c of unit volume, the other two z^(-1/2)
     a = 1 / np.sqrt(z)
     A, P = index_symbols(a, a, z), pair_symbols(a, a, z)[0]

@@ -7,21 +7,16 @@ i = 1, 2 and dW/da_3 = 0. Source: pseudo-rigid bodies, section 12.6.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
-from forceid.pseudorigid.material.material_law import validated_constant
-from forceid.pseudorigid.steady.spectra import (
-    Spectrum,
-    checked_second_moment,
-    cofactor_change,
-    rotating_spectrum,
-)
-from forceid.pseudorigid.validation import deformation
+from forceid.pseudorigid.factors.cofactors import cofactor
+from forceid.pseudorigid.material.material_law import check_finite, check_stable
+from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum, stiffness_matrix
+from forceid.pseudorigid.validation import deformation, validated_second_moment
 from forceid.records import Array
 
 CONTINUED = (1, 8, 64)  # steps of the rate from rest to the one that is asked for
@@ -53,15 +48,13 @@ def natural_modes(
     >>> print(natural_modes(cloud, np.eye(3)).squared.round(9) + 0.0)
     [0.  0.  0.  2.  2.  2.  2.  2.  3.2]
     """
-    E = checked_second_moment(second_moment)
+    E = validated_second_moment(second_moment)
     F = np.eye(3) if rest is None else deformation(rest, "rest")
     force = np.asarray(material.gradient(F))
-    cofactor = np.linalg.det(F) * np.linalg.inv(F).T
-    multiplier = float((force * cofactor).sum() / (cofactor**2).sum()) if incompressible else 0.0
-    unit = np.eye(9).reshape(9, 3, 3)
-    K = np.stack([np.asarray(material.hessian(F, H)).ravel() for H in unit])
-    left = np.abs(force - multiplier * cofactor).max()
-    if left > AT_REST * np.abs(K).max() * np.abs(F).max():
+    C = cofactor(F)
+    multiplier = float((force * C).sum() / (C**2).sum()) if incompressible else 0.0
+    left = np.abs(force - multiplier * C).max()
+    if left > AT_REST * np.abs(stiffness_matrix(material, F)).max() * np.abs(F).max():
         raise DataError(
             f"leaves the force {left:.3g}, so the body is not at rest there",
             "rest",
@@ -70,8 +63,8 @@ def natural_modes(
     M = np.kron(np.eye(3), E)
     free = np.eye(9)
     if incompressible:
-        K = K - multiplier * np.stack([cofactor_change(F, H).ravel() for H in unit])
-        free = null_space(cofactor.reshape(1, 9))
+        free = null_space(C.reshape(1, 9))
+    K = stiffness_matrix(material, F, multiplier)
     squared, shape = eigh(free.T @ ((K + K.T) / 2) @ free, free.T @ M @ free)
     return NaturalModes(squared, np.asarray((free @ shape).T.reshape(-1, 3, 3)))
 
@@ -86,14 +79,8 @@ def lame_frequencies(lam: float, mu: float, second_moment: Array) -> Array:
     [0.         0.         0.         2.         2.         2.
      2.         2.         6.58823529]
     """
-    validated_constant("natural modes", "lam", lam)
-    validated_constant("natural modes", "mu", mu)
-    for name, value, good in (("mu", mu, mu > 0), ("lam", lam, 3 * lam + 2 * mu > 0)):
-        if not (good and isfinite(value)):
-            raise DataError(
-                f"is {value:g}, expected mu > 0 and 3 lam + 2 mu > 0", name, "give stable constants"
-            )
-    e = np.linalg.eigvalsh(checked_second_moment(second_moment))
+    check_stable("natural modes", lam, mu)
+    e = np.linalg.eigvalsh(validated_second_moment(second_moment))
     pairs = [mu * (1 / e[i] + 1 / e[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
     root = np.sqrt(e)
     stretches = np.linalg.eigvalsh(lam / np.outer(root, root) + 2 * mu * np.diag(1 / e))
@@ -124,12 +111,11 @@ def spinning_body(
     >>> print(f"{found.stretch[0] / found.stretch[2]:.9f}")  # 1 / sqrt(1 - rate^2)
     1.250000000
     """
-    E = checked_second_moment(second_moment)
+    E = validated_second_moment(second_moment)
     e = np.diag(E)
     if np.abs(E - np.diag(e)).max() > 1e-12 * e.max():
         raise DataError("is not diagonal", "second_moment", "turn the body to its principal axes")
-    if not isfinite(validated_constant("spinning body", "rate", rate)):
-        raise DataError(f"is {rate}, expected finite", "rate", "give it in rad/s")
+    check_finite("spinning body", rate=rate)
     for steps in CONTINUED:
         a: Array | None = np.array(start, float)
         for part in np.linspace(0, 1, steps + 1):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from forceid.errors import DataError, EstimationError
-from forceid.pseudorigid.material.material_law import validated_constant
+from forceid.pseudorigid.material.material_law import check_above, check_finite
 from forceid.pseudorigid.steady.index_symbols import potential_integral
 from forceid.records import Array
 
@@ -39,16 +39,8 @@ def oscillation(
     potential and inertia take coordinates (n,); inertia q'^2 / 2 + potential = const. Quadrature in
     the angle between the turning points, as exact as energy differences: 1e-13, 1e-10 at amplitudes of 1e-3.
     DataError where start is not above zero, or where the motion does not come back.
-
-    >>> one = lambda q: np.ones_like(q)
-    >>> found = oscillation(lambda q: (q - 2) ** 2 / 2, one, 3.0)
-    >>> print(f"{found.other:.12f} {found.period / np.pi:.12f}")
-    1.000000000000 2.000000000000
     """
-    validated_constant("oscillation", "start", start)
-    if not (np.isfinite(start) and start > 0):
-        raise DataError(f"is {start:g}, expected above 0", "start", "give the coordinate at the release")
-
+    check_above("oscillation", "start", start)
     level = float(potential(np.array([start]))[0])
     other = turning_point(lambda q: float(potential(np.array([q]))[0]) - level, start)
     middle, half = (start + other) / 2, (other - start) / 2
@@ -96,9 +88,7 @@ def breathing(material: Any, mu: float, stretch: float) -> Oscillation:
     >>> print(f"{breathing(GasCloud(1.0, 1.4, trap=1.0), 1.0, 1.3).period:.12f}")
     3.493959224005
     """
-    validated_constant("breathing", "mu", mu)
-    if not (np.isfinite(mu) and mu > 0):
-        raise DataError(f"is {mu:g}, expected above 0", "mu", "give the second moment E = mu I")
+    check_above("breathing", "mu", mu)
     return oscillation(
         lambda a: np.asarray(material.energy(a[:, None, None] * np.eye(3))),
         lambda a: np.full_like(a, 3 * mu),
@@ -116,11 +106,8 @@ def spheroid_oscillation(start: float, spin: float = 0.0, pi_G_rho: float = 1.0)
     >>> print(f"{found.other:.12f} {found.period:.11f}")
     0.766670327998 6.26727172211
     """
-    validated_constant("spheroid", "pi_G_rho", pi_G_rho)
-    if not (np.isfinite(validated_constant("spheroid", "spin", spin))):
-        raise DataError(f"is {spin}, expected finite", "spin", "give Omega a^2 in 1/s")
-    if not (np.isfinite(pi_G_rho) and pi_G_rho > 0):
-        raise DataError(f"is {pi_G_rho:g}, expected above 0", "pi_G_rho", "give pi G rho in 1/s^2")
+    check_above("spheroid", "pi_G_rho", pi_G_rho)
+    check_finite("spheroid", spin=spin)
 
     def potential(c: Array) -> Array:
         a = 1 / np.sqrt(c)

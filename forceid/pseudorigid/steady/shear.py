@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.factors.cofactors import EYE, product
-from forceid.pseudorigid.material.material_law import check_range, validated_constant
+from forceid.pseudorigid.material.material_law import check_finite
 from forceid.pseudorigid.material.materials import MooneyRivlin
+from forceid.pseudorigid.motion.invariants import energy
 from forceid.pseudorigid.motion.trajectory import Trajectory
 from forceid.pseudorigid.validation import instants, real_values
 from forceid.records import Array
@@ -57,11 +58,7 @@ class HeldShear:
 
 
 def shear(alpha: ArrayLike) -> Array:
-    """F = I + alpha e1 e2^T (..., 3, 3).
-
-    >>> shear(0.5)[0]
-    array([1. , 0.5, 0. ])
-    """
+    """F = I + alpha e1 e2^T (..., 3, 3)."""
     return np.asarray(EYE + validated_shears(alpha, "alpha")[..., None, None] * E12)
 
 
@@ -105,8 +102,7 @@ def held_shear(body: Body, alpha: float, dalpha: float, time: ArrayLike) -> Held
         what = f"is {type(W).__name__}; a held shear is solved for Mooney-Rivlin"
         raise DataError(what, "material", "integrate the free body, or take MooneyRivlin")
     t = instants(time)
-    for name, x in (("alpha", alpha), ("dalpha", dalpha)):
-        check_range("held shear", name, validated_constant("held shear", name, x), True, "finite")
+    check_finite("held shear", alpha=alpha, dalpha=dalpha)
     omega = np.sqrt(2 * (W.a + W.b) / E[1, 1])
     phase = omega * (t - t[0])
     x = alpha * np.cos(phase) + dalpha / omega * np.sin(phase)
@@ -114,7 +110,7 @@ def held_shear(body: Body, alpha: float, dalpha: float, time: ArrayLike) -> Held
     F, dF = shear(x), dx[:, None, None] * E12
     ddF = (-(omega**2) * x)[:, None, None] * E12
     held = product(ddF, np.broadcast_to(E, F.shape)) + W.gradient(F)
-    return HeldShear(t, x, dx, F, dF, body.system.energy(F, dF), held)
+    return HeldShear(t, x, dx, F, dF, energy(F, dF, E, W), held)
 
 
 def released_shear(body: Body, alpha: ArrayLike, time: ArrayLike, method: str = "verlet") -> Trajectory:

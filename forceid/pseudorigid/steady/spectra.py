@@ -13,10 +13,11 @@ import numpy as np
 from scipy.linalg import null_space
 
 from forceid.errors import DataError
+from forceid.pseudorigid.factors.cofactors import cofactor, tensor_cross
 from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.ellipsoids import Ellipsoid
 from forceid.pseudorigid.steady.gravity import SelfGravity
-from forceid.pseudorigid.validation import deformation, matrix, real_vector
+from forceid.pseudorigid.validation import deformation, real_vector, validated_second_moment
 from forceid.records import Array
 
 EQUILIBRIUM_SUM = 1e-8  # of the forces, that their sum at an equilibrium may be
@@ -83,7 +84,7 @@ def rotating_spectrum(
     >>> print(f"{found.growth} {found.multiplier:.6f}")
     0.0 1.171731
     """
-    E, phi = checked_second_moment(second_moment), deformation(equilibrium, "equilibrium")
+    E, phi = validated_second_moment(second_moment), deformation(equilibrium, "equilibrium")
     omega, lam = real_vector(omega, "omega"), real_vector(lam, "lam")
     W, Q = hat(omega), hat(lam)
     if np.abs(Q @ E - E @ Q).max() > 1e-12 * max(np.abs(E).max() * np.abs(Q).max(), 1e-300):
@@ -91,11 +92,11 @@ def rotating_spectrum(
             "turns the second moment", "lam", "give E = mu I, or lam along an axis of symmetry of E"
         )
 
-    cofactor = np.linalg.det(phi) * np.linalg.inv(phi).T
+    C = cofactor(phi)
     carried = (W @ W @ phi + 2 * W @ phi @ Q + phi @ Q @ Q) @ E
     pull = np.asarray(material.gradient(phi))
-    multiplier = float(((carried + pull) * cofactor).sum() / (cofactor**2).sum()) if incompressible else 0.0
-    left = carried + pull - multiplier * cofactor
+    multiplier = float(((carried + pull) * C).sum() / (C**2).sum()) if incompressible else 0.0
+    left = carried + pull - multiplier * C
     size = max(np.abs(carried).max(), np.abs(pull).max(), 1e-300)
     if np.abs(left).max() > EQUILIBRIUM_SUM * size and not at_rest_free(left, material, phi):
         raise DataError(
@@ -108,14 +109,9 @@ def rotating_spectrum(
     M = np.kron(eye, E)  # of delta as rows (9,), E symmetric
     G = 2 * (np.kron(W, E) + np.kron(eye, (Q @ E).T))
     K = np.kron(W @ W, E) + 2 * np.kron(W, (Q @ E).T) + np.kron(eye, (Q @ Q @ E).T)
-    unit = np.eye(9).reshape(9, 3, 3)
-    for column, H in enumerate(unit):
-        bent = np.asarray(material.hessian(phi, H))
-        if incompressible:
-            bent = bent - multiplier * cofactor_change(phi, H)
-        K[:, column] += bent.ravel()
+    K = K + stiffness_matrix(material, phi, multiplier)
     if incompressible:
-        free = null_space(cofactor.reshape(1, 9))
+        free = null_space(C.reshape(1, 9))
         M, G, K = (free.T @ matrix @ free for matrix in (M, G, K))
     n = len(M)
     first = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, G]))]])
@@ -124,14 +120,15 @@ def rotating_spectrum(
 
 def at_rest_free(left: Array, material: Any, phi: Array) -> bool:
     """Whether what is unbalanced is rounding of a material that is free of stress at phi."""
-    stiffness = max(np.abs(np.asarray(material.hessian(phi, H))).max() for H in np.eye(9).reshape(9, 3, 3))
+    stiffness = np.abs(stiffness_matrix(material, phi)).max()
     return bool(np.abs(left).max() <= EQUILIBRIUM_SUM * stiffness * np.abs(phi).max())
 
 
-def cofactor_change(F: Array, H: Array) -> Array:
-    """Derivative of cof F = det F F^-T along H (3, 3)."""
-    N = np.linalg.inv(F).T
-    return np.asarray(np.linalg.det(F) * ((N * H).sum() * N - N @ H.T @ N))
+def stiffness_matrix(material: Any, F: Array, multiplier: float = 0.0) -> Array:
+    """Derivative (9, 9) of dW/dF - multiplier cof F at F (3, 3), by rows."""
+    unit = np.eye(9).reshape(9, 3, 3)
+    bent = [np.asarray(material.hessian(F, H)) - multiplier * tensor_cross(F, H) for H in unit]
+    return np.stack([column.ravel() for column in bent], -1)
 
 
 def ellipsoid_spectrum(ellipsoid: Ellipsoid) -> Spectrum:
@@ -157,14 +154,3 @@ def ellipsoid_spectrum(ellipsoid: Ellipsoid) -> Spectrum:
         ellipsoid.l * axis,
         incompressible=True,
     )
-
-
-def checked_second_moment(second_moment: Array) -> Array:
-    """E (3, 3). DataError where it is not symmetric positive definite."""
-    E = matrix(second_moment, "second_moment")
-    good = bool(np.allclose(E, E.T, rtol=1e-12, atol=0))
-    if not good or not (np.linalg.eigvalsh(E) > 1e-14 * np.abs(E).max()).all():
-        raise DataError(
-            "is not symmetric positive definite", "second_moment", "a planar or thin body needs a thickness"
-        )
-    return E

@@ -77,8 +77,7 @@ def aerodynamic_load(parameters: Parameters, t: float | Array, x: Array, v: Arra
     lift = p.lift * np.asarray(1.0 + p.lift_ripple * ripple)[..., None] * (speed_squared - climb**2)
     drag = p.drag * np.sqrt(speed_squared)
     dynamic = 0.5 * p.air_density * AREA[:, None]
-    load: Array = dynamic * (lift[..., None] * normal[..., None, :] - drag[..., None] * v)
-    return load
+    return np.asarray(dynamic * (lift[..., None] * normal[..., None, :] - drag[..., None] * v))
 
 
 def fly(parameters: Parameters, time: Array) -> KnownFlight:
@@ -99,8 +98,7 @@ def trajectory(parameters: Parameters, time: Array) -> tuple[Array, Array]:
 
     def acceleration(t: float, x: Array, v: Array) -> Array:
         force = spring_force(network, x, v) + aerodynamic_load(parameters, t, x, v)
-        a: Array = force / MASS[:, None] + gravity
-        return a
+        return np.asarray(force / MASS[:, None] + gravity)
 
     v0 = np.array(parameters.velocity) + np.cross(R0 @ parameters.spin, arm)
     return integrate_nodes(acceleration, np.array(parameters.center) + arm, v0, time)

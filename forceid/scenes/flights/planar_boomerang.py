@@ -57,8 +57,7 @@ def internal_force(parameters: Parameters, network: Springs, x: Array, v: Array)
     """Forces (node, 2) N of arms (`network`) and hinge at positions x and velocities v (node, 2)."""
     angle, gradient = hinge_angle(x)
     bend = angle - REST_ANGLE + parameters.damping_time * (gradient * v).sum()
-    force: Array = spring_force(network, x, v) - parameters.hinge_stiffness * bend * gradient
-    return force
+    return np.asarray(spring_force(network, x, v) - parameters.hinge_stiffness * bend * gradient)
 
 
 def fly(parameters: Parameters, time: Array) -> KnownFlight:
@@ -69,8 +68,7 @@ def fly(parameters: Parameters, time: Array) -> KnownFlight:
 
     def acceleration(t: float, x: Array, v: Array) -> Array:
         force = internal_force(p, network, x, v) + amplitude * np.sin(w * t)
-        a: Array = force / MASS[:, None] + gravity
-        return a
+        return np.asarray(force / MASS[:, None] + gravity)
 
     r = REST - MASS @ REST / MASS.sum()
     v0 = np.array(p.velocity) + p.spin * np.column_stack([-r[:, 1], r[:, 0]])

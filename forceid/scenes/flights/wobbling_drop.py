@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array
-from forceid.scenes.affine_body import AffineThrow, fly_affine, rotation_of
+from forceid.scenes.affine_body import AffineParameters, AffineThrow, fly_affine
 from forceid.scenes.mechanics import KnownFlight
 
 GOLDEN = 0.5 * (1 + np.sqrt(5.0))
@@ -21,13 +21,10 @@ CORNERS = np.array(
 POWER = 1.6075  # of Knud Thomsen's formula for the area of an ellipsoid, good to 1 %
 
 
-class Parameters(Section):
+class Parameters(AffineParameters):
     """mass kg in equal shares on twelve points at `radius` m. tension J: surface energy of the round drop;
     bulk J: W = tension area + bulk / 2 (J - 1)^2 less the pressure that the skin puts on the round drop.
     strike 1/s: rate at t = 0 at which the drop lengthens along its x, and half as fast narrows across.
-    force N and first_moment N m: standard deviation of each component of the drawn loads, rows of the moments
-    in world, columns in reference axes; flat below drawn_frequency Hz, from drawn_seed. gravity m/s2; at
-    t = 0: center m, velocity m/s, turn rad (rotation vector), spin rad/s in body axes.
     """
 
     mass: PositiveFloat = 0.3
@@ -39,8 +36,6 @@ class Parameters(Section):
     first_moment: float = Field(default=0.03, ge=0.0)
     drawn_frequency: PositiveFloat = 2.5
     drawn_seed: int = Field(default=1, ge=0)
-    gravity: Vector = (0.0, 0.0, -9.81)
-    center: Vector = (0.0, 0.0, 1.5)
     velocity: Vector = (0.5, 0.3, 5.0)
     turn: Vector = (0.0, 0.0, 0.0)
     spin: Vector = (0.5, 0.3, 5.0)
@@ -65,12 +60,8 @@ def gradient(parameters: Parameters, F: Array) -> Array:
 
 def throw(parameters: Parameters) -> AffineThrow:
     """The round drop as it is struck."""
-    p, R = parameters, rotation_of(parameters.turn)
-    return AffineThrow(
-        np.full(12, p.mass / 12), p.radius * CORNERS, lambda F: gradient(p, F), np.array(p.gravity),
-        np.array(p.center), np.array(p.velocity), R, R @ np.array(p.spin),
-        p.strike * np.diag([1.0, -0.5, -0.5]), p.force, p.first_moment, p.drawn_frequency, p.drawn_seed,
-    )  # fmt: skip
+    p, rate = parameters, parameters.strike * np.diag([1.0, -0.5, -0.5])
+    return AffineThrow(np.full(12, p.mass / 12), p.radius * CORNERS, lambda F: gradient(p, F), p, rate)
 
 
 def fly(parameters: Parameters, time: Array) -> KnownFlight:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError, EstimationError
-from forceid.pseudorigid.motion.invariants import Elastic
+from forceid.pseudorigid.material.material_law import Material
 from forceid.pseudorigid.validation import deformation, instants, matrix
 from forceid.records import Array
 
@@ -86,7 +86,7 @@ def checked_body(
     return E, F, V, instants(time, f"{where}: time", least=2)
 
 
-def check_unconstrained(material: Elastic, where: str) -> None:
+def check_unconstrained(material: Material, where: str) -> None:
     """DataError for a material that needs det F = 1, which these equations do not hold."""
     if getattr(material, "incompressible", False):
         raise DataError("holds no constraint det F = 1", where, "integrate F: Body(..., incompressible=True)")

@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import check_symmetry, checked_body, integrate_form
 from forceid.errors import DataError, EstimationError
 from forceid.pseudorigid.factors.decomposition import bipolar
-from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, is_symmetric_body, vector_cross
-from forceid.pseudorigid.reduced_form import check_symmetry, checked_body, integrate_form
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.material.material_law import Material
+from forceid.pseudorigid.motion.invariants import axial_vector, hat, is_symmetric_body, vector_cross
 from forceid.records import Array
 
 TWO_SIDED_SIMULATE = "two_sided.simulate"
@@ -77,7 +78,7 @@ def rates_of_rotation(a: Array, pi: Array, kappa: Array) -> tuple[Array, Array]:
 
 
 def two_sided_rates(
-    state: TwoSidedState, mu: float, material: Elastic, incompressible: bool = False
+    state: TwoSidedState, mu: float, material: Material, incompressible: bool = False
 ) -> TwoSidedState:
     """Time derivative of the state, each like its own.
 
@@ -105,13 +106,13 @@ def two_sided_rates(
     )
 
 
-def axis_forces(a: Array, material: Elastic) -> Array:
+def axis_forces(a: Array, material: Material) -> Array:
     """dW/da_i (..., 3) of an isotropic material at axes a (..., 3)."""
     return np.asarray(np.einsum("...ii->...i", material.gradient(a[..., None] * np.eye(3))))
 
 
 def simulate(
-    second_moment: Array, material: Elastic, F0: Array, dF0: Array, time: Array, incompressible: bool = False
+    second_moment: Array, material: Material, F0: Array, dF0: Array, time: Array, incompressible: bool = False
 ) -> TwoSidedMotion:
     """Motion of one body from F0, dF0 (3, 3) at time[0], by DOP853 on the two-sided equations.
 

@@ -13,15 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.factors.decomposition import polar
-from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
-from forceid.pseudorigid.reduced_form import (
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
     integrate_form,
 )
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
+from forceid.pseudorigid.factors.decomposition import polar
+from forceid.pseudorigid.material.material_law import Material
+from forceid.pseudorigid.motion.invariants import axial_vector, hat, vector_cross
 from forceid.records import Array
 
 LEFT_SIMULATE = "left_reduced.simulate"
@@ -76,7 +77,7 @@ def left_velocity(U: Array, m: Array, p_U: Array, second_moment: Array) -> tuple
     return rates[..., :3], np.einsum("...a,aij->...ij", rates[..., 3:], SYMMETRIC_BASIS)
 
 
-def left_rates(state: LeftState, second_moment: Array, material: Elastic) -> LeftState:
+def left_rates(state: LeftState, second_moment: Array, material: Material) -> LeftState:
     """Time derivative of the state, each like its own; dW/dU is the symmetric part of dW/dF at U.
 
     m' = m x omega, p_U' = sy(hat(omega)^T hat(omega) U E + E U' hat(omega)) - sy(dW/dU), p_U = sy(U' E +
@@ -90,7 +91,7 @@ def left_rates(state: LeftState, second_moment: Array, material: Elastic) -> Lef
     return LeftState(quaternion_rates(q, omega), dU, vector_cross(m, omega), symmetric_part(force))
 
 
-def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, time: Array) -> LeftMotion:
+def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, time: Array) -> LeftMotion:
     """Motion of one body from F0, dF0 (3, 3) at time[0], by DOP853 on the left-reduced equations.
 
     second_moment (3, 3) kg m^2, positive definite; time (time,) s, rising. A second way to the motion, to

@@ -13,16 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.pseudorigid.factors.decomposition import bipolar
-from forceid.pseudorigid.motion.invariants import Elastic, axial_vector, hat, vector_cross
-from forceid.pseudorigid.reduced_form import (
+from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
+from evidence.subjects.affine.reduced.reduced_form import (
     check_symmetry,
     check_unconstrained,
     checked_body,
     integrate_form,
 )
-from forceid.pseudorigid.steady.rigid_body import quaternion, quaternion_rates, rotation
-from forceid.pseudorigid.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
+from evidence.subjects.affine.reduced.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
+from forceid.pseudorigid.factors.decomposition import bipolar
+from forceid.pseudorigid.material.material_law import Material
+from forceid.pseudorigid.motion.invariants import axial_vector, hat, vector_cross
 from forceid.records import Array
 
 GENERAL_SIMULATE = "general_reduced.simulate"
@@ -93,7 +94,7 @@ def body_rates(a: Array, A: Array) -> tuple[Array, Array]:
     return (s + d) / 2, (s - d) / 2
 
 
-def general_rates(state: GeneralState, second_moment: Array, material: Elastic) -> GeneralState:
+def general_rates(state: GeneralState, second_moment: Array, material: Material) -> GeneralState:
     """Time derivative of the state, each like its own; second_moment E (3, 3) kg m^2.
 
     left' = left x omega; right' = lambda x right + axial([A^T A, E_R]) / 2; p' = diagonal of E_R A^T xi +
@@ -118,7 +119,7 @@ def general_rates(state: GeneralState, second_moment: Array, material: Elastic) 
     )
 
 
-def simulate(second_moment: Array, material: Elastic, F0: Array, dF0: Array, time: Array) -> GeneralMotion:
+def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, time: Array) -> GeneralMotion:
     """Motion of one body from F0, dF0 (3, 3) at time[0], by DOP853 on the general reduced equations.
 
     second_moment (3, 3) kg m^2, any; time (time,) s, rising. DataError for a material that is not isotropic
