@@ -49,7 +49,7 @@ class Group:
     attrs: dict[str, Any] = field(default_factory=dict)
 
 
-BODY = {
+BODY: dict[str, Variable] = {
     "position": Variable(("node", "axis"), "m", "reference shape"),
     "mass": Variable(("node",), "kg", "lumped nodal mass"),
     "mass_matrix": Variable(("dof", "dof_2"), "kg", "consistent mass matrix, node-major"),
@@ -68,13 +68,13 @@ BODY = {
     "sensor_rotation": Variable(("sensor", "quaternion"), "1", "rotation from sensor to body axes"),
 }
 PLANAR = {"inertia": Variable((), "kg m2", "moment of inertia about the mass center, of a planar file")}
-MOTION = {
+MOTION: dict[str, Variable] = {
     "time": Variable(("time",), "s", "time"),
     "position": Variable(("time", "node", "axis"), "m", "measured position, world axes"),
     "center": Variable(("time", "axis"), "m", "measured mass center, world axes"),
     "orientation": Variable(("time", "quaternion"), "1", "measured orientation, body to world"),
 } | SENSED
-KNOWN_LOADS = {
+KNOWN_LOADS: dict[str, Variable] = {
     "time": Variable(("time",), "s", "time"),
     "force": Variable(("time", "known_load", "axis"), "N", "known force, world axes"),
     "moment": Variable(("time", "known_load", "axis"), "N m", "known moment about the point, world axes"),
@@ -86,7 +86,7 @@ KNOWN_LOADS = {
     "point": Variable(("time", "known_load", "axis"), "m", "where a known load acts, world axes"),
     "nodal_force": Variable(("time", "node", "axis"), "N", "known forces on the nodes, world axes"),
 }
-ESTIMATE = {
+ESTIMATE: dict[str, Variable] = {
     "time": Variable(("time",), "s", "time"),
     "force": Variable(("time", "axis"), "N", "applied force, weight excluded, world axes"),
     "moment": Variable(("time", "axis"), "N m", "applied moment, weight excluded, world axes"),
@@ -190,7 +190,7 @@ INTERFACE = {
     ),
     "chi_square": Variable(("time",), "1", "misfit of the balances that repeat each other"),
 }
-TRUTH = ESTIMATE | {
+TRUTH: dict[str, Variable] = ESTIMATE | {
     "load": LOAD["load"],
     "joint_force": INTERFACE["force"],
     "joint_moment": INTERFACE["moment"],
