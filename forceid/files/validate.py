@@ -75,8 +75,9 @@ def check_body(body: Body, where: str) -> None:
     if body.mass is not None:
         if (body.mass < 0).any():
             k = int(np.argmin(body.mass))
+            node = repr(body.node[k]) if body.node else k
             raise DataError(
-                f"is {body.mass[k]:g} kg at node {node_name(body, k)}, expected zero or more",
+                f"is {body.mass[k]:g} kg at node {node}, expected zero or more",
                 f"{where}/mass",
                 "correct it; a marker that carries no mass has 0",
             )
@@ -254,11 +255,6 @@ def check_symmetric(matrix: Array, where: str) -> None:
             where,
             "give the symmetric matrix",
         )
-
-
-def node_name(body: Body, k: int) -> str:
-    """The name of node k, or its number when the nodes have no names."""
-    return repr(body.node[k]) if body.node else str(k)
 
 
 def _check_positive(mass: float, where: str, what: str) -> None:

@@ -50,7 +50,7 @@ class Numbers:
 def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
     """What to quote of `estimate`; errors are NaN without `truth`."""
     e, truth = estimate, truth or {}
-    force_error, moment_error = (wrench_error(e, truth, name) for name in ("force", "moment"))
+    force_error, moment_error = (getattr(e, name) - truth_at(e, truth, name) for name in ("force", "moment"))
     (force_gap, force_limit), (moment_gap, moment_limit) = force_closure(e), moment_closure(e)
     return Numbers(
         samples=len(e.time),
@@ -72,12 +72,6 @@ def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None)
     )
 
 
-def wrench_error(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
-    """Estimate minus truth of the `force` or the `moment` (time, 3), NaN where there is no truth."""
-    found: Array = getattr(estimate, name)
-    return found - truth_at(estimate, truth, name)
-
-
 def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
     """The true variable (time, ...) at the times of the estimate, NaN where unknown.
 
@@ -86,10 +80,14 @@ def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array
     elsewhere = name == "moment" and estimate.moment_about != "mass_center"
     if name not in truth or elsewhere:
         return np.full_like(getattr(estimate, name), np.nan)
-    clock, values = truth.get("time", estimate.time), truth[name]
-    flat = values.reshape(len(values), -1)
-    columns = [np.interp(estimate.time, clock, c, left=np.nan, right=np.nan) for c in flat.T]
-    return np.stack(columns, axis=-1).reshape(-1, *values.shape[1:])
+    return resampled(estimate.time, truth.get("time", estimate.time), truth[name])
+
+
+def resampled(time: Array, clock: Array, values: Array) -> Array:
+    """Values (clock, ...) at `time`, NaN outside the clock."""
+    columns = values.reshape(len(clock), -1).T
+    found = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in columns]
+    return np.stack(found, -1).reshape(len(time), *values.shape[1:])
 
 
 def force_closure(estimate: Estimate) -> tuple[Array, Array]:
@@ -160,9 +158,9 @@ def plain(value: float, count: int) -> str:
     return f"{rounded:.0f}" if 10**count <= abs(rounded) < 1e6 else f"{rounded:.{count}g}"
 
 
-def digits(value: float) -> str:
-    """Four significant digits, a dash for what is not known."""
-    return typeset(plain(value, 4)) if np.isfinite(value) else "–"
+def digits(value: float, count: int = 4) -> str:
+    """A number at `count` significant digits, a dash for what is not known."""
+    return typeset(plain(value, count)) if np.isfinite(value) else "–"
 
 
 def typeset(number: str) -> str:
