@@ -152,13 +152,6 @@ def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Re
     return ReferenceTrajectory(step, R, H, T, dT, inertia, h, n)
 
 
-def moment_increments(reference: Reference, F: Array) -> tuple[Array, Array]:
-    """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
-    load = reference.chain[:-1, LOAD, None]
-    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
-    return Y, H
-
-
 def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> ReferenceTrajectory:
     """The flight about its reference, under a moment b + 2 c s in each step, of H = b s + c s^2 with Y and H.
 
@@ -175,7 +168,8 @@ def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> St
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
     F, Q, P0 = map(np.array, prior.chain(step, reference.rotation, flight.time[0]))
-    Y, H = moment_increments(reference, F)
+    load = reference.chain[:-1, LOAD, None]  # what it adds over each step to its integrals, world axes
+    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short

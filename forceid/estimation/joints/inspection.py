@@ -13,7 +13,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.joints.bending import carried
-from forceid.estimation.joints.checks import judge_joints, of_part
+from forceid.estimation.joints.checks import empty_interface, judge_joints, of_part
 from forceid.estimation.joints.linkage import joint_ends, passed
 from forceid.estimation.joints.null_space import column_space, trading_joints, undetermined_components
 from forceid.estimation.joints.parts import Joint, Part, parts_of
@@ -25,7 +25,7 @@ from forceid.estimation.verdict.leakage import LOOKED
 from forceid.partition import link_resultants
 from forceid.partition.coupling.resultants import GROUND, incidence, loop_count, transmitted
 from forceid.principal import transport_matrix
-from forceid.records import Array, Finding, Flags, Interface, Recording, Verdict
+from forceid.records import Array, Recording, Verdict
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
 
@@ -80,13 +80,16 @@ def inspect_linkage(recording: Recording, settings: Settings) -> JointProspects:
         point, gap, gap_cov = joint_points(joints, parts, poses)
         null, told = undetermined_wrenches(joints, parts, poses.middle)
         own = in_part_axes(joints, parts, poses.middle, null)
-        determined = determined_joints(joints, parts, poses)
-        findings += judge_joints(
-            as_interface(joints, parts, point, gap, determined),
-            gap_cov,
-            np.zeros((len(point), len(parts), 6)),
-        )
-        findings += judge_hidden(joints, determined, own)
+        links, each = passes_of(joints, parts, poses)  # the poses are taken at their word
+        found = link_resultants(links, np.zeros((len(point), len(parts), 6)), None, each)
+        determined = found.determined[: len(joints)]
+        empty = empty_interface(joints, parts, point, gap, determined, Verdict())
+        findings += judge_joints(empty, gap_cov, np.zeros((len(point), len(parts), 6)))
+        # joints that the estimate tells, with errors without bound, since noise alone opens a loop
+        if hidden := [
+            j.name for j, known, o in zip(joints, determined, own, strict=True) if known and o.size
+        ]:
+            findings.append(note("joint-nearly-undetermined", names=", ".join(hidden)))
     elif not refusing(findings):
         findings.append(note("no-common-frame"))
     return JointProspects(
@@ -166,13 +169,6 @@ def passes_of(
     return links, passes + [every for _ in outside]
 
 
-def determined_joints(joints: tuple[Joint, ...], parts: tuple[Part, ...], poses: Poses) -> Flags:
-    """Which joints (joint,) the estimate will tell: the poses are taken at their word."""
-    links, passes = passes_of(joints, parts, poses)
-    found = link_resultants(links, np.zeros((len(poses.center), len(parts), 6)), None, passes)
-    return found.determined[: len(joints)]
-
-
 def undetermined_wrenches(
     joints: tuple[Joint, ...], parts: tuple[Part, ...], frame: Poses
 ) -> tuple[Array, int]:
@@ -204,23 +200,3 @@ def in_part_axes(
         R = frame.rotation[0, joint.moving[0]].T
         found.append(column_space(np.concatenate([R @ about[:3], R @ about[3:]])))
     return found
-
-
-def judge_hidden(joints: tuple[Joint, ...], determined: Flags, own: list[Array]) -> list[Finding]:
-    """Joints that the estimate tells, with errors without bound, since noise alone opens a loop."""
-    names = [j.name for j, told, block in zip(joints, determined, own, strict=True) if told and block.size]
-    return [note("joint-nearly-undetermined", names=", ".join(names))] if names else []
-
-
-def as_interface(
-    joints: tuple[Joint, ...], parts: tuple[Part, ...], point: Array, gap: Array, determined: Flags
-) -> Interface:
-    """What is known of the interface without any force."""
-    n, none = len(joints), np.full(point.shape, np.nan)
-    return Interface(
-        name=tuple(j.name for j in joints),
-        parts=tuple(j.names(parts) for j in joints),
-        force=none, moment=none, wrench_cov=np.full((*none.shape[:2], 6, 6), np.nan), point=point,
-        determined=determined, null_space=np.zeros((n, 6, 0)), gap=gap,
-        chi_square=np.full(len(point), np.nan), dof=0, verdict=Verdict(),
-    )  # fmt: skip

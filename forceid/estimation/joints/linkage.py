@@ -127,6 +127,16 @@ def balances(linkage: Linkage) -> tuple[Array, Array, float]:
     return A / np.tile(np.repeat([1.0, length], 3), parts)[:, None], E, length
 
 
+def carried_over(linkage: Linkage) -> Array:
+    """Matrix (time, part * 6, part * 6) from wrenches about the centers of parts to about that of all."""
+    T, count = linkage.arms.shape[:2]
+    carry = np.zeros((T, 6 * count, 6 * count))
+    for k in range(count):
+        own = slice(6 * k, 6 * k + 6)
+        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
+    return carry
+
+
 def split(linkage: Linkage) -> Array:
     """Matrix (time, link * 6, part * 6) from wrenches that balance to those of the links."""
     A, E, length = balances(linkage)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -149,7 +150,7 @@ def swings_of(solution: Solution, step: float) -> Swings | None:
     if prior is None or kin.frames is None or kin.hidden is not None:
         return None
     m, each = len(prior.std), prior.states
-    F, Q = (in_blocks(a) for a in discretize(prior.process, np.full(m, step)))
+    F, Q = (block_diag(*a) for a in discretize(prior.process, np.full(m, step)))
     rows = kin.frames.rows[np.argmax((kin.frames.rows**2).sum((1, 2)))]
     read = np.zeros((len(rows), m * each))
     read[:, ::each] = rows
@@ -158,14 +159,6 @@ def swings_of(solution: Solution, step: float) -> Swings | None:
     after = P - PH @ np.linalg.solve(read @ PH + np.eye(len(read)), PH.T)
     often = np.clip(2 * np.pi / (prior.frequency * step), 1.0, len(kin.time))
     return Swings(kin.shapes, each, F, P, often * np.diagonal(after)[::each])
-
-
-def in_blocks(a: Array) -> Array:
-    """Matrices (mode, state, state) as one of all modes."""
-    m, n, _ = a.shape
-    wide = np.zeros((m, n, m, n))
-    wide[np.arange(m), :, np.arange(m)] = a
-    return wide.reshape(m * n, m * n)
 
 
 def settled_covariance(F: Array, Q: Array, information: Array) -> Array:

@@ -41,7 +41,6 @@ from forceid.estimation.model_choice.levels import (
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
     LoadChannels,
-    changes,
     claims_more,
     from_view,
     looked,
@@ -163,8 +162,10 @@ def descend(
     def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)
         said = sentence_of(steps, i, best)
-        if i != best:
-            solution = allowing(solution, steps[i])
+        if i != best:  # its error allows for what the level leaves out: its step to the best one
+            room = np.sqrt(1 + np.repeat([steps[i].force_change, steps[i].moment_change], 3) ** 2)
+            cov = solution.state.wrench_cov * np.outer(room, room)
+            solution = replace(solution, state=replace(solution.state, wrench_cov=cov))
         return LevelChoice(steps[i].model, said, steps[i], tuple(steps)), solution
 
     if not best:
@@ -206,7 +207,7 @@ def descend(
         if steps[i].change > CLEAR:
             return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
-        force, moment = changes(solved(i), solved(best))
+        force, moment = moves(solved(i), solved(best), either=True)
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)
         return worse(solved(i), solved(best)) <= WORSE
 
@@ -230,10 +231,3 @@ def holds(solution: Solution, motion: Motion, top: Kinematics, level: Settings) 
         assert top.markers is not None
         shapes = kinematics(top.markers.body, motion, level, found.noise_root).shapes
     return 0 < len(shapes) <= len(found.shapes) and np.allclose(shapes, found.shapes[: len(shapes)])
-
-
-def allowing(solution: Solution, step: Step) -> Solution:
-    """The solution with an error that allows for what the level leaves out: its step to the best one."""
-    room = np.sqrt(1 + np.repeat([step.force_change, step.moment_change], 3) ** 2)
-    cov = solution.state.wrench_cov * np.outer(room, room)
-    return replace(solution, state=replace(solution.state, wrench_cov=cov))

@@ -14,7 +14,7 @@ from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
-from forceid.records import Array
+from forceid.records import Array, deviation
 from forceid.significance import PATIENCE, THOUSANDTH, WORSE
 
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
@@ -126,23 +126,16 @@ def at_times(channel: Channel, other: Channel, load: Array) -> Array:
     return found
 
 
-def changes(one: Solution, other: Solution) -> tuple[float, float]:
-    """How far force and moment of two solutions are apart, in standard errors of either."""
+def moves(one: Solution, other: Solution, either: bool = False) -> tuple[float, float]:
+    """How far force and moment of a solution are from those of another, in errors of that or of either."""
     a, b = one.state, other.state
-    std = np.sqrt(np.fmin(*(np.diagonal(s.wrench_cov, axis1=1, axis2=2) for s in (a, b))))
-    return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
-
-
-def moves(one: Solution, other: Solution) -> tuple[float, float]:
-    """How far force and moment of a solution are from those of another, in standard errors of that one."""
-    a, b = one.state, other.state
-    std = np.sqrt(np.diagonal(b.wrench_cov, axis1=1, axis2=2))
+    std = np.fmin(deviation(a.wrench_cov), deviation(b.wrench_cov)) if either else deviation(b.wrench_cov)
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 
 def claims_more(one: Solution, other: Solution) -> float:
     """How many times the error one solution claims of force or of moment than another: the larger ratio."""
-    own, std = (np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other))
+    own, std = (deviation(s.state.wrench_cov) for s in (one, other))
     zero = np.zeros_like(own[:, :3])
     return max(distance(own[:, part], zero, std[:, part]) for part in (slice(3), slice(3, 6)))
 
@@ -150,7 +143,7 @@ def claims_more(one: Solution, other: Solution) -> float:
 def worse(one: Solution, other: Solution) -> float:
     """Expected error of one solution over that of another: the larger of force and moment."""
     a, b = one.state, other.state
-    own, std = (np.sqrt(np.diagonal(s.wrench_cov, axis1=1, axis2=2)) for s in (a, b))
+    own, std = deviation(a.wrench_cov), deviation(b.wrench_cov)
     return max(
         expected_error(a.force, own[:, :3], b.force, std[:, :3]),
         expected_error(a.moment, own[:, 3:], b.moment, std[:, 3:]),

@@ -11,9 +11,10 @@ from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
-from forceid.estimation.verdict.tracks import longest_run, lost_frames
+from forceid.estimation.verdict.tracks import lost_frames
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.instruments import INSTRUMENTS
+from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
 
@@ -130,7 +131,8 @@ def unobserved_motions(kin: Kinematics, motion: Motion | None = None) -> list[Fi
     if marked and hidden and len(kin.shapes):
         found.append(note("unmarked-mass", count=hidden))
     lost = lost_frames(kin, motion)
-    if (span := longest_run(lost)) > BRIDGED or lost.mean() > SCATTERED:
+    span = max((length for _, length in runs(lost)), default=0)
+    if span > BRIDGED or lost.mean() > SCATTERED:
         found.append(note("frames-lost", lost=lost.sum(), frames=len(lost), longest=span))
     return found
 

@@ -55,14 +55,17 @@ class PlainRoute:
 
 
 def plain_route(body: Body, motion: Motion) -> PlainRoute:
-    """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
+    """The channels of a recording of markers, those filled in left out, or of a mean motion.
+
+    Source: principal equations 2.4.
+    """
     inertia = inertia_of(body)
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
     if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
     inside = momentum_inside(body)
-    if motion.position is not None and body.position is not None:
-        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside)
+    if (measured := motion.measured) is not None and body.position is not None:
+        return of_markers(inertia, body.position - inertia.center, motion, measured, inside)
     if motion.center is not None:
         return of_mean_motion(inertia, motion, motion.center, inside)
     return PlainRoute()

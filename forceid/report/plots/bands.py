@@ -43,7 +43,7 @@ def draw_axes(
     axes: Any, head: tuple[str, str, str], time: Array, values: Array, half: Array, true: Array,
     unknown: str = "not identifiable", plain: Array | None = None,
 ) -> None:  # fmt: skip
-    """A vector in three panels, one an axis, as `draw_estimate` draws each; head: its letter, title and unit."""
+    """A vector in three panels, one an axis, each as `draw_estimate` does; head: letter, title and unit."""
     letter, title, unit = head
     for k, axis in enumerate(AXES):
         label(axes[k], "" if k else title, f"{letter}$_{axis}$ ({unit})", "time (s)" if k == 2 else "")
