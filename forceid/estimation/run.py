@@ -188,10 +188,7 @@ def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Soluti
 def at_its_level(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
-    """The solution at the level asked for, or at the one that the ladder takes, and why that.
-
-    kin: of the motion, which is cleaned, under the settings.
-    """
+    """The solution at the level asked for or chosen, and why that; kin: of the motion, cleaned."""
     passes = engine(settings.engine)
 
     def at(level: Settings, seen: Kinematics, shown: Look | None = None) -> Solution:

@@ -136,10 +136,7 @@ def constraints_of(
 
 
 def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, int] | None:
-    """Combinations of the wrenches that no link upsets, as constraints, and how many the links do upset.
-
-    None where no frame shows every part.
-    """
+    """Combinations of wrenches that no link upsets, and how many they do upset; None without whole frames."""
     A, _, length = balances(linkage)
     known = np.asarray(np.isfinite(A).all((1, 2)))
     if not known.any():

@@ -83,10 +83,7 @@ class LiveModel:
 def tuned_on(
     frames: list[Frame], body: Body, gravity: Array, noise_std: dict[str, float], settings: Settings
 ) -> LiveModel:
-    """The model of a stretch of frames, by the estimate of that stretch.
-
-    Raises EstimationError where the stretch shows no force.
-    """
+    """The model that the estimate of a stretch leaves. EstimationError where that shows no force."""
     time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
     motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
     found, solution = estimate_whole(Recording(body, motion), settings)

@@ -104,10 +104,7 @@ def reduced(
     kept: Path | None = None,
     progress: Progress = unwatched,
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """A motion file as a recording of four markers, and what its nodes do beside them.
-
-    The file is that of the stamp `before`, and of the fingerprint.
-    """
+    """A motion file of that stamp and fingerprint as four markers, and what its nodes do beside them."""
     with opened(path, settings.gravity) as (recording, positions):
         body, inertia = recording.body, inertia_of(recording.body)
         assert body.position is not None

@@ -70,11 +70,7 @@ class Step:
 
     @property
     def name(self) -> str:
-        """As in "modal, 3 modes".
-
-        >>> Step("modal", 1, 1.0, 1.0, 0.0, False, 9.0).name
-        'modal, 1 mode'
-        """
+        """As in "modal, 3 modes"."""
         return f"modal, {self.modes} mode{'s'[: self.modes > 1]}" if self.model == "modal" else self.model
 
 

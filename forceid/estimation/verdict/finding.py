@@ -32,11 +32,7 @@ LEVELS: tuple[Level, ...] = ("ok", "degraded", "refused")
 
 
 def judge(findings: Sequence[Finding]) -> Verdict:
-    """The verdict that findings add up to: that of the worst.
-
-    >>> judge([note("one-marker")]).level
-    'degraded'
-    """
+    """The verdict that findings add up to: that of the worst."""
     worst = max((LEVELS.index(f.level) for f in findings), default=0)
     return Verdict(LEVELS[worst], tuple(findings))
 
@@ -47,10 +43,7 @@ def refusing(findings: Sequence[Finding]) -> bool:
 
 
 def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
-    """What the recording alone does not allow, before any force is computed.
-
-    motion: where it may hold sensors on the body beside what shows a pose.
-    """
+    """What the recording alone does not allow; motion: where sensors may read beside what shows a pose."""
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]
     found = [*known_beforehand(kin), *unobserved_motions(kin, motion), *judge_times(kin)]

@@ -196,10 +196,7 @@ def rigid_fits(x: Array, X: Array) -> tuple[Array, Array]:
 
 
 def interpolated_tracks(time: Array, x: Array, X: Array, rotation: Array) -> Array:
-    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them.
-
-    As far as these fix the turn; frames in which they do not stay as they are.
-    """
+    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them."""
     if np.isfinite(x).all():
         return x
     beside = np.asarray(np.isfinite(x).all(2))

@@ -52,10 +52,7 @@ def draw_axes(
 
 
 def explain(figure: Figure, band: str, known: bool, plain: bool = False) -> None:
-    """The legend below a figure of such panels.
-
-    band: how wide it is; known: whether a truth is drawn; plain: whether the plain route is.
-    """
+    """The legend below such panels: how wide the band is, whether a truth and the plain route are drawn."""
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLUE, label="estimate"),
         Patch(color=BLUE, alpha=0.22, lw=0, label=band),

@@ -119,12 +119,7 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
 
 
 def moment_point(estimate: Estimate) -> str:
-    """The point of the moment in words.
-
-    >>> from types import SimpleNamespace
-    >>> moment_point(SimpleNamespace(moment_about="mass_center"))
-    'the mass center'
-    """
+    """The point of the moment in words."""
     return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
 
 
