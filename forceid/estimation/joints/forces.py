@@ -66,10 +66,10 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
             linkage, parts, joints, estimates, [solution for _, solution in solved], settings
         )
     if smoothed is not None:
-        to_joints = -split(linkage)
-        g = np.einsum("tij,tj->ti", to_joints, smoothed.wrench.reshape(len(g), -1)).reshape(g.shape)
-        C = to_joints @ smoothed.cov @ to_joints.swapaxes(1, 2)
-        findings += smoothed.findings
+        to_joints, (together, together_cov, moving) = -split(linkage), smoothed
+        g = np.einsum("tij,tj->ti", to_joints, together.reshape(len(g), -1)).reshape(g.shape)
+        C = to_joints @ together_cov @ to_joints.swapaxes(1, 2)
+        findings += moving
     count = len(joints)
     null = found.null_space.reshape(len(linkage.links), 6, -1)
     determined = found.determined[:count]

@@ -5,7 +5,7 @@ Source: principal equations 2.8, 4f, 4h.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,17 +35,6 @@ from forceid.significance import SIGMAS
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 
 
-@dataclass(frozen=True)
-class Together:
-    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all parts, and
-    what was found of the joints on the way.
-    """
-
-    wrench: Array
-    cov: Array
-    findings: list[Finding]
-
-
 def smooth_linked_parts(
     linkage: Linkage,
     parts: tuple[Part, ...],
@@ -53,8 +42,10 @@ def smooth_linked_parts(
     estimates: list[Estimate],
     solutions: list[Solution | None],
     settings: Settings,
-) -> Together | None:
-    """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
+) -> tuple[Array, Array, list[Finding]] | None:
+    """Wrenches (time, part, 6) about the center of all and covariance (time, part * 6, part * 6) of the parts
+    smoothed together, and findings; None where one was not smoothed by itself, or where they contradict.
+    """
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
@@ -87,7 +78,7 @@ def smooth_linked_parts(
     claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
     if np.nanmean(moved**2 / claimed) > SIGMAS**2:
         return None  # parts that contradict each other are for the test of consistency
-    return Together(transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings)
+    return transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings
 
 
 def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:

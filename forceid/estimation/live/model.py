@@ -14,14 +14,13 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman import StateSpace, steady
 from forceid.kalman.building.process import discretize
 from forceid.motion import Products
 from forceid.records import Array, Body, Finding, Flags, Frame, Motion, Recording
-from forceid.rounding import SINGLE
 
 INSIDE = 8  # parts of a stretch, of which the first and the last are left out of a mean: claims rise there
 SLOW = {"slow-errors-allowed", "noise-hidden"}  # findings whose allowance holds for frames to come as well
-DOUBLINGS = 30  # of the steps of a filter until it rests, at most: a billion
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,27 +150,7 @@ def swings_of(solution: Solution, step: float) -> Swings | None:
     rows = kin.frames.rows[np.argmax((kin.frames.rows**2).sum((1, 2)))]
     read = np.zeros((len(rows), m * each))
     read[:, ::each] = rows
-    P = settled_covariance(F, Q, read.T @ read)
-    PH = P @ read.T
-    after = P - PH @ np.linalg.solve(read @ PH + np.eye(len(read)), PH.T)
+    one, start = np.eye(len(rows)), block_diag(*prior.process.P0)
+    rest = steady(StateSpace(F, Q, read, one, np.zeros(m * each), start))
     often = np.clip(2 * np.pi / (prior.frequency * step), 1.0, len(kin.time))
-    return Swings(kin.shapes, each, F, P, often * np.diagonal(after)[::each])
-
-
-def settled_covariance(F: Array, Q: Array, information: Array) -> Array:
-    """Covariance (state, state) before a frame at which a filter comes to rest, by doubling its steps.
-
-    information (state, state): what a frame tells. Source: Anderson and Moore (1979) 6.7.
-
-    >>> settled_covariance(np.eye(1), np.eye(1), np.eye(1)).round(6).tolist()
-    [[1.618034]]
-    """
-    one, A, G, P = np.eye(len(F)), F.T, information, Q
-    for _ in range(DOUBLINGS):
-        through = np.linalg.solve(one + G @ P, A)
-        P_next = P + A.T @ P @ through
-        G = G + A @ np.linalg.solve(one + G @ P, G) @ A.T
-        A, before, P = A @ through, P, 0.5 * (P_next + P_next.T)
-        if np.abs(P - before).max() <= SINGLE * np.abs(P).max():
-            break
-    return P
+    return Swings(kin.shapes, each, F, rest.predicted, often * np.diagonal(rest.filtered)[::each])

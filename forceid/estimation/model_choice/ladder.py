@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -34,6 +33,7 @@ from forceid.estimation.model_choice.levels import (
     LevelCandidate,
     Step,
     brings_modes,
+    chance,
     explaining,
     levels,
     weigh,
@@ -50,10 +50,9 @@ from forceid.estimation.model_choice.load_seen import (
 )
 from forceid.estimation.model_choice.words import LevelChoice, sentence_of, without_choice
 from forceid.estimation.verdict.finding import FEW
-from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
-from forceid.significance import CHANCE, WORSE
+from forceid.significance import WORSE
 from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
@@ -120,10 +119,7 @@ def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:
     """Whether the amplitudes of a level are no larger than noise."""
     q = beyond.y @ principal_axes(beyond.y, beyond.of(level.shapes))
     dof = q.shape[1] * beyond.frames
-    limit = float(chdtri(dof, CHANCE) / dof)
-    return float(np.nansum(q**2) / beyond.var / dof) < (
-        limit if all(kin.stated.values()) else max(limit, NIS_BAND[1])
-    )
+    return float(np.nansum(q**2) / beyond.var / dof) < chance(dof, all(kin.stated.values()))
 
 
 def free_shapes(body: Body, kin: Kinematics) -> bool:

@@ -6,6 +6,7 @@ A look without the flight: a smoother is linear in the poses, so that the prior 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ def load_seen(channel: Channel, engine: Engine) -> Seen:
     return Seen(channel, prior, path.x[:, own] @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     """Force and moment that a level shows; no force where the levels compared share their mass centers."""
 
     force: Seen | None
@@ -54,12 +54,7 @@ class View:
     @property
     def priors(self) -> tuple[tuple[Channel, LoadPrior], ...]:
         """The channels that were looked at, each with its prior."""
-        return tuple((seen.channel, seen.prior) for seen in self.each if seen is not None)
-
-    @property
-    def each(self) -> tuple[Seen | None, Seen]:
-        """Force, then moment."""
-        return self.force, self.moment
+        return tuple((seen.channel, seen.prior) for seen in self if seen is not None)
 
 
 def view(own: LoadChannels, below: LoadChannels, engine: Engine) -> View:
@@ -84,11 +79,11 @@ def looked(channels: LoadChannels, top: View, engine: Engine) -> tuple[float, fl
     may claim less error.
     """
     found, fits = [0.0, 0.0], [True, True]
-    for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+    for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
         if load is not None:
             found[k], fits[k] = under(load, channel, engine)
     if max(found) <= NEAR:
-        for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+        for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
             if load is not None and not fits[k]:
                 own = load_seen(channel, engine)
                 std = np.fmin(at_times(channel, load.channel, own.std), load.std)
@@ -111,7 +106,7 @@ def from_view(solution: Solution, top: View, time: Array) -> float:
     var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
     loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
     found = [0.0]
-    for (load, own), shown in zip(loads, top.each, strict=True):
+    for (load, own), shown in zip(loads, top, strict=True):
         if shown is not None:
             kept = np.isin(time, shown.channel.time)
             found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))

@@ -9,6 +9,7 @@ angular momentum that of the fit. Gaps of a marker are bridged by straight lines
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -46,8 +47,7 @@ class PlainChannel:
     corner: Array = field(default_factory=lambda: np.zeros(3))
 
 
-@dataclass(frozen=True)
-class PlainRoute:
+class PlainRoute(NamedTuple):
     """Channels of force N s2 and of moment N m s2, None where the recording does not show them plainly."""
 
     force: PlainChannel | None = None

@@ -49,7 +49,8 @@ def write_group(node: Any, group: Group, ids: count[int]) -> None:
         data = item.data.astype(object) if words else item.data
         made[name] = node.create_dataset(name, data=data, track_order=True, **words)
     for dim, n in sizes.items():  # where a dimension has no variable, nothing but its size stands for it
-        scales[dim] = scale = made.get(dim) or node.create_dataset(dim, (n,), ">f4", track_order=True)
+        scales[dim] = made.get(dim) or node.create_dataset(dim, (n,), ">f4", track_order=True)
+    for dim, scale in scales.items():
         scale.make_scale(dim if dim in made else NO_VARIABLE.format(sizes[dim]))
         scale.attrs["_Netcdf4Dimid"] = np.int32(number[dim])
     for name, item in group.variables.items():
