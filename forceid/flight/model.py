@@ -24,6 +24,7 @@ from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
 from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
@@ -206,10 +207,7 @@ def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) 
 
 def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
     """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
-    n, m = len(a.x0), len(b.x0)
-    F, Q = (np.zeros((len(a.F), n + m, n + m)) for _ in range(2))
-    for wide, left, right in ((F, a.F, b.F), (Q, a.Q, b.Q)):
-        wide[:, :n, :n], wide[:, n:, n:] = left, right
+    F, Q = block_diagonal(a.F, b.F), block_diagonal(a.Q, b.Q)
     u = np.concatenate([np.broadcast_to(s.u, (len(F), len(s.x0))) for s in (a, b)], 1)  # type: ignore[arg-type]
     H, P0 = block_diag(a.H, b.H), block_diag(a.P0, b.P0)
     return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)
