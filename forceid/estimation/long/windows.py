@@ -21,7 +21,7 @@ from forceid.config import Settings, to_toml
 from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge
-from forceid.estimation.verdict.innovations import chance_limit, largest_innovation
+from forceid.estimation.verdict.innovations import wild_innovation
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
@@ -99,7 +99,10 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     if loads := next((p.loads for p in pieces if p.loads is not None), None):
         pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
     whole: Estimate = chained(pieces)
-    if not is_wild(whole):  # what chance does in one of a hundred, a long record has many of
+    seen = np.isfinite(whole.innovation).any()
+    if (
+        not seen or wild_innovation(whole.time, whole.innovation, whole.nis) is None
+    ):  # what chance does in one of a hundred, a long record has many of
         said = [[f for f in p.verdict.findings if f.code != "innovation-wild"] for p in pieces]
         pieces = [replace(p, verdict=judge(kept)) for p, kept in zip(pieces, said, strict=True)]
     return replace(
@@ -150,14 +153,6 @@ def cut_off(witness: Witness, frames: int) -> Witness:
     gone = {f.name: np.full(3, np.nan) for f in fields(witness)}
     series = {name: np.full((frames, 3), np.nan) for name in ("force", "moment", "force_std", "moment_std")}
     return replace(witness, **(gone | series))
-
-
-def is_wild(whole: Estimate) -> bool:
-    """Whether the largest innovation is more than chance in so long a record."""
-    if not np.isfinite(whole.innovation).any():
-        return False
-    size, _ = largest_innovation(whole.time, whole.innovation)
-    return bool(size > chance_limit(whole.innovation) * max(np.sqrt(np.nanmean(whole.nis)), 1.0))
 
 
 def chained(records: Sequence[Any]) -> Any:
