@@ -49,27 +49,14 @@ class Numbers:
 
 def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
     """What to quote of `estimate`; errors are NaN without `truth`."""
-    e, truth = estimate, truth or {}
-    force_error, moment_error = (getattr(e, name) - truth_at(e, truth, name) for name in ("force", "moment"))
-    (force_gap, force_limit), (moment_gap, moment_limit) = force_closure(e), moment_closure(e)
-    return Numbers(
-        samples=len(e.time),
-        duration_s=float(e.time[-1] - e.time[0]),
-        force_mean=mean(e.force),
-        force_rms=rms(e.force),
-        force_std=mean(e.force_std),
-        force_error=rms(force_error),
-        force_score=rms(force_error / positive_or_nan(e.force_std)),
-        force_closure=force_gap,
-        force_closure_limit=force_limit,
-        moment_mean=mean(e.moment),
-        moment_rms=rms(e.moment),
-        moment_std=mean(e.moment_std),
-        moment_error=rms(moment_error),
-        moment_score=rms(moment_error / positive_or_nan(e.moment_std)),
-        moment_closure=moment_gap,
-        moment_closure_limit=moment_limit,
-    )
+    e, found = estimate, dict[str, Any]()
+    for name, (gap, limit) in (("force", force_closure(e)), ("moment", moment_closure(e))):
+        load, std = getattr(e, name), getattr(e, f"{name}_std")
+        error = load - truth_at(e, truth or {}, name)
+        found |= {f"{name}_mean": mean(load), f"{name}_rms": rms(load), f"{name}_std": mean(std)}
+        found |= {f"{name}_error": rms(error), f"{name}_score": rms(error / positive_or_nan(std))}
+        found |= {f"{name}_closure": gap, f"{name}_closure_limit": limit}
+    return Numbers(samples=len(e.time), duration_s=float(e.time[-1] - e.time[0]), **found)
 
 
 def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
