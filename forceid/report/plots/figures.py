@@ -36,9 +36,10 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
     plain = {} if witness is None else {"force": witness.force, "moment": witness.moment}
     if estimate.moment_about != "mass_center":
         plain.pop("moment", None)
+    about = "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
     sides = (
         ("force", "Force", "N", estimate.force, estimate.force_std),
-        ("moment", f"Moment about {moment_point(estimate)}", "N m", estimate.moment, estimate.moment_std),
+        ("moment", f"Moment about {about}", "N m", estimate.moment, estimate.moment_std),
     )
     known = False
     for column, (name, title, unit, values, std) in enumerate(sides):
@@ -116,11 +117,6 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
         draw_estimate(ax, estimate.time, loads.load[:, k], 2 * std[:, k])
     figure.align_ylabels()
     return figure
-
-
-def moment_point(estimate: Estimate) -> str:
-    """The point of the moment in words."""
-    return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
 
 
 @rc_context(STYLE)
