@@ -16,7 +16,7 @@ from forceid.errors import ConfigError
 
 ESTIMATORS = ("compiled", "kalman", "flight", "motion", "principal", "estimation", "scenes")
 PACKAGE, EVIDENCE = Path(forceid.__file__).parent, Path(__file__).parent
-SOURCES = (".py", ".cpp", ".hpp")
+SOURCES = (".py", ".cpp", ".hpp", ".toml")
 IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 

@@ -23,6 +23,22 @@ def deviation(cov: Array) -> Array:
     return np.asarray(np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1)))
 
 
+class Claims:
+    """A record with a covariance wrench_cov (..., 6, 6) of force, then moment."""
+
+    wrench_cov: Array
+
+    @property
+    def force_std(self) -> Array:
+        """Standard deviation of the force (..., 3) N."""
+        return deviation(self.wrench_cov)[..., :3]
+
+    @property
+    def moment_std(self) -> Array:
+        """Standard deviation of the moment (..., 3) N m."""
+        return deviation(self.wrench_cov)[..., 3:]
+
+
 @dataclass(frozen=True)
 class Variable:
     """What a variable of the contract is: dimensions in order, SI units, meaning."""
@@ -216,7 +232,7 @@ class ModalForces:
 
 
 @dataclass(frozen=True)
-class Interface:
+class Interface(Claims):
     """What passes through the joints of a body in parts, as the first part named does to the second.
 
     name (joint,), parts: the pair of each; force (time, joint, 3) N and moment (time, joint, 3) N m about
@@ -245,16 +261,6 @@ class Interface:
         """Mean misfit per degree of freedom: one or less where the balances agree; NaN without any."""
         seen = np.isfinite(self.chi_square)
         return float(self.chi_square[seen].mean() / self.dof) if self.dof and seen.any() else float("nan")
-
-    @property
-    def force_std(self) -> Array:
-        """Standard deviation of the forces (time, joint, 3) N."""
-        return deviation(self.wrench_cov)[..., :3]
-
-    @property
-    def moment_std(self) -> Array:
-        """Standard deviation of the moments (time, joint, 3) N m."""
-        return deviation(self.wrench_cov)[..., 3:]
 
 
 @dataclass(frozen=True)
@@ -365,7 +371,7 @@ class Witness:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Claims):
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
     time (time,) s; force (time, 3) N and moment (time, 3) N m, world axes, about `moment_about`;
@@ -439,16 +445,6 @@ class Estimate:
     ladder: dict[str, float] = field(default_factory=dict)
     hidden: HiddenLoad | None = None
     impulses: Impulses | None = None
-
-    @property
-    def force_std(self) -> Array:
-        """Standard deviation of the force (time, 3) N."""
-        return deviation(self.wrench_cov)[..., :3]
-
-    @property
-    def moment_std(self) -> Array:
-        """Standard deviation of the moment (time, 3) N m."""
-        return deviation(self.wrench_cov)[..., 3:]
 
 
 class Frame(NamedTuple):

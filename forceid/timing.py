@@ -73,10 +73,6 @@ def stage(name: Stage) -> Iterator[None]:
 
 
 def in_order(*spent: Mapping[str, float]) -> dict[str, float]:
-    """Seconds by stage, summed over records, in the order in which the stages are met.
-
-    >>> in_order({"writing": 0.5}, {"reading": 1.0, "writing": 0.25})
-    {'reading': 1.0, 'writing': 0.75}
-    """
+    """Seconds by stage, summed over records, in the order in which the stages are met."""
     known = {name for record in spent for name in record}
     return {name: sum(record.get(name, 0.0) for record in spent) for name in STAGES if name in known}

@@ -5,41 +5,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from typing import get_args
 
 
-def methods(incomplete: str) -> list[str]:
-    """Estimators by name.
+def words_of(module: str, name: str, *more: str) -> Callable[[str], list[str]]:
+    """What to complete with the words of a Literal, or with the keys of a table, of a module, and with more.
 
-    >>> methods("s")
-    ['savgol', 'spline', 'smoother']
+    >>> words_of("forceid.config", "Method")("s"), words_of("forceid.kalman.engines", "MODULES", "auto")("a")
+    (['savgol', 'spline', 'smoother'], ['auto'])
     """
-    from forceid.config import Method
 
-    return fitting(get_args(Method), incomplete)
+    def completed(incomplete: str) -> list[str]:
+        known = getattr(import_module(module), name)
+        return fitting([*more, *(get_args(known) or known)], incomplete)
 
-
-def models(incomplete: str) -> list[str]:
-    """Models of deformation by name.
-
-    >>> models("")
-    ['rigid', 'affine', 'modal', 'auto']
-    """
-    from forceid.config import Model
-
-    return fitting(get_args(Model), incomplete)
-
-
-def engines(incomplete: str) -> list[str]:
-    """Engines of the Kalman passes by name.
-
-    >>> engines("n")
-    ['numpy']
-    """
-    from forceid.kalman.engines import MODULES
-
-    return fitting(["auto", *MODULES], incomplete)
+    return completed
 
 
 def fitting(names: Iterable[str], incomplete: str) -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from forceid.cli.completion import engines, methods, models
+from forceid.cli.completion import words_of
 from forceid.cli.output import describe, summary, to_json
 from forceid.errors import ConfigError, DataError
 
@@ -27,7 +27,7 @@ MethodOption = Annotated[
     typer.Option(
         metavar="M",
         help="difference, savgol, spline, filter or smoother (the default).",
-        autocompletion=methods,
+        autocompletion=words_of("forceid.config", "Method"),
     ),
 ]
 ModelOption = Annotated[
@@ -35,7 +35,7 @@ ModelOption = Annotated[
     typer.Option(
         metavar="L",
         help="rigid, affine, modal or auto: the smallest enough (default).",
-        autocompletion=models,
+        autocompletion=words_of("forceid.config", "Model"),
     ),
 ]
 EngineOption = Annotated[
@@ -43,7 +43,7 @@ EngineOption = Annotated[
     typer.Option(
         metavar="E",
         help="compiled, numpy, filterpy (slow) or auto (the fastest here).",
-        autocompletion=engines,
+        autocompletion=words_of("forceid.kalman.engines", "MODULES", "auto"),
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

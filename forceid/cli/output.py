@@ -116,11 +116,7 @@ def band_line(band: Array) -> str:
 
 
 def worse_verdict(record: Mapping[str, Any]) -> str:
-    """The verdict of an estimate or of its joints, whichever is worse.
-
-    >>> worse_verdict({"verdict": "ok", "interface": {"verdict": "refused"}})
-    'refused'
-    """
+    """The verdict of an estimate or of its joints, whichever is worse."""
     found: list[str] = [record["verdict"], record.get("interface", {}).get("verdict", "ok")]
     return max(found, key=("ok", "degraded", "refused").index)
 

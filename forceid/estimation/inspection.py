@@ -219,10 +219,7 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
 
 
 def rough_sensitivity(body: Body, motion: Motion, settings: Settings) -> Budget | None:
-    """Sensitivity from the quickest estimate there is, without a prior; about the mass center.
-
-    None where the record is too short for any.
-    """
+    """Sensitivity by the quickest estimate, about the mass center; None where the record is too short."""
     quick = settings.model_copy(update={"method": "savgol"})
     try:
         found = estimate_classic(body, motion, quick, engine(settings.engine))

@@ -62,11 +62,11 @@ from forceid.estimation.verdict.shape import (
 from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.verdict.uncertain_body import with_uncertain_body
 from forceid.estimation.witness.stand_in import stand_in
-from forceid.estimation.witness.witness import as_measured, judge_witness, witness_of, yielding
+from forceid.estimation.witness.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
 from forceid.motion import fit_rotation
 from forceid.principal import objectivity
-from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
+from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, deviation
 from forceid.rounding import SOLVED
 from forceid.threads import threads_for
 from forceid.timing import in_order, recorded, stage
@@ -151,7 +151,7 @@ def estimate_beside(
         try:
             solution, choice = at_its_level(seen, body, motion, settings)
         except EstimationError as e:
-            plain = stand_in(body, as_measured(motion), kin, e)
+            plain = stand_in(body, motion, kin, e)
             if plain is None:
                 raise
             solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
@@ -187,10 +187,7 @@ def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Soluti
 def at_its_level(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
-    """The solution at the level asked for, or at the one that the ladder takes, and why that.
-
-    kin: of the motion, which is cleaned, under the settings.
-    """
+    """The solution at the level asked for or chosen, and why that; kin: of the motion, cleaned."""
     passes = engine(settings.engine)
 
     def at(level: Settings, seen: Kinematics, shown: Look | None = None) -> Solution:
@@ -281,7 +278,7 @@ def assemble(
     costs = body_sensitivity(
         kin, solution.deformation, of_all.state, recording.body.node, motion.gravity, arm
     )
-    force_std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2)[:, :3])
+    force_std = deviation(state.wrench_cov)[:, :3]
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     findings = [
         *findings,

@@ -20,6 +20,7 @@ from forceid.files.schema import (
     LOAD,
     MODAL,
     NUMBERS,
+    PARTS,
     TRUTH,
     WITNESS,
     WITNESS_ATTRS,
@@ -68,9 +69,10 @@ def read_result(path: str | Path) -> Estimate:
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
         group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL | IMPULSE, f"{path}:")
         values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
-        hidden, _ = read_variables(group, HIDDEN, dict(_SIZES), where)
-        modal, _ = read_variables(group, MODAL, dict(_SIZES), where)
-        pieces, _ = read_variables(group, IMPULSE, dict(_SIZES), where)
+        parts: dict[str, Any] = {}
+        for (part, table), record in zip(PARTS.items(), (HiddenLoad, ModalForces, Impulses), strict=True):
+            found, _ = read_variables(group, table, dict(_SIZES), where)
+            parts[part] = record(*found.values()) if len(found) == len(table) else None
         for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
@@ -101,16 +103,10 @@ def read_result(path: str | Path) -> Estimate:
             interface=read_interface(f, n, path) if "interface" in f else None,
             witness=read_witness(f, n, path) if "witness" in f else None,
             model_choice=text(group.attrs.get("model_choice", "")),
-            hidden=HiddenLoad(hidden["frequency"], hidden["hidden_load"], hidden["band"])
-            if len(hidden) == len(HIDDEN)
-            else None,
-            modal=ModalForces(*(modal[name] for name in ("modal_shape", "modal_force", "modal_force_cov")))
-            if len(modal) == len(MODAL)
-            else None,
-            impulses=Impulses(*(pieces[name] for name in IMPULSE)) if len(pieces) == len(IMPULSE) else None,
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
             **numbers,
+            **parts,
         )
 
 

@@ -61,13 +61,7 @@ def check_clock(time: Array, where: str) -> None:
 
 def check_body(body: Body, where: str) -> None:
     """Finite body data, mass that is positive, symmetric matrices."""
-    for name, value in vars(body).items():
-        if name not in ("node", "material") and value is not None and not np.isfinite(value).all():
-            raise DataError(
-                f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none",
-                f"{where}/{name}",
-                "body data has no gaps: give every value",
-            )
+    check_finite(body, ("node", "material"), where, "body data has no gaps: give every value")
     if repeated := [name for name, count in Counter(body.node).items() if count > 1]:
         raise DataError(
             f"names {repeated[0]!r} more than once", f"{where}/node", "give every node its own name"
@@ -75,8 +69,9 @@ def check_body(body: Body, where: str) -> None:
     if body.mass is not None:
         if (body.mass < 0).any():
             k = int(np.argmin(body.mass))
+            node = repr(body.node[k]) if body.node else k
             raise DataError(
-                f"is {body.mass[k]:g} kg at node {node_name(body, k)}, expected zero or more",
+                f"is {body.mass[k]:g} kg at node {node}, expected zero or more",
                 f"{where}/mass",
                 "correct it; a marker that carries no mass has 0",
             )
@@ -106,6 +101,14 @@ def check_body(body: Body, where: str) -> None:
             f"{where}/mode_frequency",
             "correct the frequency",
         )
+
+
+def check_finite(record: Body | KnownLoads, words: tuple[str, ...], where: str, next_step: str) -> None:
+    """No number of a record, but for its words, is a gap."""
+    for name, value in vars(record).items():
+        if name not in words and value is not None and not np.isfinite(value).all():
+            what = f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none"
+            raise DataError(what, f"{where}/{name}", next_step)
 
 
 def check_mass_known(body: Body, where: str) -> None:
@@ -185,13 +188,7 @@ def check_known_loads(known: KnownLoads, time: Array, where: str) -> None:
             f"{where}/time",
             "cut the motion to where the loads are known: what is not known of a load is not zero",
         )
-    for name, value in vars(known).items():
-        if name != "name" and value is not None and not np.isfinite(value).all():
-            raise DataError(
-                f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none",
-                f"{where}/{name}",
-                "fill the gaps, or leave that load out and let it be found",
-            )
+    check_finite(known, ("name",), where, "fill the gaps, or leave that load out and let it be found")
     if (cov := known.wrench_cov) is not None:
         low, size = np.linalg.eigvalsh(0.5 * (cov + cov.mT))[..., 0], np.abs(cov).max((-1, -2))
         if (low < -_SYMMETRY * size).any() or (np.abs(cov - cov.mT).max((-1, -2)) > _SYMMETRY * size).any():
@@ -254,11 +251,6 @@ def check_symmetric(matrix: Array, where: str) -> None:
             where,
             "give the symmetric matrix",
         )
-
-
-def node_name(body: Body, k: int) -> str:
-    """The name of node k, or its number when the nodes have no names."""
-    return repr(body.node[k]) if body.node else str(k)
 
 
 def _check_positive(mass: float, where: str, what: str) -> None:

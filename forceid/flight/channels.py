@@ -186,11 +186,7 @@ def runs_of(time: Array, z: Array, noise_var: Array) -> list[tuple[Array, Array,
 
 
 def middle(samples: int, most: int = CHANNEL_SAMPLES) -> slice:
-    """The middle of a record, of at most so many samples.
-
-    >>> middle(10, most=4), middle(3, most=4)
-    (slice(3, 7, None), slice(0, 3, None))
-    """
+    """The middle of a record, of at most so many samples."""
     first = max((samples - most) // 2, 0)
     return slice(first, min(first + most, samples))
 

@@ -24,6 +24,7 @@ from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
 from forceid.motion import SHOWN_TURN, SUBSTEP, log
 from forceid.principal import cross_matrix as skew
@@ -152,13 +153,6 @@ def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Re
     return ReferenceTrajectory(step, R, H, T, dT, inertia, h, n)
 
 
-def moment_increments(reference: Reference, F: Array) -> tuple[Array, Array]:
-    """What a moment adds over each step to its integrals Y and H (time - 1, 3), world axes, by F."""
-    load = reference.chain[:-1, LOAD, None]
-    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
-    return Y, H
-
-
 def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> ReferenceTrajectory:
     """The flight about its reference, under a moment b + 2 c s in each step, of H = b s + c s^2 with Y and H.
 
@@ -175,7 +169,8 @@ def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> St
     """Linear model of the rotation error and the angular momentum about a reference."""
     step = np.diff(flight.time)
     F, Q, P0 = map(np.array, prior.chain(step, reference.rotation, flight.time[0]))
-    Y, H = moment_increments(reference, F)
+    load = reference.chain[:-1, LOAD, None]  # what it adds over each step to its integrals, world axes
+    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
     R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
     # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
     # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
@@ -212,10 +207,7 @@ def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) 
 
 def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
     """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
-    n, m = len(a.x0), len(b.x0)
-    F, Q = (np.zeros((len(a.F), n + m, n + m)) for _ in range(2))
-    for wide, left, right in ((F, a.F, b.F), (Q, a.Q, b.Q)):
-        wide[:, :n, :n], wide[:, n:, n:] = left, right
+    F, Q = block_diagonal(a.F, b.F), block_diagonal(a.Q, b.Q)
     u = np.concatenate([np.broadcast_to(s.u, (len(F), len(s.x0))) for s in (a, b)], 1)  # type: ignore[arg-type]
     H, P0 = block_diag(a.H, b.H), block_diag(a.P0, b.P0)
     return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)

@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.flight.vibration import ModeState, Vibration
 from forceid.kalman.building.clock import discretize_steps
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times
 from forceid.motion import Frames, Products
 from forceid.records import Array
@@ -101,9 +102,8 @@ def bent(
     n, k, T = len(model.x0), len(P_q), len(time)
     theta, own = slice(first, first + 3), slice(n, n + k)
     at_start, at_end = mode_impulses(modes, step, rotation, H, model.F[:, theta, theta])
-    F, Q = (np.zeros((T - 1, n + k, n + k)) for _ in range(2))
-    F[:, :n, :n], F[:, own, own], F[:, theta, own] = model.F, F_q, at_start + at_end @ F_q
-    Q[:, :n, :n], Q[:, own, own], Q[:, theta, own] = model.Q, Q_q, at_end @ Q_q
+    F, Q = block_diagonal(model.F, F_q), block_diagonal(model.Q, Q_q)
+    F[:, theta, own], Q[:, theta, own] = at_start + at_end @ F_q, at_end @ Q_q
     Q[:, own, theta] = Q[:, theta, own].swapaxes(1, 2)
     Q[:, theta, theta] += Q[:, theta, own] @ at_end.swapaxes(1, 2)
     u = np.zeros((T - 1, n + k))
@@ -111,11 +111,10 @@ def bent(
     u[:, theta] -= np.einsum("tij,tj->ti", F[:, theta, own], modes.path[:-1])
     each = modes.prior.states
     m = k // each
-    rows, R = np.zeros((T, 6 + m, n + k)), np.zeros((T, 6 + m, 6 + m))
+    rows = np.zeros((T, 6 + m, n + k))
     rows[:, :6, :n] = model.H
     rows[:, :6, n::each], rows[:, 6:, n::each] = modes.frames.leak, modes.frames.rows
-    R[:, :6, :6] = np.where(np.isfinite(modes.frames.cov), modes.frames.cov, np.eye(6))
-    R[:, 6:, 6:] = np.eye(m)
+    R = block_diagonal(np.where(np.isfinite(modes.frames.cov), modes.frames.cov, np.eye(6)), np.eye(m))
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), block_diag(model.P0, P_q), u)
 
 
@@ -150,15 +149,11 @@ def with_strain_channels(model: StateSpace, gauges: StrainGauges, first: int, st
     first: state of the first amplitude; states: of each mode.
     """
     (k, m), n, c = gauges.rows.shape, len(model.x0), model.R.shape[-1]
-    R, H = np.zeros((len(model.R), c + k, c + k)), np.zeros((len(model.H), c + k, n + k))
-    R[:, :c, :c], R[:, c:, c:] = model.R, gauges.noise_cov
-    H[:, :c, :n], H[:, c:, first : first + states * m : states], H[:, c:, n:] = (
-        model.H,
-        gauges.rows,
-        np.eye(k),
-    )
-    F, Q = (np.pad(a, ((0, 0), (0, k), (0, k))) for a in (model.F, model.Q))
-    F[:, n:, n:] = np.eye(k)
+    H = np.zeros((len(model.H), c + k, n + k))
+    H[:, :c, :n], H[:, c:, n:] = model.H, np.eye(k)
+    H[:, c:, first : first + states * m : states] = gauges.rows
+    F, Q = block_diagonal(model.F, np.eye(k)), block_diagonal(model.Q, np.zeros((k, k)))
+    R = block_diagonal(model.R, gauges.noise_cov)
     u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k)))
     return StateSpace(
         F, Q, H, R, np.pad(model.x0, (0, k)), block_diag(model.P0, np.diag(gauges.bias_std**2)), u

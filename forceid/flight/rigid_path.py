@@ -118,29 +118,12 @@ def pushed_by(classes: StepClasses, x: Array) -> list[Array]:
     return [np.einsum("ts,tsa->ta", x, columns[which]) for columns in classes.pushed]
 
 
-def linearized_about(classes: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
-    """The whole flight about a reference, where `rows` are those of theta."""
-    k = classes
-    return TurningModel(k.F, k.Q, k.u, k.which, *rows, k.theta, k.H, pose_cov, k.x0, k.P0, k.read)
-
-
 def rotation_alone(classes: StepClasses, rows: tuple[Array, Array, Array], pose_cov: Array) -> TurningModel:
     """The rotation by itself, as if its errors had nothing to do with those of the mass center."""
     k, s = classes, slice(classes.theta, None)
     R = np.ascontiguousarray(pose_cov[:, 3:, 3:])
-    return TurningModel(
-        k.F[:, s, s],
-        k.Q[:, s, s],
-        k.u[:, s],
-        k.which,
-        *rows,
-        0,
-        k.H[3:, s],
-        R,
-        k.x0[s],
-        k.P0[s, s],
-        k.read[:, s],
-    )
+    still = k.H[3:, s], R, k.x0[s], k.P0[s, s], k.read[:, s]
+    return TurningModel(k.F[:, s, s], k.Q[:, s, s], k.u[:, s], k.which, *rows, 0, *still)
 
 
 def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
@@ -174,15 +157,21 @@ def settled_in_batches(
     guess = np.zeros((len(R), len(classes.x0)))  # where a lane may begin; from theta on the reference
     guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
     guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
+    moment_block = classes.F[:, t:, t:], classes.Q[:, t:, t:]
     for alone in (True, *[False] * ITERATIONS):
         chain = guess[:, t:].copy()
         parts = trajectory_of(R, guess @ classes.loads[2], *pushed_by(classes, guess)).parts
-        rows = compiled.rotation_rows(*parts, *moment_block(classes), classes.which, moment.axes, chain)
+        rows: tuple[Array, Array, Array] = compiled.rotation_rows(
+            *parts, *moment_block, classes.which, moment.axes, chain
+        )
         theta = between(flight.rotation, R)
         if alone:
             path = smooth_turning(rotation_alone(classes, rows, flight.pose_cov), theta, chain, Mode.STATES)
         else:
-            model, z = linearized_about(classes, rows, flight.pose_cov), np.concatenate([center, theta], 1)
+            k, z = classes, np.concatenate([center, theta], 1)
+            model = TurningModel(
+                k.F, k.Q, k.u, k.which, *rows, t, k.H, flight.pose_cov, k.x0, k.P0, k.read
+            )  # the whole flight about the reference
             path = smooth_turning(model, z, guess, Mode.SMOOTHED)
         if path is None:
             return None
@@ -201,9 +190,3 @@ def settled_in_batches(
                 return path, R, whole
         R, guess[:, t + 3 :] = turned(x[:, :3], R), x[:, 3:]
     return None
-
-
-def moment_block(classes: StepClasses) -> tuple[Array, Array]:
-    """F, Q (kind, state, state) of the moment's chain."""
-    s = slice(classes.theta, None)
-    return classes.F[:, s, s], classes.Q[:, s, s]

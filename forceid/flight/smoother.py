@@ -99,19 +99,17 @@ def smooth_flight(
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
     model, z, about, _ = settled(flight, force, moment, engine, first)
     path = engine.smooth(model, z)
-    n = force.states
-    return read_state(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)
+    return read_state(flight, about, path.filtered if causal else path, path.filtered, force, moment)
 
 
 def smoothed_once_more(
     flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, about: Reference
 ) -> FlightState:
     """A flight smoothed about where its path about a reference leads: the same where that is at rest."""
-    n = force.states
     model, z = linear_flight(flight, force, moment, about)
     further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
     path = engine.smooth(*linear_flight(flight, force, moment, further))
-    return read_state(flight, further, path, path.filtered, n, force, moment)
+    return read_state(flight, further, path, path.filtered, force, moment)
 
 
 def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
@@ -292,12 +290,11 @@ def read_state(
     reference: Reference,
     path: Smoothed | Filtered,
     f: Filtered,
-    n: int,
     force: LoadPrior,
     moment: LoadPrior,
 ) -> FlightState:
-    """The physical quantities in the state of a path; its moment part starts at state n."""
-    flight = flexed(flight, reference)
+    """The physical quantities in the state of a path; its moment part stands behind that of the force."""
+    flight, n = flexed(flight, reference), force.states
     x, rot = path.x, turned(path.x[:, n : n + 3], reference.rotation)
     axes = force.axes
     P, F, _ = force.read(x[:, :n])

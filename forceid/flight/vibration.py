@@ -5,7 +5,6 @@ How smooth that load is, its order, the record tells as well, for all modes toge
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
@@ -128,7 +127,7 @@ def tune_vibrations(
     likelihood, modes, step = for_tuning(engine).log_likelihood, q.shape[1], np.diff(time)
     runs = tuning_segments(q)
 
-    def objective(points: Array, order: int) -> Array:
+    def objective(order: int, points: Array, _: Array | None = None) -> Array:
         mode = np.broadcast_to(np.arange(modes)[:, None], points.shape[:-1]).ravel()
         prior = prior_of(points.reshape(-1, 4), order)
         total = np.zeros(len(mode))
@@ -148,10 +147,10 @@ def tune_vibrations(
     best, value, order = np.zeros(0), np.full(modes, -np.inf), 0
     for each in orders:
         tried = np.clip(tried, low[:, None], high[:, None])
-        at = tried[np.arange(modes), np.nan_to_num(objective(tried[None], each)[0], nan=-np.inf).argmax(1)]
+        at = tried[np.arange(modes), np.nan_to_num(objective(each, tried[None])[0], nan=-np.inf).argmax(1)]
         near = np.array([DETUNED, np.inf, np.inf, np.inf])
         box = np.maximum(low, at - near), np.minimum(high, at + near)
-        at, _, values = maximize(partial(unshared, objective, each), *box, (0.0, 0.0), (at, 0.0))
+        at, _, values = maximize(partial(objective, each), *box, (0.0, 0.0), (at, 0.0))
         if values.sum() < value.sum() - PATIENCE:
             break  # smoother ones are less likely still
         if values.sum() > value.sum():
@@ -163,7 +162,7 @@ def tune_vibrations(
     def sized(shape: Array, std: Array) -> Array:
         points = np.broadcast_to(shape, (modes, len(std), 4)).copy()
         points[..., 2] = np.log(std * np.sqrt(variance_of(q))[:, None])
-        return np.asarray(np.nan_to_num(objective(points[None], order)[0], nan=-np.inf))
+        return np.asarray(np.nan_to_num(objective(order, points[None])[0], nan=-np.inf))
 
     moved = value - sized(best[:, None], np.array([STILL]))[:, 0]
     if (still := moved < PATIENCE).any():
@@ -179,11 +178,6 @@ def prior_of(at: Array, order: int) -> Vibration:
     """The prior at points (mode, 4) of a search: logarithms of frequency, damping, size and rate."""
     frequency, damping, std, rate = np.exp(at).T
     return Vibration(frequency, damping, std, rate, order)
-
-
-def unshared(objective: Callable[[Array, int], Array], order: int, points: Array, _: Array) -> Array:
-    """An objective for `maximize` of modes that share no number."""
-    return objective(points, order)
 
 
 def variance_of(q: Array) -> Array:

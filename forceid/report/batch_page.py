@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from forceid.records import Finding
+from forceid.records import Array, Finding
 from forceid.report.numbers import digits, plus_minus, typeset
 from forceid.report.outliers import Outlier, find_outliers, magnitude
 from forceid.report.plots.picture import Picture, pictured
@@ -89,18 +89,15 @@ def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier])
     known = record["status"] != "failed"
     numbers: tuple[str, ...] = ("", "", "", "", "")
     if known:
+        sizes = [
+            plus_minus(numbers_of(record, f"{name}_rms"), numbers_of(record, f"{name}_std"), unit)
+            for name, unit in (("force", "N"), ("moment", "N m"))
+        ]
         numbers = (
-            *(
-                typeset(
-                    plus_minus(
-                        three_numbers(record, f"{name}_rms"), three_numbers(record, f"{name}_std"), unit
-                    )
-                )
-                for name, unit in (("force", "N"), ("moment", "N m"))
-            ),
-            digits(number(record, "nis_mean")),
+            *map(typeset, sizes),
+            digits(float(numbers_of(record, "nis_mean"))),
             f"{record.get('samples', '–')}",
-            f"{number(record, 'runtime_s'):.2g} s",
+            f"{float(numbers_of(record, 'runtime_s')):.2g} s",
         )
     return FileRow(
         file=str(record["file"]),
@@ -118,16 +115,9 @@ def link(path: Path, folder: Path) -> str:
     return quote(os.path.relpath(path, folder).replace(os.sep, "/"))
 
 
-def three_numbers(record: Mapping[str, Any], name: str) -> Any:
-    """Three numbers of a record, NaN where they are not known."""
-    found = record.get(name)
-    return np.full(3, np.nan) if found is None else np.array([np.nan if v is None else v for v in found])
-
-
-def number(record: Mapping[str, Any], name: str) -> float:
-    """One number of a record, NaN where it is not known."""
-    found = record.get(name)
-    return float("nan") if found is None else float(found)
+def numbers_of(record: Mapping[str, Any], name: str) -> Array:
+    """One number of a record, or three, NaN where they are not known."""
+    return np.asarray(record.get(name), float)
 
 
 def causes(records: Sequence[Mapping[str, Any]]) -> list[Cause]:

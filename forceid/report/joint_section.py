@@ -49,7 +49,10 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
         headline=JOINT_HEADLINE[found.verdict.level],
         reasons=found.verdict.reasons,
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
-        rows=[joint_row(found, k) + [score_cell(errors[k])] * known for k in range(len(found.name))],
+        rows=[
+            joint_row(found, k) + [", ".join(digits(e, 2) for e in error)] * known
+            for k, error in enumerate(errors)
+        ],
         facts=joint_facts(found),
         pictures=joint_pictures(estimate.time, found, truth or {}),
     )
@@ -75,11 +78,6 @@ def joint_errors(time: Array, found: Interface, k: int, truth: Mapping[str, Arra
     error = np.concatenate([found.force[:, k], found.moment[:, k]], 1) - true
     ratio = error / positive_or_nan(np.concatenate([found.force_std[:, k], found.moment_std[:, k]], 1))
     return np.array([np.sqrt(mean(rms(ratio[:, side]) ** 2)) for side in (slice(0, 3), slice(3, 6))])
-
-
-def score_cell(errors: Array) -> str:
-    """Errors over sigma in one cell."""
-    return ", ".join(typeset(plain(e, 2)) if np.isfinite(e) else "–" for e in errors)
 
 
 def joint_facts(found: Interface) -> list[tuple[str, str]]:

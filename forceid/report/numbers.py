@@ -49,33 +49,14 @@ class Numbers:
 
 def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
     """What to quote of `estimate`; errors are NaN without `truth`."""
-    e, truth = estimate, truth or {}
-    force_error, moment_error = (wrench_error(e, truth, name) for name in ("force", "moment"))
-    (force_gap, force_limit), (moment_gap, moment_limit) = force_closure(e), moment_closure(e)
-    return Numbers(
-        samples=len(e.time),
-        duration_s=float(e.time[-1] - e.time[0]),
-        force_mean=mean(e.force),
-        force_rms=rms(e.force),
-        force_std=mean(e.force_std),
-        force_error=rms(force_error),
-        force_score=rms(force_error / positive_or_nan(e.force_std)),
-        force_closure=force_gap,
-        force_closure_limit=force_limit,
-        moment_mean=mean(e.moment),
-        moment_rms=rms(e.moment),
-        moment_std=mean(e.moment_std),
-        moment_error=rms(moment_error),
-        moment_score=rms(moment_error / positive_or_nan(e.moment_std)),
-        moment_closure=moment_gap,
-        moment_closure_limit=moment_limit,
-    )
-
-
-def wrench_error(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
-    """Estimate minus truth of the `force` or the `moment` (time, 3), NaN where there is no truth."""
-    found: Array = getattr(estimate, name)
-    return found - truth_at(estimate, truth, name)
+    e, found = estimate, dict[str, Any]()
+    for name, (gap, limit) in (("force", force_closure(e)), ("moment", moment_closure(e))):
+        load, std = getattr(e, name), getattr(e, f"{name}_std")
+        error = load - truth_at(e, truth or {}, name)
+        found |= {f"{name}_mean": mean(load), f"{name}_rms": rms(load), f"{name}_std": mean(std)}
+        found |= {f"{name}_error": rms(error), f"{name}_score": rms(error / positive_or_nan(std))}
+        found |= {f"{name}_closure": gap, f"{name}_closure_limit": limit}
+    return Numbers(samples=len(e.time), duration_s=float(e.time[-1] - e.time[0]), **found)
 
 
 def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array:
@@ -86,10 +67,14 @@ def truth_at(estimate: Estimate, truth: Mapping[str, Array], name: str) -> Array
     elsewhere = name == "moment" and estimate.moment_about != "mass_center"
     if name not in truth or elsewhere:
         return np.full_like(getattr(estimate, name), np.nan)
-    clock, values = truth.get("time", estimate.time), truth[name]
-    flat = values.reshape(len(values), -1)
-    columns = [np.interp(estimate.time, clock, c, left=np.nan, right=np.nan) for c in flat.T]
-    return np.stack(columns, axis=-1).reshape(-1, *values.shape[1:])
+    return resampled(estimate.time, truth.get("time", estimate.time), truth[name])
+
+
+def resampled(time: Array, clock: Array, values: Array) -> Array:
+    """Values (clock, ...) at `time`, NaN outside the clock."""
+    columns = values.reshape(len(clock), -1).T
+    found = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in columns]
+    return np.stack(found, -1).reshape(len(time), *values.shape[1:])
 
 
 def force_closure(estimate: Estimate) -> tuple[Array, Array]:
@@ -160,9 +145,9 @@ def plain(value: float, count: int) -> str:
     return f"{rounded:.0f}" if 10**count <= abs(rounded) < 1e6 else f"{rounded:.{count}g}"
 
 
-def digits(value: float) -> str:
-    """Four significant digits, a dash for what is not known."""
-    return typeset(plain(value, 4)) if np.isfinite(value) else "–"
+def digits(value: float, count: int = 4) -> str:
+    """A number at `count` significant digits, a dash for what is not known."""
+    return typeset(plain(value, count)) if np.isfinite(value) else "–"
 
 
 def typeset(number: str) -> str:

@@ -70,8 +70,6 @@ def find_outliers(records: Sequence[Mapping[str, Any]]) -> list[Outlier]:
 
 def magnitude(value: Any) -> float:
     """A number, or the length of a vector; NaN where it is not known or not positive."""
-    if value is None:
-        return np.nan
     length = float(np.linalg.norm(np.asarray(value, float)))
     return length if np.isfinite(length) and length > 0 else np.nan
 

@@ -41,13 +41,13 @@ def render_page(
         e=estimate,
         headline=PAGE_HEADLINE[estimate.verdict.level],
         facts=facts(estimate, quoted),
-        rows=[*wrench_rows(quoted), *witness_rows(estimate.witness)],
+        rows=wrench_rows(quoted, estimate.witness),
         joints=joint_section(estimate, truth),
         pictures=pictures(estimate, truth),
         tuned=tuned(estimate),
         budget=budget(estimate),
-        ladder=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.ladder.items()],
-        leakage=[(name.replace("_", " ").capitalize(), digits(v)) for name, v in estimate.leakage.items()],
+        ladder=[(titled(name), digits(v)) for name, v in estimate.ladder.items()],
+        leakage=[(titled(name), digits(v)) for name, v in estimate.leakage.items()],
         provenance=provenance(estimate),
     )
 
@@ -110,8 +110,11 @@ def facts(estimate: Estimate, quoted: Numbers) -> list[tuple[str, str]]:
     ]
 
 
-def wrench_rows(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
-    """Rows of the table of numbers: name, unit, one text an axis; rows that nobody knows are left out."""
+def wrench_rows(quoted: Numbers, witness: Witness | None) -> list[tuple[str, str, list[str]]]:
+    """Rows of the table of numbers: name, unit, one text an axis; rows that nobody knows are left out.
+
+    Behind those of the estimate, how far it is from the plain route, and the cut-off of that.
+    """
     rows = []
     for name, unit, momentum in (("force", "N", "momentum"), ("moment", "N m", "angular momentum")):
         title = name.capitalize()
@@ -124,16 +127,7 @@ def wrench_rows(quoted: Numbers) -> list[tuple[str, str, list[str]]]:
             (f"Change of {momentum} less impulse", f"{unit} s", getattr(quoted, f"{name}_closure")),
             ("Sigma of that impulse at most", f"{unit} s", getattr(quoted, f"{name}_closure_limit")),
         ]
-    known = [row for row in rows if np.isfinite(row[2]).any()]
-    return [(name, unit, [digits(v) for v in values]) for name, unit, values in known]
-
-
-def witness_rows(witness: Witness | None) -> list[tuple[str, str, list[str]]]:
-    """Rows of the same table on the plain route: its cut-off, and how far the estimate is from it."""
-    if witness is None:
-        return []
-    rows = []
-    for load, unit in (("force", "N"), ("moment", "N m")):
+    for load, unit in () if witness is None else (("force", "N"), ("moment", "N m")):
         rows += [
             (f"{load.capitalize()}, cut-off of the plain route", "Hz", getattr(witness, f"cutoff_{load}")),
             ("Apart from it, rms", unit, getattr(witness, f"apart_{load}")),
@@ -156,19 +150,24 @@ UNITS = {
 LOAD_ROUNDING = 1e-12  # N or N m: rounding
 
 
+def titled(name: str) -> str:
+    """The name of a number as a row of a table has it."""
+    return name.replace("_", " ").capitalize()
+
+
 def tuned(estimate: Estimate) -> list[tuple[str, str]]:
     """What tuning chose, as name and value with its unit."""
     rows = []
     for name, value in estimate.tuned.items():
         unit = " s" if name.endswith("_s") else next((f" {u}" for key, u in UNITS.items() if key in name), "")
-        rows.append((name.removesuffix("_s").replace("_", " ").capitalize(), f"{digits(value)}{unit}"))
+        rows.append((titled(name.removesuffix("_s")), f"{digits(value)}{unit}"))
     return rows
 
 
 def budget(estimate: Estimate) -> list[tuple[str, str]]:
     """What a wrong body would cost, as name and value with its unit; nothing where it costs nothing."""
     return [
-        (name.replace("_", " ").capitalize(), f"{digits(value)} {'N' if '_force_' in name else 'N m'}")
+        (titled(name), f"{digits(value)} {'N' if '_force_' in name else 'N m'}")
         for name, value in estimate.sensitivity.items()
         if value > LOAD_ROUNDING
     ]

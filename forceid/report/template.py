@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from forceid import __version__
-
-
-def read_template(name: str) -> str:
-    """A template of this package."""
-    return files("forceid.report").joinpath(name).read_text("utf-8")
 
 
 def render(name: str, **values: Any) -> str:
@@ -22,6 +16,6 @@ def render(name: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
-        loader=FunctionLoader(read_template),
+        loader=PackageLoader("forceid", "report"),
     )
     return environment.get_template(name).render(version=__version__, **values)

@@ -54,11 +54,7 @@ def plain_lines(
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit that one would say it in.
-
-    >>> duration(42.1), duration(600), duration(9000)
-    ('42 s', '10 min', '2.5 h')
-    """
+    """A time in the unit that one would say it in."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

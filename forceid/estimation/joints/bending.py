@@ -15,7 +15,7 @@ import numpy as np
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.solution import Solution
 from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.building.process import matern
+from forceid.kalman.building.process import block_diagonal, matern
 from forceid.kalman.model import StateSpace
 from forceid.motion import exp
 from forceid.records import Array
@@ -45,18 +45,15 @@ class Bending:
 
     def model(self, step: Array) -> StateSpace:
         """Its states over steps (step,) s, which nothing measures by itself."""
-        std = self.std[self.std > 0]
+        var = self.std[self.std > 0] ** 2
         one = matern(BENT_ORDER, 1.0, self.rate)
         unique, which = np.unique(np.round(step, 12), return_inverse=True)
         F, Q = (a[which] for a in discretize_steps(one, unique))
-        n = BENT_ORDER * len(std)
-        wide = np.eye(len(std))[:, None, :, None] * F[:, None, :, None, :]
-        noise = np.diag(std**2)[:, None, :, None] * Q[:, None, :, None, :]
-        P0 = np.asarray(np.kron(np.diag(std**2), one.P0), float)
-        return StateSpace(
-            wide.reshape(len(step), n, n), noise.reshape(len(step), n, n), np.zeros((0, n)),
-            np.zeros((0, 0)), np.zeros(n), P0,
-        )  # fmt: skip
+        n = BENT_ORDER * len(var)
+        none = np.zeros((len(step), 0, 0))
+        F, Q = block_diagonal(none, *[F] * len(var)), block_diagonal(none, *(v * Q for v in var))
+        P0 = block_diagonal(*(v * one.P0 for v in var))
+        return StateSpace(F, Q, np.zeros((0, n)), np.zeros((0, 0)), np.zeros(n), P0)
 
 
 @dataclass(frozen=True)

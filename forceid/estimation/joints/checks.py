@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,7 @@ from scipy.special import chdtri
 
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import judge
-from forceid.records import Array, Finding, Interface, Level, Recording
+from forceid.records import Array, Finding, Flags, Interface, Level, Verdict
 from forceid.significance import DENIED, SIGMAS, WILD
 
 
@@ -63,16 +63,15 @@ def of_part(finding: Finding, part: str, verdict: Level) -> Finding:
     )
 
 
-def refused_interface(
-    recording: Recording, joints: tuple[Joint, ...], parts: tuple[Part, ...], findings: list[Finding]
+def empty_interface(
+    joints: Sequence[Joint], parts: Sequence[Part], point: Array, gap: Array, determined: Flags, said: Verdict
 ) -> Interface:
-    """An answer that says nothing but why."""
-    T, n = len(recording.motion.time), len(joints)
-    none = np.full((T, n, 3), np.nan)
+    """Joints at point (time, joint, 3), apart by a gap, of which no force is known."""
+    none = np.full(point.shape, np.nan)
     return Interface(
         name=tuple(j.name for j in joints),
         parts=tuple(j.names(parts) for j in joints),
-        force=none, moment=none, wrench_cov=np.full((T, n, 6, 6), np.nan), point=none,
-        determined=np.zeros(n, bool), null_space=np.zeros((n, 6, 0)), gap=none,
-        chi_square=np.full(T, np.nan), dof=0, verdict=judge(findings),
+        force=none, moment=none, wrench_cov=np.full((*none.shape[:2], 6, 6), np.nan), point=point,
+        determined=determined, null_space=np.zeros((len(joints), 6, 0)), gap=gap,
+        chi_square=np.full(len(point), np.nan), dof=0, verdict=said,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.checks import judge_joints, of_part, refused_interface
+from forceid.estimation.joints.checks import empty_interface, judge_joints, of_part
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.joints.together import smooth_linked_parts
@@ -22,7 +22,7 @@ from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
-from forceid.records import Estimate, Interface, Recording
+from forceid.records import Estimate, Finding, Interface, Recording
 from forceid.significance import WILD
 from forceid.timing import stage
 
@@ -44,13 +44,16 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
         for part, (estimate, _) in zip(parts, solved, strict=True)
         for finding in estimate.verdict.findings
     ]
+
+    def refused(findings: list[Finding]) -> Interface:
+        none = np.full((len(recording.motion.time), len(joints), 3), np.nan)
+        return empty_interface(joints, parts, none, none, np.zeros(len(joints), bool), judge(findings))
+
     if refusing(findings):
-        return refused_interface(recording, joints, parts, findings)
+        return refused(findings)
     estimates = [estimate for estimate, _ in solved]
     if blind := [p.name for p, e in zip(parts, estimates, strict=True) if not np.isfinite(e.moment).any()]:
-        return refused_interface(
-            recording, joints, parts, [*findings, note("part-without-moment", part=blind[0])]
-        )
+        return refused([*findings, note("part-without-moment", part=blind[0])])
     linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
     wrench, cov = about_center(linkage, estimates)
     found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
@@ -63,10 +66,10 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
             linkage, parts, joints, estimates, [solution for _, solution in solved], settings
         )
     if smoothed is not None:
-        to_joints = -split(linkage)
-        g = np.einsum("tij,tj->ti", to_joints, smoothed.wrench.reshape(len(g), -1)).reshape(g.shape)
-        C = to_joints @ smoothed.cov @ to_joints.swapaxes(1, 2)
-        findings += smoothed.findings
+        to_joints, (together, together_cov, moving) = -split(linkage), smoothed
+        g = np.einsum("tij,tj->ti", to_joints, together.reshape(len(g), -1)).reshape(g.shape)
+        C = to_joints @ together_cov @ to_joints.swapaxes(1, 2)
+        findings += moving
     count = len(joints)
     null = found.null_space.reshape(len(linkage.links), 6, -1)
     determined = found.determined[:count]

@@ -5,7 +5,7 @@ Source: principal equations 2.8, 4h.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,12 +47,26 @@ def linkage_of(
     estimates: list[Estimate],
     solutions: list[Solution | None],
 ) -> Linkage:
-    """Where joints and parts are at every sample, and what the joints can pass."""
-    mass = np.array([part.mass for part in parts])
-    centers = np.stack([e.center for e in estimates], 1)
-    center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
+    """Where joints and parts are at every sample of their estimates, and what the joints can pass."""
+    center = np.stack([e.center for e in estimates], 1)
     R = np.stack([rotation_of(e, s) for e, s in zip(estimates, solutions, strict=True)], 1)
     covs = np.stack([pose_cov(solution, len(center)) for solution in solutions], 1)
+    return linkage_at(parts, joints, (center, R, covs), solutions)
+
+
+def linkage_at(
+    parts: tuple[Part, ...],
+    joints: tuple[Joint, ...],
+    poses: tuple[Array, Array, Array],
+    solutions: Sequence[Solution | None],
+) -> Linkage:
+    """The same at poses: centers (time, part, 3) m, rotations (time, part, 3, 3) and their covariances.
+
+    solutions: that carry the joints on parts that deform, None for rigid ones.
+    """
+    centers, R, covs = poses
+    mass = np.array([part.mass for part in parts])
+    center = np.einsum("p,tpa->ta", mass / mass.sum(), centers)
     at, spread, links, passes, on = [], [], [], [], []
     for joint in joints:
         on.append({k: carried(joint, parts[k], solutions[k], len(center)) for k in joint.moving})
@@ -125,6 +139,16 @@ def balances(linkage: Linkage) -> tuple[Array, Array, float]:
     E = transmitted(list(linkage.passes), len(linkage.links), 6)
     A = np.kron(incidence(linkage.links, parts), np.eye(6)) @ E
     return A / np.tile(np.repeat([1.0, length], 3), parts)[:, None], E, length
+
+
+def carried_over(linkage: Linkage) -> Array:
+    """Matrix (time, part * 6, part * 6) from wrenches about the centers of parts to about that of all."""
+    T, count = linkage.arms.shape[:2]
+    carry = np.zeros((T, 6 * count, 6 * count))
+    for k in range(count):
+        own = slice(6 * k, 6 * k + 6)
+        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
+    return carry
 
 
 def split(linkage: Linkage) -> Array:

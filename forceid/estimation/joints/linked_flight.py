@@ -29,6 +29,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import ROOM
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
@@ -247,25 +248,22 @@ def overlapping_windows(time: int, longest: int) -> Iterator[tuple[slice, slice]
 
 def side_by_side(models: list[StateSpace], rows: Array, slack: Array, run: slice) -> StateSpace:
     """The models of the parts as one over the samples of `run`, with rows (time, row, state) of balances."""
-    steps, count = run.stop - run.start - 1, run.stop - run.start
-    sizes = [len(m.x0) for m in models]
-    counts = [m.H.shape[-2] for m in models]
-    N, C = sum(sizes), sum(counts)
-    F, Q, u = np.zeros((steps, N, N)), np.zeros((steps, N, N)), np.zeros((steps, N))
-    H, R = np.zeros((count, C + rows.shape[1], N)), np.zeros((count, C + rows.shape[1], C + rows.shape[1]))
+    step, count = slice(run.start, run.stop - 1), run.stop - run.start
+    spans = {"F": step, "Q": step, "R": run}
+    F, Q, R = ([during(getattr(m, name), when, 3) for m in models] for name, when in spans.items())
+    x0, P0 = np.concatenate([m.x0 for m in models]), block_diag(*[m.P0 for m in models])
+    u, C = np.zeros((count - 1, len(x0))), sum(m.H.shape[-2] for m in models)
+    H = np.zeros((count, C + rows.shape[1], len(x0)))
     at = low = 0
-    for model, n, c in zip(models, sizes, counts, strict=True):
-        own, channels = slice(at, at + n), slice(low, low + c)
-        step = slice(run.start, run.stop - 1)
-        F[:, own, own], Q[:, own, own] = during(model.F, step, 3), during(model.Q, step, 3)
+    for model in models:
+        c, n = model.H.shape[-2:]
+        H[:, low : low + c, at : at + n] = during(model.H, run, 3)
         if model.u is not None:
-            u[:, own] = during(model.u, step, 2)
-        H[:, channels, own], R[:, channels, channels] = during(model.H, run, 3), during(model.R, run, 3)
+            u[:, at : at + n] = during(model.u, step, 2)
         at, low = at + n, low + c
     H[:, C:] = rows
-    R[:, C:, C:] = slack[:, :, None] * np.eye(rows.shape[1])
-    x0, P0 = np.concatenate([m.x0 for m in models]), block_diag(*[m.P0 for m in models])
-    return StateSpace(F, Q, H, R, x0, P0, u)
+    R.append(slack[:, :, None] * np.eye(rows.shape[1]))
+    return StateSpace(block_diagonal(*F), block_diagonal(*Q), H, block_diagonal(*R), x0, P0, u)
 
 
 def during(a: Array, run: slice, axes: int) -> Array:

@@ -5,7 +5,7 @@ Source: principal equations 2.8, 4f, 4h.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from forceid.estimation.joints.accelerations import PartMotion, accelerated
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.checks import chance_limit
 from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
-from forceid.estimation.joints.linkage import Linkage, balances, pose_cov
+from forceid.estimation.joints.linkage import Linkage, balances, carried_over, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
     Priors,
@@ -27,23 +27,12 @@ from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.tuning import FREE
 from forceid.kalman.engines import engine
-from forceid.principal import transport, transport_matrix
+from forceid.principal import transport
 from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
-
-
-@dataclass(frozen=True)
-class Together:
-    """Wrenches (time, part, 6) and covariance (time, part * 6, part * 6) about the center of all parts, and
-    what was found of the joints on the way.
-    """
-
-    wrench: Array
-    cov: Array
-    findings: list[Finding]
 
 
 def smooth_linked_parts(
@@ -53,8 +42,10 @@ def smooth_linked_parts(
     estimates: list[Estimate],
     solutions: list[Solution | None],
     settings: Settings,
-) -> Together | None:
-    """The parts smoothed together; None where one was not smoothed by itself, or where they contradict."""
+) -> tuple[Array, Array, list[Finding]] | None:
+    """Wrenches (time, part, 6) about the center of all and covariance (time, part * 6, part * 6) of the parts
+    smoothed together, and findings; None where one was not smoothed by itself, or where they contradict.
+    """
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
@@ -76,11 +67,10 @@ def smooth_linked_parts(
             break
     else:
         return None
-    carry = np.zeros_like(C)
+    carry = carried_over(linkage)
     for k, part in enumerate(linked):
         own = slice(6 * k, 6 * k + 6)
         C[:, own, own] += part.smoothing.allowance
-        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
     # one factor for all, lest balances that are all but exact were upset
     growth = [np.diag(s.growth).mean() for s in solutions if s is not None and s.growth is not None]
     C *= np.mean(growth or [1.0]) ** 2
@@ -88,7 +78,7 @@ def smooth_linked_parts(
     claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
     if np.nanmean(moved**2 / claimed) > SIGMAS**2:
         return None  # parts that contradict each other are for the test of consistency
-    return Together(transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings)
+    return transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings
 
 
 def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
@@ -137,24 +127,15 @@ def constraints_of(
 
 
 def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, int] | None:
-    """Combinations of the wrenches that no link upsets, as constraints, and how many the links do upset.
-
-    None where no frame shows every part.
-    """
+    """Combinations of wrenches that no link upsets, and how many they do upset; None without whole frames."""
     A, _, length = balances(linkage)
-    T, size = len(A), A.shape[1]
     known = np.asarray(np.isfinite(A).all((1, 2)))
     if not known.any():
         return None
     U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
     rank = int((s > SINGLE * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
-    count = linkage.arms.shape[1]
-    carry = np.zeros((T, size, size))
-    for k in range(count):
-        own = slice(6 * k, 6 * k + 6)
-        carry[:, own, own] = transport_matrix(linkage.arms[:, k])
-    null = U[:, :, rank:].swapaxes(1, 2) * np.tile(np.repeat([1.0, 1 / length], 3), count)
-    rows = np.where(known[:, None, None], null @ carry, np.nan)
+    null = U[:, :, rank:].swapaxes(1, 2) * np.tile(np.repeat([1.0, 1 / length], 3), linkage.arms.shape[1])
+    rows = np.where(known[:, None, None], null @ carried_over(linkage), np.nan)
     # how far off a balance may be: a little of what is claimed, and what arms and axes known this well make
     tilt = np.einsum("tjaa->tj", linkage.tilt).max(1)
     slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]

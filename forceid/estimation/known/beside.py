@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation, Slerp
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.known.loads import KnownLoad
-from forceid.estimation.known.removal import KnownWrench, Path, along
+from forceid.estimation.known.removal import KnownWrench, Path, along, interpolated
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
-from forceid.records import Array, Body, Estimate, Finding, Motion, Recording
+from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, deviation
 from forceid.significance import TENTH
 
 LOOKS = 4  # at where loads act, at most: each leaves what a pose is off, times the load, over its lever
@@ -41,11 +41,13 @@ class Beside:
 
     def restored(self, state: FlightState, body: Body, time: Array) -> tuple[FlightState, KnownWrench]:
         """The state beside all known loads, of the motion as it was, and these along its path."""
-        state = self.taken.with_path(state)
+        taken = self.taken
+        state = replace(state, center=state.center + taken.shift, velocity=state.velocity + taken.rate)
         # a low-passed rotation lags in a fast turn, as a measured one does not
         known = self.known if state.reference is None else self.along(state, body, time)
-        state = known.added(self.taken.added(state), -1.0)
-        return known.with_errors(state), known
+        state = known.added(taken.added(state), -1.0)
+        cov = known.cov + known.by_pose @ np.nan_to_num(state.pose_cov) @ known.by_pose.mT
+        return replace(state, wrench_cov=state.wrench_cov + cov), known
 
     def judged(self, known: KnownWrench) -> Finding:
         """What the estimate is of, for the verdict."""
@@ -119,7 +121,7 @@ def claimed(estimate: Estimate) -> Array:
 def path_through(time: Array, center: Array, rotation: Array) -> Path:
     """A path from what is seen of it: straight, and at a constant turn, across what is not."""
     seen, turned = np.isfinite(center).all(1), np.isfinite(rotation).all((1, 2))
-    center = np.stack([np.interp(time, time[seen], c) for c in center[seen].T], 1)
+    center = interpolated(time, time[seen], center[seen])
     if turned.sum() < 2:
         return Path(time, center, np.tile(np.eye(3), (len(time), 1, 1)))
     known = Slerp(time[turned], Rotation.from_matrix(rotation[turned]))
@@ -128,7 +130,7 @@ def path_through(time: Array, center: Array, rotation: Array) -> Path:
 
 def settled(before: KnownWrench, after: KnownWrench, state: FlightState) -> bool:
     """Whether known loads along a path and a better one differ by no more than a tenth of a claim."""
-    claimed = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
+    claimed = deviation(state.wrench_cov)
     moved = [after.part.force - before.part.force, after.part.moment - before.part.moment]
     rms = np.sqrt(np.mean(np.concatenate(moved, 1) ** 2, axis=0))
     return bool((rms <= TENTH * np.sqrt(np.nanmean(claimed**2, axis=0))).all())

@@ -32,7 +32,7 @@ class Path:
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Center and rotation at other times of the record."""
-        center = np.stack([np.interp(time, self.time, c) for c in self.center.T], 1)
+        center = interpolated(time, self.time, self.center)
         turned = Slerp(self.time, Rotation.from_matrix(self.rotation))
         return center, np.asarray(turned(np.clip(time, *self.time[[0, -1]])).as_matrix())
 
@@ -70,27 +70,16 @@ class KnownWrench:
         }
         return replace(motion, **moved, gravity=motion.gravity + self.fall, known=self.part)
 
-    def with_path(self, state: FlightState) -> FlightState:
-        """The state of the motion as it was, from that of the motion without these."""
-        return replace(state, center=state.center + self.shift, velocity=state.velocity + self.rate)
-
     def added(self, state: FlightState, times: float = 1.0) -> FlightState:
         """The state with this wrench added to its own, times a factor."""
         force, moment = state.force + times * self.part.force, state.moment + times * self.part.moment
         return replace(state, force=force, moment=moment)
 
-    def with_errors(self, state: FlightState) -> FlightState:
-        """The state with a wrench less certain by what is not known of this one."""
-        pose_cov = np.nan_to_num(state.pose_cov)
-        cov = self.cov + self.by_pose @ pose_cov @ self.by_pose.mT
-        return replace(state, wrench_cov=state.wrench_cov + cov)
-
 
 def wrench_of(load: KnownLoad, time: Array, path: Path) -> tuple[Array, Array, Array]:
     """Wrench (time, 6) of one load about the mass center, its covariance, and its slope by the pose."""
     center, R = path.at(time)
-    W = np.stack([np.interp(time, load.time, c) for c in load.wrench.T], 1)
-    cov = interpolated(time, load.time, load.cov)
+    W, cov = interpolated(time, load.time, load.wrench), interpolated(time, load.time, load.cov)
     if load.nodal is not None:
         f = interpolated(time, load.time, load.nodal)
         at = np.einsum("tab,nb->tna", R, load.arms)

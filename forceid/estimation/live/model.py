@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -13,14 +14,13 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman import StateSpace, steady
 from forceid.kalman.building.process import discretize
 from forceid.motion import Products
 from forceid.records import Array, Body, Finding, Flags, Frame, Motion, Recording
-from forceid.rounding import SINGLE
 
 INSIDE = 8  # parts of a stretch, of which the first and the last are left out of a mean: claims rise there
 SLOW = {"slow-errors-allowed", "noise-hidden"}  # findings whose allowance holds for frames to come as well
-DOUBLINGS = 30  # of the steps of a filter until it rests, at most: a billion
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +82,7 @@ class LiveModel:
 def tuned_on(
     frames: list[Frame], body: Body, gravity: Array, noise_std: dict[str, float], settings: Settings
 ) -> LiveModel:
-    """The model of a stretch of frames, by the estimate of that stretch.
-
-    Raises EstimationError where the stretch shows no force.
-    """
+    """The model that the estimate of a stretch leaves. EstimationError where that shows no force."""
     time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
     motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
     found, solution = estimate_whole(Recording(body, motion), settings)
@@ -149,39 +146,11 @@ def swings_of(solution: Solution, step: float) -> Swings | None:
     if prior is None or kin.frames is None or kin.hidden is not None:
         return None
     m, each = len(prior.std), prior.states
-    F, Q = (in_blocks(a) for a in discretize(prior.process, np.full(m, step)))
+    F, Q = (block_diag(*a) for a in discretize(prior.process, np.full(m, step)))
     rows = kin.frames.rows[np.argmax((kin.frames.rows**2).sum((1, 2)))]
     read = np.zeros((len(rows), m * each))
     read[:, ::each] = rows
-    P = settled_covariance(F, Q, read.T @ read)
-    PH = P @ read.T
-    after = P - PH @ np.linalg.solve(read @ PH + np.eye(len(read)), PH.T)
+    one, start = np.eye(len(rows)), block_diag(*prior.process.P0)
+    rest = steady(StateSpace(F, Q, read, one, np.zeros(m * each), start))
     often = np.clip(2 * np.pi / (prior.frequency * step), 1.0, len(kin.time))
-    return Swings(kin.shapes, each, F, P, often * np.diagonal(after)[::each])
-
-
-def in_blocks(a: Array) -> Array:
-    """Matrices (mode, state, state) as one of all modes."""
-    m, n, _ = a.shape
-    wide = np.zeros((m, n, m, n))
-    wide[np.arange(m), :, np.arange(m)] = a
-    return wide.reshape(m * n, m * n)
-
-
-def settled_covariance(F: Array, Q: Array, information: Array) -> Array:
-    """Covariance (state, state) before a frame at which a filter comes to rest, by doubling its steps.
-
-    information (state, state): what a frame tells. Source: Anderson and Moore (1979) 6.7.
-
-    >>> settled_covariance(np.eye(1), np.eye(1), np.eye(1)).round(6).tolist()
-    [[1.618034]]
-    """
-    one, A, G, P = np.eye(len(F)), F.T, information, Q
-    for _ in range(DOUBLINGS):
-        through = np.linalg.solve(one + G @ P, A)
-        P_next = P + A.T @ P @ through
-        G = G + A @ np.linalg.solve(one + G @ P, G) @ A.T
-        A, before, P = A @ through, P, 0.5 * (P_next + P_next.T)
-        if np.abs(P - before).max() <= SINGLE * np.abs(P).max():
-            break
-    return P
+    return Swings(kin.shapes, each, F, rest.predicted, often * np.diagonal(rest.filtered)[::each])

@@ -90,11 +90,8 @@ def followed_live(
 
 def live_pace(lag: float | None, first: float | None, retune: float | None) -> Pace:
     """A pace from what is given, else as it is by default."""
-    return Pace(
-        LIVE_LAG if lag is None else lag,
-        LIVE_FIRST if first is None else first,
-        LIVE_RETUNE if retune is None else retune,
-    )
+    usual = (LIVE_LAG, LIVE_FIRST, LIVE_RETUNE)
+    return Pace(*(u if g is None else g for u, g in zip(usual, (lag, first, retune), strict=True)))
 
 
 def silent(_: str) -> None:

@@ -187,10 +187,7 @@ def words(model: LiveModel, frames: list[Frame]) -> str:
 def flown(
     model: LiveModel, frames: list[Frame], lag: float, momentum: Array
 ) -> tuple[LiveFlight | None, tuple[LiveWrench, ...]]:
-    """The flight behind some frames, with the wrenches that are due when they are over.
-
-    All of them are pending up to then. No flight where none of them shows a pose.
-    """
+    """The flight behind frames, None where none shows a pose, with the wrenches due when they are over."""
     flight: LiveFlight | None = None
     found: tuple[LiveWrench, ...] = ()
     for frame in frames:
@@ -205,10 +202,7 @@ def flown(
 def onward(
     model: LiveModel, flight: LiveFlight | None, frame: Frame, lag: float, momentum: Array
 ) -> tuple[LiveFlight | None, tuple[LiveWrench, ...]]:
-    """The flight behind a frame more, and what that ends: what was pending before a gap that is too long.
-
-    momentum (3,): a guess, for a flight that begins.
-    """
+    """The flight behind one more frame, and what that ends before too long a gap; momentum (3,): a guess."""
     out: tuple[LiveWrench, ...] = ()
     why = ""
     if flight is not None:

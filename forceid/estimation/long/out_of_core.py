@@ -104,10 +104,7 @@ def reduced(
     kept: Path | None = None,
     progress: Progress = unwatched,
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """A motion file as a recording of four markers, and what its nodes do beside them.
-
-    The file is that of the stamp `before`, and of the fingerprint.
-    """
+    """A motion file of that stamp and fingerprint as four markers, and what its nodes do beside them."""
     with opened(path, settings.gravity) as (recording, positions):
         body, inertia = recording.body, inertia_of(recording.body)
         assert body.position is not None
@@ -136,7 +133,10 @@ def reduced(
     history = "\n".join(filter(None, (recording.history, line)))
     four = four_nodes(body, inertia, corners[:, 1:])
     found = replace(recording, body=four, motion=motion, truth=truth, sha256=sha256, history=history)
-    return found, judge_beside(positions.noise_std or noise, beside)
+    noise = positions.noise_std or noise
+    if not beside**2 > NIS_BAND[1] * noise**2:  # nodes do no more than an affine body and noise
+        return found, ()
+    return found, (note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise),)
 
 
 def summed(
@@ -195,13 +195,6 @@ def compared(positions: Positions, time: Array, maps: Array, Z: Array) -> tuple[
         noise = float(np.sqrt(noise_variance(time[frames], x[:, whole].reshape(len(x), -1))))
     at = np.linspace(0, len(x) - 1, min(len(x), LOOKED)).astype(int)
     return noise, float(np.sqrt(np.nanmean((x[at] - Z[nodes] @ maps[at]) ** 2)))
-
-
-def judge_beside(noise: float, beside: float) -> tuple[Finding, ...]:
-    """Nodes that do more than an affine body and noise."""
-    if not beside**2 > NIS_BAND[1] * noise**2:
-        return ()
-    return (note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise),)
 
 
 def keep(checkpoint: Path, key: str, done: int, sums: Sums) -> None:

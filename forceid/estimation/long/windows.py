@@ -21,7 +21,7 @@ from forceid.config import Settings, to_toml
 from forceid.errors import DataError
 from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.finding import judge
-from forceid.estimation.verdict.innovations import chance_limit, largest_innovation
+from forceid.estimation.verdict.innovations import wild_innovation
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
@@ -99,8 +99,12 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     if loads := next((p.loads for p in pieces if p.loads is not None), None):
         pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
     whole: Estimate = chained(pieces)
-    if not is_wild(whole):
-        pieces = [without_chance(piece) for piece in pieces]
+    seen = np.isfinite(whole.innovation).any()
+    if (
+        not seen or wild_innovation(whole.time, whole.innovation, whole.nis) is None
+    ):  # what chance does in one of a hundred, a long record has many of
+        said = [[f for f in p.verdict.findings if f.code != "innovation-wild"] for p in pieces]
+        pieces = [replace(p, verdict=judge(kept)) for p, kept in zip(pieces, said, strict=True)]
     return replace(
         whole,
         modal=None,  # each stretch shows modes of its own
@@ -151,20 +155,6 @@ def cut_off(witness: Witness, frames: int) -> Witness:
     return replace(witness, **(gone | series))
 
 
-def is_wild(whole: Estimate) -> bool:
-    """Whether the largest innovation is more than chance in so long a record."""
-    if not np.isfinite(whole.innovation).any():
-        return False
-    size, _ = largest_innovation(whole.time, whole.innovation)
-    return bool(size > chance_limit(whole.innovation) * max(np.sqrt(np.nanmean(whole.nis)), 1.0))
-
-
-def without_chance(piece: Estimate) -> Estimate:
-    """A stretch without what chance does in one of a hundred, of which a long record has many."""
-    kept = [f for f in piece.verdict.findings if f.code != "innovation-wild"]
-    return replace(piece, verdict=judge(kept))
-
-
 def chained(records: Sequence[Any]) -> Any:
     """Records with their samples one after the other; None where one of them has none."""
     lengths = [len(samples_of(r)) for r in records]
@@ -179,7 +169,9 @@ def chained(records: Sequence[Any]) -> Any:
             v.ndim and len(v) == n for v, n in zip(values, lengths, strict=True)
         ):
             wide = max(v.shape[1:] for v in values)
-            joint[f.name] = np.concatenate([v if v.shape[1:] == wide else missing(v, wide) for v in values])
+            joint[f.name] = np.concatenate(
+                [v if v.shape[1:] == wide else np.full((len(v), *wide), np.nan) for v in values]
+            )
     return replace(records[0], **joint)
 
 
@@ -196,11 +188,6 @@ def samples_of(record: Any) -> Any:
     if isinstance(record, Estimate):
         return record.time
     return record.load if isinstance(record, Loads) else record.force
-
-
-def missing(values: Any, shape: tuple[int, ...]) -> Any:
-    """NaN for the samples of a stretch that has nothing of that kind."""
-    return np.full((len(values), *shape), np.nan)
 
 
 def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
@@ -34,6 +33,7 @@ from forceid.estimation.model_choice.levels import (
     LevelCandidate,
     Step,
     brings_modes,
+    chance,
     explaining,
     levels,
     weigh,
@@ -41,7 +41,6 @@ from forceid.estimation.model_choice.levels import (
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
     LoadChannels,
-    changes,
     claims_more,
     from_view,
     looked,
@@ -51,11 +50,10 @@ from forceid.estimation.model_choice.load_seen import (
 )
 from forceid.estimation.model_choice.words import LevelChoice, sentence_of, without_choice
 from forceid.estimation.verdict.finding import FEW
-from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.color import LowPassed
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
-from forceid.significance import CHANCE, WORSE
+from forceid.significance import WORSE
 from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
@@ -124,10 +122,7 @@ def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:
     """Whether the amplitudes of a level are no larger than noise."""
     q = beyond.y @ principal_axes(beyond.y, beyond.of(level.shapes))
     dof = q.shape[1] * beyond.frames
-    limit = float(chdtri(dof, CHANCE) / dof)
-    return float(np.nansum(q**2) / beyond.var / dof) < (
-        limit if all(kin.stated.values()) else max(limit, NIS_BAND[1])
-    )
+    return float(np.nansum(q**2) / beyond.var / dof) < chance(dof, all(kin.stated.values()))
 
 
 def free_shapes(body: Body, kin: Kinematics) -> bool:
@@ -166,8 +161,10 @@ def descend(
     def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)
         said = sentence_of(steps, i, best)
-        if i != best:
-            solution = allowing(solution, steps[i])
+        if i != best:  # its error allows for what the level leaves out: its step to the best one
+            room = np.sqrt(1 + np.repeat([steps[i].force_change, steps[i].moment_change], 3) ** 2)
+            cov = solution.state.wrench_cov * np.outer(room, room)
+            solution = replace(solution, state=replace(solution.state, wrench_cov=cov))
         return LevelChoice(steps[i].model, said, steps[i], tuple(steps)), solution
 
     if not best:
@@ -209,7 +206,7 @@ def descend(
         if steps[i].change > CLEAR:
             return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
-        force, moment = changes(solved(i), solved(best))
+        force, moment = moves(solved(i), solved(best), either=True)
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)
         return worse(solved(i), solved(best)) <= WORSE
 
@@ -233,10 +230,3 @@ def holds(solution: Solution, motion: Motion, top: Kinematics, level: Settings) 
         assert top.markers is not None
         shapes = kinematics(top.markers.body, motion, level, found.noise_root).shapes
     return 0 < len(shapes) <= len(found.shapes) and np.allclose(shapes, found.shapes[: len(shapes)])
-
-
-def allowing(solution: Solution, step: Step) -> Solution:
-    """The solution with an error that allows for what the level leaves out: its step to the best one."""
-    room = np.sqrt(1 + np.repeat([step.force_change, step.moment_change], 3) ** 2)
-    cov = solution.state.wrench_cov * np.outer(room, room)
-    return replace(solution, state=replace(solution.state, wrench_cov=cov))

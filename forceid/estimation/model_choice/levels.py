@@ -70,11 +70,7 @@ class Step:
 
     @property
     def name(self) -> str:
-        """As in "modal, 3 modes".
-
-        >>> Step("modal", 1, 1.0, 1.0, 0.0, False, 9.0).name
-        'modal, 1 mode'
-        """
+        """As in "modal, 3 modes"."""
         return f"modal, {self.modes} mode{'s'[: self.modes > 1]}" if self.model == "modal" else self.model
 
 
@@ -170,11 +166,6 @@ def weigh(
     gain, each_nis = dynamic_gain(beyond.time, q, beyond.var, engine)
     frames, freedom = beyond.frames, beyond.y.shape[1]
     steps = []
-
-    def beyond_chance(ratio: float, dof: int) -> bool:
-        limit = float(chdtri(dof, CHANCE) / dof) if dof else np.inf
-        return ratio > (limit if stated else max(limit, NIS_BAND[1]))
-
     for candidate, span in zip(candidates, spans, strict=True):
         left = beyond.y - beyond.y @ span.axes @ span.axes.T
         modes, dof = len(span.columns), freedom - len(span.columns)
@@ -185,10 +176,16 @@ def weigh(
         chi = float(np.nansum(left**2) / beyond.var / frames / dof) if dof else 1.0
         nis = float(each_nis[span.columns].mean()) if modes else 1.0
         color, colored = correlation(left, dof)
-        vetoed = colored or beyond_chance(chi, dof * frames) or beyond_chance(nis, modes * frames)
+        vetoed = colored or chi > chance(dof * frames, stated) or nis > chance(modes * frames, stated)
         evidence = float(gain[span.columns].sum()) - 0.5 * chosen * float(np.log(frames))
         steps.append(Step(candidate.settings.model, len(candidate.shapes), chi, nis, color, vetoed, evidence))
     return steps
+
+
+def chance(dof: int, stated: bool) -> float:
+    """What a mean square per degree of freedom may reach by chance; more where the noise is not stated."""
+    limit = float(chdtri(dof, CHANCE) / dof) if dof else np.inf
+    return limit if stated else max(limit, NIS_BAND[1])
 
 
 def explaining(steps: list[Step]) -> int:

@@ -6,6 +6,7 @@ A look without the flight: a smoother is linear in the poses, so that the prior 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from forceid.estimation.methods.solution import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine
-from forceid.records import Array
+from forceid.records import Array, deviation
 from forceid.significance import PATIENCE, THOUSANDTH, WORSE
 
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
@@ -44,8 +45,7 @@ def load_seen(channel: Channel, engine: Engine) -> Seen:
     return Seen(channel, prior, path.x[:, own] @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     """Force and moment that a level shows; no force where the levels compared share their mass centers."""
 
     force: Seen | None
@@ -54,12 +54,7 @@ class View:
     @property
     def priors(self) -> tuple[tuple[Channel, LoadPrior], ...]:
         """The channels that were looked at, each with its prior."""
-        return tuple((seen.channel, seen.prior) for seen in self.each if seen is not None)
-
-    @property
-    def each(self) -> tuple[Seen | None, Seen]:
-        """Force, then moment."""
-        return self.force, self.moment
+        return tuple((seen.channel, seen.prior) for seen in self if seen is not None)
 
 
 def view(own: LoadChannels, below: LoadChannels, engine: Engine) -> View:
@@ -84,11 +79,11 @@ def looked(channels: LoadChannels, top: View, engine: Engine) -> tuple[float, fl
     may claim less error.
     """
     found, fits = [0.0, 0.0], [True, True]
-    for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+    for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
         if load is not None:
             found[k], fits[k] = under(load, channel, engine)
     if max(found) <= NEAR:
-        for k, (channel, load) in enumerate(zip(channels, top.each, strict=True)):
+        for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
             if load is not None and not fits[k]:
                 own = load_seen(channel, engine)
                 std = np.fmin(at_times(channel, load.channel, own.std), load.std)
@@ -111,7 +106,7 @@ def from_view(solution: Solution, top: View, time: Array) -> float:
     var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
     loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
     found = [0.0]
-    for (load, own), shown in zip(loads, top.each, strict=True):
+    for (load, own), shown in zip(loads, top, strict=True):
         if shown is not None:
             kept = np.isin(time, shown.channel.time)
             found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))
@@ -126,23 +121,16 @@ def at_times(channel: Channel, other: Channel, load: Array) -> Array:
     return found
 
 
-def changes(one: Solution, other: Solution) -> tuple[float, float]:
-    """How far force and moment of two solutions are apart, in standard errors of either."""
+def moves(one: Solution, other: Solution, either: bool = False) -> tuple[float, float]:
+    """How far force and moment of a solution are from those of another, in errors of that or of either."""
     a, b = one.state, other.state
-    std = np.sqrt(np.fmin(*(np.diagonal(s.wrench_cov, axis1=1, axis2=2) for s in (a, b))))
-    return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
-
-
-def moves(one: Solution, other: Solution) -> tuple[float, float]:
-    """How far force and moment of a solution are from those of another, in standard errors of that one."""
-    a, b = one.state, other.state
-    std = np.sqrt(np.diagonal(b.wrench_cov, axis1=1, axis2=2))
+    std = np.fmin(deviation(a.wrench_cov), deviation(b.wrench_cov)) if either else deviation(b.wrench_cov)
     return distance(a.force, b.force, std[:, :3]), distance(a.moment, b.moment, std[:, 3:])
 
 
 def claims_more(one: Solution, other: Solution) -> float:
     """How many times the error one solution claims of force or of moment than another: the larger ratio."""
-    own, std = (np.sqrt(np.diagonal(s.state.wrench_cov, axis1=1, axis2=2)) for s in (one, other))
+    own, std = (deviation(s.state.wrench_cov) for s in (one, other))
     zero = np.zeros_like(own[:, :3])
     return max(distance(own[:, part], zero, std[:, part]) for part in (slice(3), slice(3, 6)))
 
@@ -150,7 +138,7 @@ def claims_more(one: Solution, other: Solution) -> float:
 def worse(one: Solution, other: Solution) -> float:
     """Expected error of one solution over that of another: the larger of force and moment."""
     a, b = one.state, other.state
-    own, std = (np.sqrt(np.diagonal(s.wrench_cov, axis1=1, axis2=2)) for s in (a, b))
+    own, std = deviation(a.wrench_cov), deviation(b.wrench_cov)
     return max(
         expected_error(a.force, own[:, :3], b.force, std[:, :3]),
         expected_error(a.moment, own[:, 3:], b.moment, std[:, 3:]),

@@ -34,12 +34,7 @@ class LevelChoice:
         return self.steps[0].chi_square / max(max(self.steps, key=lambda s: s.evidence).chi_square, 1.0)
 
     def numbers(self) -> dict[str, float]:
-        """Of every step: evidence, chi-square, NIS, and what it would change, as numbers with names.
-
-        >>> step = Step("modal", 2, 1.0, 1.0, 0.0, False, 9.0)
-        >>> LevelChoice("modal", "", step, (step,)).numbers()["modal_2_evidence"]
-        9.0
-        """
+        """Of every step: evidence, chi-square, NIS, and what it would change, as numbers with names."""
         found: dict[str, float] = {}
         for step in self.steps:
             head = f"modal_{step.modes}" if step.model == "modal" else step.model

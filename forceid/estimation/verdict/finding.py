@@ -11,8 +11,9 @@ from forceid.estimation.body.tracks.clipping import grid_step
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.sampling import judge_times
-from forceid.estimation.verdict.tracks import longest_run, lost_frames
+from forceid.estimation.verdict.tracks import lost_frames
 from forceid.flight.instruments import INSTRUMENTS
+from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
 
@@ -29,11 +30,7 @@ LEVELS: tuple[Level, ...] = ("ok", "degraded", "refused")
 
 
 def judge(findings: Sequence[Finding]) -> Verdict:
-    """The verdict that findings add up to: that of the worst.
-
-    >>> judge([note("one-marker")]).level
-    'degraded'
-    """
+    """The verdict that findings add up to: that of the worst."""
     worst = max((LEVELS.index(f.level) for f in findings), default=0)
     return Verdict(LEVELS[worst], tuple(findings))
 
@@ -44,10 +41,7 @@ def refusing(findings: Sequence[Finding]) -> bool:
 
 
 def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Finding]:
-    """What the recording alone does not allow, before any force is computed.
-
-    motion: where it may hold sensors on the body beside what shows a pose.
-    """
+    """What the recording alone does not allow; motion: where sensors may read beside what shows a pose."""
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]
     found = [*known_beforehand(kin), *unobserved_motions(kin, motion), *judge_times(kin)]
@@ -111,7 +105,8 @@ def unobserved_motions(kin: Kinematics, motion: Motion | None = None) -> list[Fi
     if marked and hidden and len(kin.shapes):
         found.append(note("unmarked-mass", count=hidden))
     lost = lost_frames(kin, motion)
-    if (span := longest_run(lost)) > BRIDGED or lost.mean() > SCATTERED:
+    span = max((length for _, length in runs(lost)), default=0)
+    if span > BRIDGED or lost.mean() > SCATTERED:
         found.append(note("frames-lost", lost=lost.sum(), frames=len(lost), longest=span))
     return found
 

@@ -27,9 +27,8 @@ def judge_innovations(
     level = float(np.nanmean(nis))
     if not NIS_BAND[0] < level < NIS_BAND[1]:
         found.append(note("innovations-small" if level < 1 else "innovations-large", times=np.sqrt(level)))
-    size, when = largest_innovation(time, innovation)
-    if size > chance_limit(innovation) * max(np.sqrt(level), 1.0) and not wild_said:
-        found.append(note("innovation-wild", sigma=size, time_s=when))
+    if (wild := wild_innovation(time, innovation, nis)) is not None and not wild_said:
+        found.append(note("innovation-wild", sigma=wild[0], time_s=wild[1]))
     color, channel = lag_one_correlation(innovation)
     if color:
         found.append(note("innovations-correlated", channel=channel, correlation=color))
@@ -42,16 +41,15 @@ def judge_innovations(
 CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rotation z")
 
 
-def largest_innovation(time: Array, innovation: Array) -> tuple[float, float]:
-    """Largest whitened innovation, in standard deviations, and its time."""
+def wild_innovation(time: Array, innovation: Array, nis: Array) -> tuple[float, float] | None:
+    """Largest whitened innovation, in standard deviations, and its time s; None where that may be chance.
+
+    Chance is what the largest of so many exceeds in one record of a hundred.
+    """
     size = np.abs(np.nan_to_num(innovation)).max(1)
     k = int(size.argmax())
-    return float(size[k]), float(time[k])
-
-
-def chance_limit(innovation: Array) -> float:
-    """What the largest of so many whitened innovations exceeds in one record of a hundred."""
-    return float(ndtri(1 - 0.5 * CHANCE / max(np.isfinite(innovation).sum(), 1)))
+    limit = float(ndtri(1 - 0.5 * CHANCE / max(np.isfinite(innovation).sum(), 1)))
+    return (float(size[k]), float(time[k])) if size[k] > limit * max(np.sqrt(np.nanmean(nis)), 1.0) else None
 
 
 def lag_one_correlation(innovation: Array) -> tuple[float, str]:

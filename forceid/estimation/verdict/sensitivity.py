@@ -124,6 +124,7 @@ def body_sensitivity(
         both = np.concatenate([d, dJ])
         return Cost(*(largest_rms(G, m) for G, m in ((force, d), (moment, both))))
 
+    accelerated = state.force + kin.inertia.mass * gravity
     none, shapes = np.zeros((3, 1)), len(kin.shapes) > 0 and kin.attitude
     values, axes = principal(kin.inertia.tensor)
     scale = [Unit.PERCENT * v * np.outer(a, a) for v, a in zip(values, axes.T, strict=True)]
@@ -140,16 +141,9 @@ def body_sensitivity(
         Cost(np.nan, np.nan) if worst is None else by_marker[worst],
         "" if worst is None else node[worst],
         shape_cost(motion, deformation.amplitude) if shapes else None,
-        clock_cost(motion, state.force + kin.inertia.mass * gravity),
+        # accelerations and rates of momentum go with the square of the rate of a clock
+        Cost(*(2 * Unit.PERCENT * length(v) for v in (accelerated, motion.moment))),
     )
-
-
-def clock_cost(motion: Turning, accelerated: Array) -> Cost:
-    """Cost of a clock that is slow: accelerations and rates of momentum go with the square of its rate.
-
-    accelerated (time, 3) N: mass times acceleration, weight included.
-    """
-    return Cost(2 * Unit.PERCENT * length(accelerated), 2 * Unit.PERCENT * length(motion.moment))
 
 
 def principal(tensor: Array) -> tuple[Array, Array]:

@@ -85,13 +85,3 @@ def on_its_clock(time: Array, seen: Flags) -> Flags:
         np.isfinite(before) & np.isfinite(after), after - before, np.minimum(time - before, after - time)
     )
     return np.asarray(seen | (gap < WIDE_STEP * np.median(np.diff(at))))
-
-
-def longest_run(flag: Flags) -> int:
-    """Length of the longest run of true entries.
-
-    >>> longest_run(np.array([0, 1, 1, 0, 1], bool))
-    2
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -9,6 +9,7 @@ angular momentum that of the fit. Gaps of a marker are bridged by straight lines
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -46,8 +47,7 @@ class PlainChannel:
     corner: Array = field(default_factory=lambda: np.zeros(3))
 
 
-@dataclass(frozen=True)
-class PlainRoute:
+class PlainRoute(NamedTuple):
     """Channels of force N s2 and of moment N m s2, None where the recording does not show them plainly."""
 
     force: PlainChannel | None = None
@@ -55,14 +55,17 @@ class PlainRoute:
 
 
 def plain_route(body: Body, motion: Motion, deforms: bool = False) -> PlainRoute:
-    """The channels of a recording of markers or of a mean motion. Source: principal equations 2.4."""
+    """The channels of a recording of markers, those filled in left out, or of a mean motion.
+
+    deforms: whether the body is known to, which its markers may hardly show. Source: principal equations 2.4.
+    """
     inertia = inertia_of(body)
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
     if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
     inside = momentum_inside(body)
-    if motion.position is not None and body.position is not None:
-        return of_markers(inertia, body.position - inertia.center, motion, motion.position, inside, deforms)
+    if (measured := motion.measured) is not None and body.position is not None:
+        return of_markers(inertia, body.position - inertia.center, motion, measured, inside, deforms)
     if motion.center is not None:
         return of_mean_motion(inertia, motion, motion.center, inside)
     return PlainRoute()
@@ -195,10 +198,7 @@ def rigid_fits(x: Array, X: Array) -> tuple[Array, Array]:
 
 
 def interpolated_tracks(time: Array, x: Array, X: Array, rotation: Array) -> Array:
-    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them.
-
-    As far as these fix the turn; frames in which they do not stay as they are.
-    """
+    """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them."""
     if np.isfinite(x).all():
         return x
     beside = np.asarray(np.isfinite(x).all(2))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from forceid.errors import EstimationError
@@ -26,7 +24,7 @@ def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError
     route, T, center = plain_route(body, motion), len(motion.time), kin.pose.center
     if route.force is None:
         whole = np.asarray(np.isfinite(center).all(1))
-        route = replace(route, force=channel(motion, kin.inertia.mass, center, whole))
+        route = route._replace(force=channel(motion, kin.inertia.mass, center, whole))
     if route.force is None:
         return None
     loads, var = np.full((T, 6), np.nan), np.full((T, 6), np.nan)

@@ -30,7 +30,7 @@ from forceid.estimation.witness.plain_route import PlainChannel, plain_route
 from forceid.flight.color import Colored, LowPassed
 from forceid.flight.smoother import FlightState
 from forceid.motion import SmoothingSpline
-from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness
+from forceid.records import Array, Body, Finding, Flags, Indices, Motion, Witness, deviation
 from forceid.significance import DENIED
 from forceid.timing import stage
 
@@ -48,14 +48,14 @@ def witness_of(
 ) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 
-    Positions that were filled in count as gaps. color: of the errors of markers, None for white ones;
-    deforms: whether the body is known to, which markers may hardly show.
+    color: of the errors of markers, None for white ones; deforms: whether the body is known to, which markers
+    may hardly show.
     """
-    time, shown = motion.time, as_measured(motion)
+    time, shown = motion.time, motion
     if isinstance(color, LowPassed):
         shown, color = without_frames(shown, np.arange(len(time)) % color.every != 0), None
     route = plain_route(body, shown, deforms)
-    std = np.sqrt(np.diagonal(state.wrench_cov, axis1=1, axis2=2))
+    std = deviation(state.wrench_cov)
     if route.force is None and route.moment is None:
         return None
     found: dict[str, Array] = {}
@@ -75,14 +75,6 @@ def witness_of(
         found |= {name: values, f"{name}_std": deviations}
         found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)
-
-
-def as_measured(motion: Motion) -> Motion:
-    """The motion without the positions that were filled in."""
-    if motion.position is None or motion.bridged is None:
-        return motion
-    measured = (motion.bridged == 0)[..., None]
-    return replace(motion, position=np.where(measured, motion.position, np.nan), bridged=None)
 
 
 def spectrum_and_cuts(channel: PlainChannel) -> tuple[MotionSpectrum, list[Cut]]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.formats.channels import Channels
 from forceid.files.parse import likeliest_name
 from forceid.import_settings import CsvSetting
 from forceid.records import Array
@@ -62,7 +61,10 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
 
 
 class CsvTable(Mapping[str, Array]):
-    """The columns of a table as numbers, each read when it is asked for: others may hold text."""
+    """The columns of a table as numbers, each read when it is asked for: others may hold text.
+
+    A CSV file has no place for units and no clock of its own.
+    """
 
     def __init__(self, table: Table, where: str) -> None:
         self.table, self.where = table, where
@@ -78,11 +80,6 @@ class CsvTable(Mapping[str, Array]):
 
     def __contains__(self, name: object) -> bool:
         return name in self.table
-
-
-def csv_channels(table: Table, where: str) -> Channels:
-    """The columns of a table as channels; a CSV file has no place for units and no clock of its own."""
-    return Channels(where, "column", CsvTable(table, where), table="import.csv")
 
 
 def column_numbers(table: Table, name: str, where: str) -> Array:

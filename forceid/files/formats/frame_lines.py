@@ -34,7 +34,7 @@ def frames_from_lines(
         line = raw.strip()
         if line.lower() == END:
             break
-        if not line or (number == 1 and is_header(line)):
+        if not line or (number == 1 and number_in(line.partition(",")[0]) is None):  # a header
             continue
         frame, wrong = read_frame(line, expected, meant)
         if frame is not None:
@@ -52,15 +52,6 @@ def frames_from_lines(
 def listed(node: tuple[str, ...]) -> str:
     """The names of nodes, the first and the last of many."""
     return ", ".join(node) if len(node) < 5 else f"{node[0]}, {node[1]} ... {node[-1]}"
-
-
-def is_header(line: str) -> bool:
-    """Whether a first line names columns: its first field is no number.
-
-    >>> is_header("t [s], x"), is_header("0.5, x"), is_header("nan, x")
-    (True, False, False)
-    """
-    return number_in(line.partition(",")[0]) is None
 
 
 def number_in(field: str) -> float | None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from forceid.errors import ConfigError, DataError
+from forceid.errors import DataError
+from forceid.files.formats.channels import optional
 from forceid.files.units import si_factor
 from forceid.import_settings import PlateSetting
 from forceid.records import Array
@@ -34,11 +35,6 @@ class Plates:
     def of(self, which: list[int]) -> Plates:
         """Some of the plates."""
         return Plates(self.time, self.force[:, which], self.point[:, which], self.moment[:, which])
-
-    def wrench_about(self, center: Array) -> tuple[Array, Array]:
-        """Total force and moment (time, 3) about `center` (time, 3): sum of (p - c) x v + m."""
-        arm = self.point - center[:, None]
-        return self.force.sum(1), (np.cross(arm, self.force) + self.moment).sum(1)
 
 
 def read_trc(path: str | Path) -> Markers:
@@ -87,12 +83,7 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
 
 def read_c3d(path: str | Path) -> Markers:
     """Markers of a C3D file; lost points are NaN. ConfigError: ezc3d is not installed. DataError: not C3D."""
-    try:
-        import ezc3d  # an optional extra
-    except ImportError as e:
-        raise ConfigError(
-            "needs the package ezc3d", str(path), "install it: pip install 'forceid[c3d]'"
-        ) from e
+    ezc3d = optional("ezc3d", "c3d", path)
     if not Path(path).is_file():
         raise DataError("cannot be read (no such file)", str(path), "give the path of a C3D file")
     try:

@@ -41,19 +41,17 @@ def motion_signals(
     where = f"[{channels.table}]"
     if not channels.values:
         raise DataError(f"holds no {channels.noun} of numbers", channels.where, "export it again, with data")
-    found: dict[str, Array] = {}
-    names: dict[str, tuple[str, ...]] = {}
-    used: dict[str, int] = {}  # channels by name, and how many samples each has
+    read, found, names = Reader(channels, setting), dict[str, Array](), dict[str, tuple[str, ...]]()
     for variable in ("position", "displacement", *ON_SENSORS):
         if spec := getattr(setting, variable):
-            names[variable], found[variable] = points(channels, setting, variable, spec, used)
+            names[variable], found[variable] = read.points(variable, spec)
     for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
         if spec := getattr(setting, variable):
-            found[variable] = vector_channel(channels, setting, variable, spec, width, used)
+            found[variable] = read.vector(variable, spec, width)
     if not found:
         what = f"names no {channels.noun}, expected position, center and orientation, or sensors"
         raise ConfigError(what, where, f"{channels.where} has {', '.join(list(channels.values)[:6])}")
-    found["time"] = clock(channels, setting, used)
+    found["time"] = read.clock()
     sensor = same_sensors(found, names, where)
     geometry = node_places(channels, setting) | {
         k: np.asarray(place, float) for k, place in reference.items()
@@ -66,58 +64,108 @@ def motion_signals(
     return Signals(found, names.get("position", ()), sensor, geometry)
 
 
-def points(
-    channels: Channels, setting: ChannelSetting, variable: str, spec: Mapping[str, Spec] | str,
-    used: dict[str, int],
-) -> tuple[tuple[str, ...], Array]:  # fmt: skip
-    """Vectors of nodes or sensors: their names, and (time, name, 3)."""
-    if isinstance(spec, str) and "{name}" not in spec:
-        return whole(channels, setting, variable, spec, used)
-    table = matches(channels, spec) if isinstance(spec, str) else spec
-    vectors = [vector_channel(channels, setting, variable, entry, 3, used) for entry in table.values()]
-    return tuple(table), np.stack(vectors, 1)
+@dataclass(frozen=True)
+class Reader:
+    """Channels as settings name them, in SI; used: how many samples each of those that were read has."""
 
+    channels: Channels
+    setting: ChannelSetting
+    used: dict[str, int] = field(default_factory=dict)
 
-def vector_channel(
-    channels: Channels, setting: ChannelSetting, variable: str, spec: Spec, width: int, used: dict[str, int]
-) -> Array:
-    """One vector (time, width): each column a channel, or all of them in one channel, either way up."""
-    if isinstance(spec, str):
-        values = si(channels, setting, variable, spec)
-        require_shape(channels, spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
-        values = values if values.shape[1] == width else values.T
-        count_samples(channels, spec, len(values), used)
+    def points(self, variable: str, spec: Mapping[str, Spec] | str) -> tuple[tuple[str, ...], Array]:
+        """Vectors of nodes or sensors: their names, and (time, name, 3)."""
+        if isinstance(spec, str) and "{name}" not in spec:
+            return self.whole(variable, spec)
+        table = matches(self.channels, spec) if isinstance(spec, str) else spec
+        vectors = [self.vector(variable, entry, 3) for entry in table.values()]
+        return tuple(table), np.stack(vectors, 1)
+
+    def vector(self, variable: str, spec: Spec, width: int) -> Array:
+        """One vector (time, width): each column a channel, or all of them in one channel, either way up."""
+        if isinstance(spec, str):
+            values = self.si(variable, spec)
+            self.require(spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
+            values = values if values.shape[1] == width else values.T
+            return self.counted(spec, values)
+        columns = []
+        for name in spec:
+            column = self.si(variable, name)
+            self.require(name, column.ndim == 1, column, "one number a sample")
+            columns.append(self.counted(name, column))
+        return np.stack(columns, -1)
+
+    def whole(self, variable: str, name: str) -> tuple[tuple[str, ...], Array]:
+        """All nodes in one array, its axes in the order of `dims`: three coordinates, or a fourth as well."""
+        values, dims, channels = self.si(variable, name), self.setting.dims, self.channels
+        self.require(name, values.ndim == 3, values, f"{' x '.join(dims)}, or a pattern with {{name}}")
+        values = values.transpose([dims.index(d) for d in ("time", "node", "axis")])
+        self.require(
+            name, values.shape[2] in (3, 4), values, f"3 coordinates in {' x '.join(dims)}: set dims"
+        )
+        node = self.setting.nodes
+        if isinstance(node, str):
+            if node not in channels.label:
+                hint = nearest_names(node, channels.label)
+                raise DataError(f"has no list of names {node!r}", channels.where, hint)
+            node = channels.label[node]
+        node = node or tuple(str(k + 1) for k in range(values.shape[1]))
+        if len(node) != values.shape[1]:
+            what = f"holds {values.shape[1]} nodes, expected {len(node)} as `nodes` names"
+            raise DataError(what, f"{channels.where}:{name}", "correct nodes, or the order in dims")
+        return node, self.counted(name, values)[..., :3]
+
+    def si(self, variable: str, name: str) -> Array:
+        """A channel in SI: by the unit of the settings, else of the file; as it is where that has none."""
+        channels, given = self.channels, self.setting.units.get(variable)
+        values, wanted, where = raw(channels, name), _UNITS[variable], f"{channels.where}:{name}"
+        if given is not None or channels.unit is None:
+            return np.asarray(si_factor(wanted if given is None else given, wanted, where) * values)
+        stated = channels.unit.get(base_of(name), "").strip()
+        next_step = f'say which: {channels.table}.units.{variable} = "{wanted}"'
+        if not stated and wanted not in ("1", "s"):
+            raise DataError(f"states no unit, expected one that converts to {wanted!r}", where, next_step)
+        try:
+            return np.asarray(si_factor(stated or wanted, wanted, where) * values)
+        except DataError as e:
+            raise DataError(e.what, where, f"correct it, or {next_step}") from e
+
+    def clock(self) -> Array:
+        """The times (time,) s: of a channel, by a rate, or of the clock that all channels used share."""
+        channels, setting, (first, count) = self.channels, self.setting, next(iter(self.used.items()))
+        if setting.time is not None:
+            time = self.si("time", setting.time)
+            self.require(setting.time, time.ndim == 1, time, "one time a sample")
+            return self.counted(setting.time, time)
+        if setting.rate is not None:
+            return np.asarray(np.arange(count) / stated_rate(channels, setting.rate))
+        common = channels.time.get(base_of(first))
+        if common is None:
+            next_step = f'add {channels.table}.time = "NAME", or rate = HZ'
+            raise DataError("says no times of the samples", f"{channels.where}:{first}", next_step)
+        slack = _CLOCK * np.ptp(common) / max(count - 1, 1)
+        for name in self.used:
+            own = channels.time.get(base_of(name))
+            if own is None or len(own) != len(common) or not np.allclose(own, common, rtol=0, atol=slack):
+                what = f"has another clock than {first!r}, expected one for all"
+                raise DataError(
+                    what, f"{channels.where}:{name}", "resample them to one clock, or leave it out"
+                )
+        return common
+
+    def counted(self, name: str, values: Array) -> Array:
+        """The values (time, ...) of a channel. DataError: not as many samples as those before."""
+        self.used[name] = len(values)
+        first, expected = next(iter(self.used.items()))
+        if len(values) != expected:
+            what = f"has {len(values)} samples, expected {expected} as {first!r} has"
+            raise DataError(what, f"{self.channels.where}:{name}", "export both on one clock")
         return values
-    columns = []
-    for name in spec:
-        column = si(channels, setting, variable, name)
-        require_shape(channels, name, column.ndim == 1, column, "one number a sample")
-        count_samples(channels, name, len(column), used)
-        columns.append(column)
-    return np.stack(columns, -1)
 
-
-def whole(
-    channels: Channels, setting: ChannelSetting, variable: str, name: str, used: dict[str, int]
-) -> tuple[tuple[str, ...], Array]:
-    """All nodes in one array, its axes in the order of `dims`; three coordinates, or those and a fourth."""
-    values, dims = si(channels, setting, variable, name), setting.dims
-    require_shape(channels, name, values.ndim == 3, values, f"{' x '.join(dims)}, or a pattern with {{name}}")
-    values = values.transpose([dims.index(d) for d in ("time", "node", "axis")])
-    what = f"3 coordinates in {' x '.join(dims)}: set dims"
-    require_shape(channels, name, values.shape[2] in (3, 4), values, what)
-    node = setting.nodes
-    if isinstance(node, str):
-        if node not in channels.label:
-            hint = nearest_names(node, channels.label)
-            raise DataError(f"has no list of names {node!r}", channels.where, hint)
-        node = channels.label[node]
-    node = node or tuple(str(k + 1) for k in range(values.shape[1]))
-    if len(node) != values.shape[1]:
-        what = f"holds {values.shape[1]} nodes, expected {len(node)} as `nodes` names"
-        raise DataError(what, f"{channels.where}:{name}", "correct nodes, or the order in dims")
-    count_samples(channels, name, len(values), used)
-    return node, values[..., :3]
+    def require(self, name: str, fits: bool, values: Array, expected: str) -> None:
+        """DataError unless the shape of a channel fits."""
+        if not fits:
+            what = f"is {shape_of(values)}, expected {expected}"
+            raise DataError(what, f"{self.channels.where}:{name}", f"correct [{self.channels.table}]")
 
 
 def matches(channels: Channels, pattern: str) -> dict[str, Spec]:
@@ -150,45 +198,6 @@ def matches(channels: Channels, pattern: str) -> dict[str, Spec]:
                 what, channels.where, "name the channels of each node, without the incomplete ones"
             )
     return {name: tuple(axes[axis] for axis in "xyz") for name, axes in found.items()}
-
-
-def si(channels: Channels, setting: ChannelSetting, variable: str, name: str) -> Array:
-    """A channel in SI: by the unit of the settings, else of the file; as it is where the format has none."""
-    values, wanted, where = raw(channels, name), _UNITS[variable], f"{channels.where}:{name}"
-    given = setting.units.get(variable)
-    if given is not None or channels.unit is None:
-        return np.asarray(si_factor(wanted if given is None else given, wanted, where) * values)
-    stated = channels.unit.get(base_of(name), "").strip()
-    next_step = f'say which: {channels.table}.units.{variable} = "{wanted}"'
-    if not stated and wanted not in ("1", "s"):
-        raise DataError(f"states no unit, expected one that converts to {wanted!r}", where, next_step)
-    try:
-        return np.asarray(si_factor(stated or wanted, wanted, where) * values)
-    except DataError as e:
-        raise DataError(e.what, where, f"correct it, or {next_step}") from e
-
-
-def clock(channels: Channels, setting: ChannelSetting, used: Mapping[str, int]) -> Array:
-    """The times (time,) s: of a channel, by a rate, or of the clock that all channels used share."""
-    (first, count), *_ = used.items()
-    if setting.time is not None:
-        time = si(channels, setting, "time", setting.time)
-        require_shape(channels, setting.time, time.ndim == 1, time, "one time a sample")
-        count_samples(channels, setting.time, len(time), dict(used))
-        return time
-    if setting.rate is not None:
-        return np.asarray(np.arange(count) / stated_rate(channels, setting.rate))
-    common = channels.time.get(base_of(first))
-    if common is None:
-        next_step = f'add {channels.table}.time = "NAME", or rate = HZ'
-        raise DataError("says no times of the samples", f"{channels.where}:{first}", next_step)
-    slack = _CLOCK * np.ptp(common) / max(count - 1, 1)
-    for name in used:
-        own = channels.time.get(base_of(name))
-        if own is None or len(own) != len(common) or not np.allclose(own, common, rtol=0, atol=slack):
-            what = f"has another clock than {first!r}, expected one for all"
-            raise DataError(what, f"{channels.where}:{name}", "resample them to one clock, or leave it out")
-    return common
 
 
 def stated_rate(channels: Channels, rate: float | str) -> float:
@@ -237,19 +246,3 @@ def same_sensors(
             raise ConfigError(what, where, "name the same sensors in both")
         found[other] = found[other][:, [own.index(name) for name in order]]
     return order
-
-
-def count_samples(channels: Channels, name: str, count: int, used: dict[str, int]) -> None:
-    """Note how many samples a channel has. DataError: not as many as those before."""
-    used[name] = count
-    first, expected = next(iter(used.items()))
-    if count != expected:
-        what = f"has {count} samples, expected {expected} as {first!r} has"
-        raise DataError(what, f"{channels.where}:{name}", "export both on one clock")
-
-
-def require_shape(channels: Channels, name: str, fits: bool, values: Array, expected: str) -> None:
-    """DataError unless the shape of a channel fits."""
-    if not fits:
-        what = f"is {shape_of(values)}, expected {expected}"
-        raise DataError(what, f"{channels.where}:{name}", f"correct [{channels.table}]")

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.formats.channels import Channels
-from forceid.files.formats.csv import csv_channels, part, read_csv
+from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
 from forceid.files.formats.mocap import Markers, Plates, read_c3d, read_mot, read_trc
 from forceid.files.formats.segments import Points, build_body, known_name, mass_points
@@ -85,12 +85,12 @@ def read_signals(path: Path, settings: ImportSettings) -> list[tuple[str, Signal
     if ending == ".csv":
         if settings.csv is None:
             raise ConfigError("needs the table [import.csv], which names its columns", str(path), "add it")
-        table = read_csv(path, settings.csv.delimiter)
-        return [
-            (f"{path.stem}-{name}" if name else path.stem,
-             motion_signals(csv_channels(rows, str(path)), settings.csv, reference))
-            for name, rows in part(table, settings.csv, str(path))
-        ]  # fmt: skip
+        found_in = []
+        for name, rows in part(read_csv(path, settings.csv.delimiter), settings.csv, str(path)):
+            columns = Channels(str(path), "column", CsvTable(rows, str(path)), table="import.csv")
+            signals = motion_signals(columns, settings.csv, reference)
+            found_in.append((f"{path.stem}-{name}" if name else path.stem, signals))
+        return found_in
     if ending not in TABLES:
         known = ", ".join(key[1:] for key in (".csv", *CAPTURES, *TABLES))
         raise ConfigError(f"ends in {path.suffix!r}, expected {known}", str(path), "convert it first")
@@ -209,5 +209,5 @@ def plate_truth(plates: Plates, time: Array, points: Points | None, kept: Array)
     center = np.einsum("n,tni->ti", points.mass[carrying] / points.mass.sum(), points.position[:, carrying])
     keep = window(plates.time, kept[0], kept[-1]) if len(kept) else np.zeros(len(plates.time), bool)
     at = np.stack([np.interp(plates.time, time, c, left=np.nan, right=np.nan) for c in center.T], -1)
-    force, moment = plates.wrench_about(at)
-    return {"time": plates.time[keep], "force": force[keep], "moment": moment[keep]}
+    moment = (np.cross(plates.point - at[:, None], plates.force) + plates.moment).sum(1)
+    return {"time": plates.time[keep], "force": plates.force.sum(1)[keep], "moment": moment[keep]}

@@ -15,7 +15,7 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.files.parse import NC_FILL, READ, Stored, parse_recording, read_real, real_attr, text, unpack
 from forceid.files.schema import MOTION
-from forceid.files.stored.hdf5 import TABLES, guarded, open_hdf5, source_group
+from forceid.files.stored.hdf5 import guarded, motion_file_groups, open_hdf5
 from forceid.files.units import si_factor
 from forceid.records import Array, Recording
 
@@ -89,9 +89,7 @@ def opened(path: str | Path, gravity: Sequence[float] | None = None) -> Iterator
     tell.
     """
     with open_hdf5(path, checked=True) as f:
-        found = {
-            name: source_group(f, name, table, f"{path}:") for name, table in TABLES.items() if name in f
-        }
+        found = motion_file_groups(f, path)
         motion = found["motion"]
         positions = positions_of(motion.variables["position"], found, f"{path}:/motion/position")
         frames = positions.shape[0]

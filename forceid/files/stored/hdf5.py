@@ -44,13 +44,16 @@ def read_checked(
 ) -> Recording:
     """The recording in a motion file of that fingerprint. DataError also if its stamp is not `before`."""
     with open_hdf5(path, checked=True) as f:
-        groups = {
-            name: source_group(f, name, tables, f"{path}:") for name, tables in TABLES.items() if name in f
-        }
-        recording = parse_recording(groups, f.attrs, str(path), sha256, gravity)
+        recording = parse_recording(motion_file_groups(f, path), f.attrs, str(path), sha256, gravity)
     if stamp(path) != before:
         raise DataError("changed while it was read", str(path), "wait until it is complete and try again")
     return recording
+
+
+def motion_file_groups(file: Any, path: str | Path) -> dict[str, Stored]:
+    """The groups of a motion file that are there."""
+    there = {name: table for name, table in TABLES.items() if name in file}
+    return {name: source_group(file, name, table, f"{path}:") for name, table in there.items()}
 
 
 def write_motion(path: str | Path, recording: Recording) -> None:

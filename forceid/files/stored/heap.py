@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from forceid.errors import DataError
@@ -50,20 +51,13 @@ def check_heaps(path: str | Path, use: Callable[[memoryview], None] | None = Non
         while n := f.readinto(memoryview(block)[kept:]):
             if use is not None:
                 use(memoryview(block)[kept : kept + n])
-            heaps += [at - kept + k for k in heap_starts(block, kept + n)]
+            found = re.finditer(re.escape(_SIGNATURE), memoryview(block)[: kept + n])
+            heaps += [at - kept + match.start() for match in found]
             block[:kept] = block[n : kept + n]
             at += n
         if wide(os.pread(f.fileno(), 16, 0)):
             for heap in heaps:
                 check_heap(f.fileno(), heap, str(path))
-
-
-def heap_starts(block: bytearray, end: int) -> Iterator[int]:
-    """Where in the block a heap begins."""
-    k = block.find(_SIGNATURE, 0, end)
-    while k >= 0:
-        yield k
-        k = block.find(_SIGNATURE, k + 1, end)
 
 
 def wide(superblock: bytes) -> bool:

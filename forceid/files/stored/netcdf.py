@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from forceid import __version__
-from forceid.files.schema import Field, Group
+from forceid.files.schema import Group
 from forceid.files.stored.atomic import atomic
 
 PROPERTIES = np.bytes_(
@@ -43,8 +43,13 @@ def write_group(node: Any, group: Group, ids: count[int]) -> None:
         dim: n for item in group.variables.values() for dim, n in zip(item.dims, item.data.shape, strict=True)
     }
     number = dict(zip(sizes, ids, strict=False))
-    made = {name: made_variable(node, name, item) for name, item in group.variables.items()}
-    scales = {dim: made.get(dim) or no_variable(node, dim, n) for dim, n in sizes.items()}
+    made, scales = {}, {}
+    for name, item in group.variables.items():
+        words = {"dtype": h5py.string_dtype()} if item.data.dtype.kind == "U" else {}
+        data = item.data.astype(object) if words else item.data
+        made[name] = node.create_dataset(name, data=data, track_order=True, **words)
+    for dim, n in sizes.items():  # where a dimension has no variable, nothing but its size stands for it
+        scales[dim] = made.get(dim) or node.create_dataset(dim, (n,), ">f4", track_order=True)
     for dim, scale in scales.items():
         scale.make_scale(dim if dim in made else NO_VARIABLE.format(sizes[dim]))
         scale.attrs["_Netcdf4Dimid"] = np.int32(number[dim])
@@ -58,19 +63,6 @@ def write_group(node: Any, group: Group, ids: count[int]) -> None:
             for axis, dim in enumerate(item.dims):
                 variable.dims[axis].attach_scale(scales[dim])
         set_attributes(variable, item.attrs)
-
-
-def made_variable(node: Any, name: str, item: Field) -> Any:
-    """A variable with its values; text as UTF-8 strings."""
-    if item.data.dtype.kind == "U":
-        text = item.data.astype(object)
-        return node.create_dataset(name, data=text, dtype=h5py.string_dtype(), track_order=True)
-    return node.create_dataset(name, data=item.data, track_order=True)
-
-
-def no_variable(node: Any, dim: str, size: int) -> Any:
-    """What stands for a dimension without a variable: nothing but its size."""
-    return node.create_dataset(dim, (size,), ">f4", track_order=True)
 
 
 def set_attributes(item: Any, attrs: Mapping[str, Any]) -> None:

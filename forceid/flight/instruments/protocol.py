@@ -47,11 +47,6 @@ class BentMount:
 Bend = Callable[[InBody, BentMount], tuple[Array, Array, Array, Array | float]]
 
 
-def no_start(rotation: Array, reading: Array, mounting: Array) -> Array:
-    """Of an instrument that brings no number along."""
-    return np.zeros(0)
-
-
 @dataclass(frozen=True)
 class Instrument:
     """A kind of sensor of three axes.
@@ -65,7 +60,7 @@ class Instrument:
     bend(here, mount): what modes add to that (time, 3), and its slopes (time, 3, mode) by q, q' and f.
 
     steady: names of numbers that it brings along, which stay and are found with the flight; read then gives
-    slopes (time, 3, number) by "steady" too; start(rotation, reading, mounting) is a guess of them, from
+    slopes (time, 3, number) by "steady" too; start(rotation, reading, mounting), a guess of them, is from
     rotations (time, 3, 3), readings (time, sensor, 3) and mounting (sensor, 3, 3), sensor axes to body.
     """
 
@@ -78,4 +73,4 @@ class Instrument:
     bend: Bend
     tells: str = ""
     steady: tuple[str, ...] = ()
-    start: SteadyStart = no_start
+    start: SteadyStart = lambda *_: np.zeros(0)

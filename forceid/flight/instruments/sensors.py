@@ -15,6 +15,7 @@ import numpy as np
 from forceid.flight.instruments.moved import MOVERS, Moved, Slopes, in_body
 from forceid.flight.instruments.protocol import Instrument
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags, Indices
 
@@ -214,14 +215,10 @@ def with_sensor_channels(
     rows = np.zeros((T, m + k, n + k + c))
     rows[:, :m, :n], rows[:, m:, :n], rows[:, m:, n : n + k] = model.H, H, np.eye(k)
     rows[:, m:, n + k :] = by_steady[:, :, doubted]
-    R, P0 = np.zeros((T, m + k, m + k)), np.zeros((n + k + c, n + k + c))
-    R[:, :m, :m], R[:, m:, m:] = model.R, noise + np.diag(sensors.noise_var)
-    P0[:n, :n] = model.P0
+    R = block_diagonal(model.R, noise + np.diag(sensors.noise_var))
     steady_var = np.concatenate([sensors.number_std[owner], sensors.clock_std])[doubted] ** 2
-    P0[n:, n:] = np.diag(np.concatenate([sensors.bias_var, steady_var]))
-    F, Q = (np.zeros((len(a), *P0.shape)) for a in (model.F, model.Q))
-    F[:, :n, :n], F[:, n:, n:], Q[:, :n, :n] = model.F, np.eye(k + c), model.Q
-    wander = np.diag(sensors.bias_walk[sensors.kind] ** 2)
-    Q[:, n : n + k, n : n + k] = step[:, None, None] * wander
+    P0 = block_diagonal(model.P0, np.diag(np.concatenate([sensors.bias_var, steady_var])))
+    wander = np.diag(np.concatenate([sensors.bias_walk[sensors.kind] ** 2, np.zeros(c)]))
+    F, Q = block_diagonal(model.F, np.eye(k + c)), block_diagonal(model.Q, step[:, None, None] * wander)
     u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k + c)))
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k + c)), P0, u)

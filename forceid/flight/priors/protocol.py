@@ -266,10 +266,7 @@ class LoadPrior:
 
 
 def channel_model(channel: Channel, prior: LoadPrior, rotation: Array | None = None) -> StateSpace:
-    """Linear model of three measured channels, z'' = gain * load, about their first sample.
-
-    rotation (time, 3, 3): of the body, for a load that turns with it.
-    """
+    """Model of measured channels, z'' = gain * load; rotation (time, 3, 3): for a load that turns with it."""
     step = np.diff(channel.time)
     F, Q, P0 = prior.chain(step, rotation, channel.time[0])
     if channel.drift.any():

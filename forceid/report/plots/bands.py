@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from forceid.records import Array
-from forceid.report.plots.style import BLUE, DASHED, INK, ORANGE, draw_band, draw_line, say
+from forceid.report.plots.style import AXES, BLUE, DASHED, INK, ORANGE, draw_band, draw_line, label, say
 
 
 def draw_estimate(
@@ -37,11 +39,20 @@ def draw_estimate(
     ax.margins(x=0.01)
 
 
-def explain(figure: Figure, band: str, known: bool, plain: bool = False) -> None:
-    """The legend below a figure of such panels.
+def draw_axes(
+    axes: Any, head: tuple[str, str, str], time: Array, values: Array, half: Array, true: Array,
+    unknown: str = "not identifiable", plain: Array | None = None,
+) -> None:  # fmt: skip
+    """A vector in three panels, one an axis, each as `draw_estimate` does; head: letter, title and unit."""
+    letter, title, unit = head
+    for k, axis in enumerate(AXES):
+        label(axes[k], "" if k else title, f"{letter}$_{axis}$ ({unit})", "time (s)" if k == 2 else "")
+        other = None if plain is None else plain[:, k]
+        draw_estimate(axes[k], time, values[:, k], half[:, k], true[:, k], unknown, other)
 
-    band: how wide it is; known: whether a truth is drawn; plain: whether the plain route is.
-    """
+
+def explain(figure: Figure, band: str, known: bool, plain: bool = False) -> None:
+    """The legend below such panels: how wide the band is, whether a truth and the plain route are drawn."""
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLUE, label="estimate"),
         Patch(color=BLUE, alpha=0.22, lw=0, label=band),

@@ -10,9 +10,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from forceid.records import Array, Estimate, HiddenLoad, Loads
+from forceid.records import Array, Estimate, HiddenLoad, Loads, deviation
 from forceid.report.numbers import mean, truth_at
-from forceid.report.plots.bands import draw_estimate, explain
+from forceid.report.plots.bands import draw_axes, draw_estimate, explain
 from forceid.report.plots.style import (
     AXES,
     AXIS_COLOR,
@@ -36,25 +36,19 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
     plain = {} if witness is None else {"force": witness.force, "moment": witness.moment}
     if estimate.moment_about != "mass_center":
         plain.pop("moment", None)
+    about = "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
     sides = (
         ("force", "Force", "N", estimate.force, estimate.force_std),
-        ("moment", f"Moment about {moment_point(estimate)}", "N m", estimate.moment, estimate.moment_std),
+        ("moment", f"Moment about {about}", "N m", estimate.moment, estimate.moment_std),
     )
     known = False
     for column, (name, title, unit, values, std) in enumerate(sides):
         true = truth_at(estimate, truth or {}, name)
-        for row, axis in enumerate(AXES):
-            ax = axes[row, column]
-            label(
-                ax,
-                title if row == 0 else "",
-                f"{name[0].upper()}$_{axis}$ ({unit})",
-                "time (s)" if row == 2 else "",
-            )
-            known = known or bool(np.isfinite(true[:, row]).any())
-            other = plain[name][:, row] if name in plain else None
-            draw_estimate(ax, estimate.time, values[:, row], 2 * std[:, row], true[:, row], plain=other)
-            for edge in () if estimate.impulses is None else estimate.impulses.start[1:]:
+        known = known or bool(np.isfinite(true).any())
+        head = name[0].upper(), title, unit
+        draw_axes(axes[:, column], head, estimate.time, values, 2 * std, true, plain=plain.get(name))
+        for edge in () if estimate.impulses is None else estimate.impulses.start[1:]:
+            for ax in axes[:, column]:
                 ax.axvline(edge, color=GRAY, linewidth=0.6, linestyle=":")
     explain(figure, "two sigma", known, any(np.isfinite(values).any() for values in plain.values()))
     return figure
@@ -114,31 +108,15 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
     """The applied loads that were asked for, with two-sigma bands; at most eight."""
     asked = tomllib.loads(estimate.settings).get("load", [])
     unit = {load["name"]: "N m" for load in asked if load.get("kind") == "moment"}
-    std = np.sqrt(np.diagonal(loads.load_cov, axis1=-2, axis2=-1))
+    std = deviation(loads.load_cov)
     rows = min(len(loads.name), 8)
     figure, axes = panels(rows, 1, (10.0, 0.9 + 1.5 * rows), sharex=True)
-    for k, ax in enumerate(axes[:, 0]):
-        name, values = loads.name[k], loads.load[:, k]
-        last = k == rows - 1
-        label(
-            ax,
-            "Applied loads" if k == 0 else "",
-            f"{name} ({unit.get(name, 'N')})",
-            "time (s)" if last else "",
-        )
-        draw_estimate(ax, estimate.time, values, 2 * std[:, k])
+    for k, (ax, name) in enumerate(zip(axes[:, 0], loads.name, strict=False)):
+        y, x = f"{name} ({unit.get(name, 'N')})", "time (s)" if k == rows - 1 else ""
+        label(ax, "" if k else "Applied loads", y, x)
+        draw_estimate(ax, estimate.time, loads.load[:, k], 2 * std[:, k])
     figure.align_ylabels()
     return figure
-
-
-def moment_point(estimate: Estimate) -> str:
-    """The point of the moment in words.
-
-    >>> from types import SimpleNamespace
-    >>> moment_point(SimpleNamespace(moment_about="mass_center"))
-    'the mass center'
-    """
-    return "the mass center" if estimate.moment_about == "mass_center" else estimate.moment_about
 
 
 @rc_context(STYLE)
@@ -149,7 +127,7 @@ def draw_first_moments(
     its arm.
     """
     figure, axes = panels(3, 3, (10.0, 6.4), sharex=True)
-    std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2)).reshape(moments.shape)
+    std = deviation(cov).reshape(moments.shape)
     true = truth_at(estimate, truth or {}, "first_moment")
     for i, force in enumerate(AXES):
         for j, arm in enumerate(AXES):

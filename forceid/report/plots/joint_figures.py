@@ -10,9 +10,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from forceid.records import Array, Interface
-from forceid.report.numbers import INTERVAL, rms
-from forceid.report.plots.bands import draw_estimate, explain
-from forceid.report.plots.style import AXES, STYLE, label, panels
+from forceid.report.numbers import INTERVAL, resampled, rms
+from forceid.report.plots.bands import draw_axes, explain
+from forceid.report.plots.style import STYLE, panels
 
 SAME_JOINT = 5e-3  # m: within which a joint of the truth is this one
 TITLE_LETTERS = 28  # letters of a name in a title
@@ -28,19 +28,10 @@ def draw_joint(time: Array, interface: Interface, k: int, truth: Mapping[str, Ar
         ("M", f"Moment about {name}, world axes", "N m", interface.moment, interface.moment_std),
     )
     true = joint_truth(time, interface, k, truth or {})
-    known = bool(np.isfinite(true).any())
     for column, (letter, title, unit, values, std) in enumerate(sides):
-        for row, axis in enumerate(AXES):
-            ax, value = axes[row, column], values[:, k, row]
-            label(
-                ax,
-                title if row == 0 else "",
-                f"{letter}$_{axis}$ ({unit})",
-                "time (s)" if row == 2 else "",
-            )
-            half, column_true = INTERVAL * std[:, k, row], true[:, 3 * column + row]
-            draw_estimate(ax, time, value, half, column_true, "not told by the motion")
-    explain(figure, "95 %", known)
+        shown = values[:, k], INTERVAL * std[:, k], true[:, 3 * column : 3 * column + 3]
+        draw_axes(axes[:, column], (letter, title, unit), time, *shown, "not told by the motion")
+    explain(figure, "95 %", bool(np.isfinite(true).any()))
     return figure
 
 
@@ -62,10 +53,3 @@ def joint_truth(time: Array, interface: Interface, k: int, truth: Mapping[str, A
     j = int(np.nanargmin(apart))
     arm = point[:, j] - interface.point[:, k]
     return np.concatenate([force[:, j], moment[:, j] + np.cross(arm, force[:, j])], 1)
-
-
-def resampled(time: Array, clock: Array, values: Array) -> Array:
-    """Values (clock, ...) at `time`, NaN outside the clock."""
-    columns = values.reshape(len(clock), -1).T
-    found = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in columns]
-    return np.stack(found, -1).reshape(len(time), *values.shape[1:])

@@ -23,15 +23,10 @@ class Picture:
 
 
 def pictured(figure: Figure, title: str, caption: str) -> Picture:
-    """A figure with its words."""
-    return Picture(embed(figure), title, caption, in_words(figure))
-
-
-def embed(figure: Figure) -> str:
-    """The figure as PNG in base64; PNG keeps the page small however long the record is."""
+    """A figure with its words; PNG keeps the page small however long the record is."""
     png = io.BytesIO()
     figure.savefig(png, format="png", dpi=160, facecolor="white")
-    return base64.b64encode(png.getvalue()).decode("ascii")
+    return Picture(base64.b64encode(png.getvalue()).decode("ascii"), title, caption, in_words(figure))
 
 
 def in_words(figure: Figure) -> str:

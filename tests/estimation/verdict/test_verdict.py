@@ -24,11 +24,10 @@ from forceid.estimation.verdict.finding import (
     judge_tuning,
 )
 from forceid.estimation.verdict.innovations import (
-    chance_limit,
     judge_innovations,
     lag_one_correlation,
-    largest_innovation,
     strongest_line,
+    wild_innovation,
 )
 from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
@@ -379,7 +378,8 @@ def test_an_innovation_that_chance_does_not_make_is_said_once():
 
 def test_as_few_records_are_called_wild_by_chance_as_stated():
     rng = np.random.default_rng(1)
-    called = [largest_innovation(TIME, v)[0] > chance_limit(v) for v in rng.standard_normal((2000, 400, 6))]
+    drawn, right = rng.standard_normal((2000, 400, 6)), np.ones(400)
+    called = [wild_innovation(TIME, v, right) is not None for v in drawn]
     assert 8 <= sum(called) <= 33  # of 2000, one in a hundred
 
 

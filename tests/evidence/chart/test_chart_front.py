@@ -131,7 +131,7 @@ def test_what_was_found_is_found_again_until_code_changes_in_any_subfolder_and_n
 
 def test_every_source_of_the_package_counts_and_nothing_built_from_it_does():
     sources = sources_in(("compiled", "kalman", "estimation"))
-    assert {path.suffix for path in sources} == {".py", ".cpp", ".hpp"}
+    assert {path.suffix for path in sources} == {".py", ".cpp", ".hpp", ".toml"}
     assert {path.parent.name for path in sources} >= {"compiled", "kalman", "estimation"}
 
 

@@ -1,0 +1,16 @@
+from forceid.files.formats.frame_lines import frames_from_lines as frames_from_lines
+from forceid.files.formats.frame_lines import growing_lines as growing_lines
+from forceid.files.formats.sources import import_sources as import_sources
+from forceid.files.formats.sources import load_import_settings as load_import_settings
+from forceid.files.result import is_result as is_result
+from forceid.files.result import read_result as read_result
+from forceid.files.result import read_title as read_title
+from forceid.files.result import read_truth as read_truth
+from forceid.files.result import write_result as write_result
+from forceid.files.stored.growing import growing_file as growing_file
+from forceid.files.stored.hdf5 import read_motion as read_motion
+from forceid.files.stored.hdf5 import stamp as stamp
+from forceid.files.stored.hdf5 import write_motion as write_motion
+from forceid.files.tree import open_motion as open_motion
+from forceid.files.tree import recording_from_tree as recording_from_tree
+from forceid.files.tree import tree_from_estimate as tree_from_estimate
