@@ -18,6 +18,7 @@ from forceid.estimation.loads.hidden.left_out import (
     least_band,
     lines_at_spin,
 )
+from forceid.estimation.loads.hidden.mode_motion import motion_growth
 from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_world
 from forceid.estimation.loads.hidden.whitened import whitened
@@ -156,6 +157,15 @@ def allow_for_priors(problem: Problem) -> Problem:
     return replace(problem, growth=growth).noting(*said)
 
 
+def allow_for_modes(problem: Problem) -> Problem:
+    """What the records of affine modes do not tell of how these move."""
+    kin, found = problem.kin, as_smoothed(problem.kin, problem.deformation, problem.state)
+    if found.motion_cov is None or found.prior is None:
+        return problem
+    seen = kin.time, kin.amplitude, np.nan_to_num(kin.amplitude_var, nan=1.0)
+    return replace(problem, moving=motion_growth(*seen, found.prior, found.motion_cov, problem.engine))
+
+
 def may_turn_inside(kin: Kinematics) -> bool:
     """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
     marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
@@ -189,5 +199,6 @@ def solution_of(problem: Problem) -> Solution:
         None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
         hidden,
         problem.growth,
+        problem.moving,
         problem.impulses,
     )
