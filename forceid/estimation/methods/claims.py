@@ -28,7 +28,7 @@ from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.tracks import judge_wild
+from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.vibration import ModeState
@@ -40,7 +40,8 @@ def judge_channels(problem: Problem) -> Problem:
     motion, flight, state = problem.motion, problem.flight, problem.state
     stated = set(motion.noise_std | problem.settings.noise_std)
     said = (*judge_sensors(flight, state, stated), *judge_strain_gauges(flight, state, problem.body, motion))
-    return replace(problem.noting(*said, *judge_wild(problem.wild)), plain=state.wrench_cov)
+    frames = (*judge_rejected(problem.dropped), *judge_wild(problem.wild))
+    return replace(problem.noting(*said, *frames), plain=state.wrench_cov)
 
 
 def allow_for_ringing(problem: Problem) -> Problem:

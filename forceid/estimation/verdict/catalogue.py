@@ -182,11 +182,25 @@ RECORDING = (
         "Look at the calibration, the labels and the reconstruction of the markers.",
     ),
     Entry(
-        "frames-rejected", "degraded",
+        "frames-rejected", "ok",
         "frames rejected as outliers: {count} ({alone} alone, {in_bursts} in bursts), "
         "the first at {time_s:.4g} s, up to {sigma:.0f} sigma off; look at the markers there",
         "Whole frames agree with nothing before and after them. They were left out.",
         "Look at the markers in these frames.",
+    ),
+    Entry(
+        "many-rejected", "degraded",
+        "{count} of {frames} frames were rejected as outliers: as many may be left that are not far enough "
+        "off to be found; look at the tracks",
+        "So many frames are wrong that others will be wrong by less, and make the noise larger than claimed.",
+        "Look at the calibration, the labels and the reconstruction of the markers.",
+    ),
+    Entry(
+        "rejected-together", "degraded",
+        "{together} of the {count} frames rejected as outliers stand in {span} samples, as mistakes do not "
+        "by chance: if the body moved so, as under a blow, its load there is lost",
+        "Frames that are off one after the other may be a motion that the load model does not follow.",
+        "Look at the markers there. If it is an impact, record faster; if not, take these frames out.",
     ),
     Entry(
         "wild-innovations", "degraded",
