@@ -208,6 +208,8 @@ def with_known_axes(solution: Solution) -> Solution:
     """
     if solution.growth is not None:
         solution = replace(solution, state=grown(solution.state, solution.growth))
+    moved = solution.deformation.grown(solution.growth, solution.moving)
+    solution = replace(solution, deformation=moved)
     kin = solution.kinematics
     # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
     smoothing = solution.smoothing if kin.inertia.line is None else None

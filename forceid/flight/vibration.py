@@ -15,7 +15,7 @@ import numpy as np
 from forceid.flight.channels import driven, tuning_segments
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import AT_ONCE
-from forceid.kalman.building.process import Process, matern
+from forceid.kalman.building.process import Process, matern, matern_density
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
 from forceid.kalman.tuning.search import maximize
@@ -74,6 +74,15 @@ class Vibration:
         rows = np.tile(np.eye(3), (len(self.rate), 1, 1))
         rows[:, 2, 0], rows[:, 2, 1] = -(self.frequency**2), -2 * self.damping
         return rows
+
+    def answer(self, w: Array) -> Array:
+        """Density (..., mode) of the accelerations q'' over that of the loads f, at w (..., 1) rad/s."""
+        still = (self.frequency**2 - w**2) ** 2 + (2 * self.damping * w) ** 2
+        return np.asarray(w**4 / still)
+
+    def density(self, w: Array) -> Array:
+        """Spectral density (..., mode), two-sided, per Hz, of the accelerations q'' at w (..., 1) rad/s."""
+        return self.answer(w) * matern_density(self.order, self.load, self.rate, w)
 
     @property
     def process(self) -> Process:

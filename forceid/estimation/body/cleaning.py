@@ -74,10 +74,15 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
 
 @dataclass(frozen=True)
 class Dropped:
-    """Frames (time,) taken out: of the mass center, and of the rotation; empty where none are."""
+    """Frames (time,) taken out: of the mass center, and of the rotation; empty where none are.
+
+    sigma: the largest of their innovations, in standard deviations; time_s: of the first of them.
+    """
 
     center: Flags
     rotation: Flags
+    sigma: float = 0.0
+    time_s: float = np.inf
 
     @property
     def any(self) -> bool:
@@ -86,7 +91,15 @@ class Dropped:
 
     def beside(self, more: Dropped) -> Dropped:
         """These frames and more."""
-        return more if not self.any else Dropped(self.center | more.center, self.rotation | more.rotation)
+        if not self.any:
+            return more
+        worst, first = max(self.sigma, more.sigma), min(self.time_s, more.time_s)
+        return Dropped(self.center | more.center, self.rotation | more.rotation, worst, first)
+
+    @property
+    def frames(self) -> Flags:
+        """Frames (time,) of either."""
+        return np.asarray(self.center | self.rotation)
 
 
 @dataclass(frozen=True)
@@ -113,7 +126,7 @@ def kinematics_without(
     centers = without_frames(motion, dropped.center)
     if noise is None and motion.position is not None:
         noise = kinematics(body, centers, settings.model_copy(update={"model": "rigid"})).noise_root
-    kin = kinematics(body, without_frames(motion, dropped.center | dropped.rotation), settings, noise)
+    kin = kinematics(body, without_frames(motion, dropped.frames), settings, noise)
     mean = tracked_mass_center(centers, kin.inertia, kin.noise.get("position", 0.0) ** 2)
     if mean is None:
         return kin
@@ -128,21 +141,22 @@ def wild_frames(
     apart: bool,
     before: Dropped = NONE_DROPPED,
 ) -> tuple[Dropped, Wild | None]:
-    """Frames to be taken out since nothing else agrees with them, and what is to say of such frames.
+    """Frames to be taken out since nothing else agrees with them, and wild ones that this would not end.
 
     apart: whether mass center and rotation are smoothed by themselves, and are judged so; before: frames
     taken out already, which count among the few that may be.
     """
     none = np.zeros(len(flight.time), bool)
     before = before if before.any else Dropped(none, none)
-    if not apart:
-        wild = wild_among(slice(None), flight, first, solve, before.rotation)
-        dropped = wild.frames if wild is not None and wild.ended else none
-        return Dropped(dropped, dropped), wild
-    parts = ((slice(0, 3), before.center), (slice(3, 6), before.rotation))
+    parts = [(slice(None), before.rotation)]
+    if apart:
+        parts = [(slice(0, 3), before.center), (slice(3, 6), before.rotation)]
     each = [wild_among(channels, flight, first, solve, gone) for channels, gone in parts]
-    center, rotation = (w.frames if w is not None and w.ended else none for w in each)
-    return Dropped(center, rotation), each[0] or each[1]
+    ended = [wild for wild in each if wild is not None and wild.ended]
+    left = next((wild for wild in each if wild is not None and not wild.ended), None)
+    frames = [none if wild is None or not wild.ended else wild.frames for wild in each]
+    worst, when = max((w.sigma for w in ended), default=0.0), min((w.time_s for w in ended), default=np.inf)
+    return Dropped(frames[0], frames[-1], worst, when), left
 
 
 def wild_among(

@@ -18,6 +18,7 @@ from forceid.estimation.loads.hidden.left_out import (
     least_band,
     lines_at_spin,
 )
+from forceid.estimation.loads.hidden.mode_motion import motion_growth
 from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_world
 from forceid.estimation.loads.hidden.whitened import whitened
@@ -28,7 +29,7 @@ from forceid.estimation.methods.measured_noise import judge_filter
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.tracks import judge_wild
+from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.vibration import ModeState
@@ -39,7 +40,8 @@ def judge_channels(problem: Problem) -> Problem:
     motion, flight, state = problem.motion, problem.flight, problem.state
     stated = set(motion.noise_std | problem.settings.noise_std)
     said = (*judge_sensors(flight, state, stated), *judge_strain_gauges(flight, state, problem.body, motion))
-    return replace(problem.noting(*said, *judge_wild(problem.wild)), plain=state.wrench_cov)
+    frames = (*judge_rejected(problem.dropped), *judge_wild(problem.wild))
+    return replace(problem.noting(*said, *frames), plain=state.wrench_cov)
 
 
 def allow_for_ringing(problem: Problem) -> Problem:
@@ -153,6 +155,15 @@ def allow_for_priors(problem: Problem) -> Problem:
     return replace(problem, growth=growth).noting(*said)
 
 
+def allow_for_modes(problem: Problem) -> Problem:
+    """What the records of affine modes do not tell of how these move."""
+    kin, found = problem.kin, as_smoothed(problem.kin, problem.deformation, problem.state)
+    if found.motion_cov is None or found.prior is None:
+        return problem
+    seen = kin.time, kin.amplitude, np.nan_to_num(kin.amplitude_var, nan=1.0)
+    return replace(problem, moving=motion_growth(*seen, found.prior, found.motion_cov, problem.engine))
+
+
 def may_turn_inside(kin: Kinematics) -> bool:
     """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
     marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
@@ -186,5 +197,6 @@ def solution_of(problem: Problem) -> Solution:
         None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
         hidden,
         problem.growth,
+        problem.moving,
         problem.impulses,
     )

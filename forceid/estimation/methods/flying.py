@@ -12,7 +12,6 @@ from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.lines import Lines, more_lines
 from forceid.estimation.methods.problem import Problem
-from forceid.estimation.verdict.tracks import judge_wild
 from forceid.kalman.building.lines import AT_ONCE
 from forceid.timing import stage
 
@@ -59,8 +58,7 @@ def without_wild_frames(problem: Problem) -> Problem:
     problem = replace(problem, wild=wild)
     if not dropped.any:
         return problem
-    both, said = problem.dropped.beside(dropped), (*problem.findings, *judge_wild(wild))
-    return replace(problem, dropped=both, findings=said, near=problem.apiece)
+    return replace(problem, dropped=problem.dropped.beside(dropped), near=problem.apiece)
 
 
 @stage("lines")

@@ -40,8 +40,8 @@ class Problem:
     the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
-    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed; impulses: of loads
-    that come in pieces.
+    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed, moving: of
+    those of affine modes; impulses: of loads that come in pieces.
     """
 
     body: Body
@@ -71,6 +71,7 @@ class Problem:
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
     growth: Array | None = None
+    moving: Array | None = None
     impulses: Impulses | None = None
 
     @property

@@ -12,6 +12,7 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.methods.claims import (
     allow_for_deforming_loads,
     allow_for_edges,
+    allow_for_modes,
     allow_for_priors,
     allow_for_ringing,
     allow_for_slow_errors,
@@ -68,6 +69,7 @@ CLAIMS: tuple[Stage, ...] = (
     judge_lever,
     allow_for_edges,
     allow_for_priors,
+    allow_for_modes,
 )
 
 

@@ -31,8 +31,9 @@ class Solution:
     tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
     less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
     smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
-    what the record does not tell of its priors, None for none. Levels are compared without it: it is alike at
-    all of them. impulses: of loads that come in pieces.
+    what the record does not tell of its priors, moving (mode, 3): of those of amplitude, rate and
+    acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
+    of them. impulses: of loads that come in pieces.
     """
 
     kinematics: Kinematics
@@ -46,6 +47,7 @@ class Solution:
     smoothing: Smoothing | None = None
     hidden: HiddenLoad | None = None
     growth: Array | None = None
+    moving: Array | None = None
     impulses: Impulses | None = None
 
 

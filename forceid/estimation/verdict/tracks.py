@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
-from forceid.estimation.body.cleaning import Mended, Wild
+from forceid.estimation.body.cleaning import Dropped, Mended, Wild
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import INSTRUMENTS
-from forceid.kalman.tuning.robust import runs
+from forceid.kalman.tuning.robust import BURST, runs
 from forceid.motion import WIDE_STEP
 from forceid.records import Array, Finding, Flags, Level, Motion
-from forceid.significance import WILD
+from forceid.significance import CHANCE, WILD, WORSE
 
+# of frames: as many mistakes as were found may be left below the limit, evenly spread up to it, and make the
+# noise that much larger
+BORNE = (WORSE**2 - 1) / (WILD**2 / 3)
 MANY = 0.05  # of readings that are spikes, or frames at an edge: of so many one stands beside another
 NAMED = 4  # markers in a sentence: as many as a reader takes in at a look
 
@@ -39,18 +44,57 @@ def judge_mending(mended: Mended) -> list[Finding]:
 
 
 def judge_wild(wild: Wild | None) -> list[Finding]:
-    """Frames that were taken out, or that nothing explains."""
+    """Frames that nothing explains, however many are taken out."""
     if wild is None:
         return []
-    if not wild.ended:
-        return [note("wild-innovations", sigma=wild.sigma, limit=WILD, time_s=wild.time_s)]
-    count, alone = int(wild.frames.sum()), sum(length == 1 for _, length in runs(wild.frames))
-    return [
+    return [note("wild-innovations", sigma=wild.sigma, limit=WILD, time_s=wild.time_s)]
+
+
+def judge_rejected(dropped: Dropped) -> list[Finding]:
+    """Frames that were taken out, and whether more than their information went with them.
+
+    Mistakes come as chance spreads them; a motion that the prior does not follow, such as a blow, comes at
+    once, and with its frames its load is gone.
+    """
+    if not dropped.any:
+        return []
+    frames = dropped.frames
+    count, alone = int(frames.sum()), sum(length == 1 for _, length in runs(frames))
+    found = [
         note(
-            "frames-rejected", count=count, alone=alone, in_bursts=count - alone, time_s=wild.time_s,
-            sigma=wild.sigma,
+            "frames-rejected", count=count, alone=alone, in_bursts=count - alone, time_s=dropped.time_s,
+            sigma=dropped.sigma,
         )
     ]  # fmt: skip
+    if count > BORNE * len(frames):
+        found.append(note("many-rejected", count=count, frames=len(frames)))
+    together, span, chance = closest_together(frames)
+    if chance < CHANCE:
+        found.append(note("rejected-together", together=together, span=span, count=count))
+    return found
+
+
+def closest_together(frames: Flags) -> tuple[int, int, float]:
+    """How many of some frames (time,) stand together in how many samples, least by chance; and that chance.
+
+    Of m frames anywhere among n, the chance that k stand in some w samples is at most k C(m, k) (w / n)^(k-1)
+    (Naus, J. Am. Stat. Assoc. 60 (1965) 532).
+
+    >>> flags = np.zeros(1000, bool)
+    >>> flags[[100, 300, 301, 302, 900]] = True
+    >>> together, span, chance = closest_together(flags)
+    >>> together, span, round(chance, 5)
+    (3, 3, 0.00027)
+    """
+    at, n = np.flatnonzero(frames), len(frames)
+    best = (0, 0, 1.0)
+    for k in range(2, min(len(at), BURST) + 1):
+        span = int((at[k - 1 :] - at[: -k + 1]).min()) + 1
+        if span > BURST:  # so far apart one has no part in the other
+            break
+        chance = float(k * comb(len(at), k) * (span / n) ** (k - 1))
+        best = min(best, (k, span, chance), key=lambda one: one[2])
+    return best
 
 
 def lost_frames(kin: Kinematics, motion: Motion | None = None) -> Flags:

@@ -67,17 +67,24 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
             # what is faster than the band of the load is no part of the claim, but of what may hide
             counted = np.where(wide < max(band, 2 / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2
-        likelihood, error = candidates.log_likelihood(powers[:, axis]), candidates.density(wide, counted)
-        weight = np.exp(likelihood - likelihood.max())
-        own = float(counted @ smooth[:, axis])
-        std = np.sqrt(np.maximum(claimed[axis] + error - own, 0.0) / claimed[axis])
-        growth[axis] = max(float(weight @ std / weight.sum()), 1.0)
+        error, own = candidates.density(wide, counted), float(counted @ smooth[:, axis])
+        growth[axis] = grown_deviation(candidates.log_likelihood(powers[:, axis]), error - own, claimed[axis])
     # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little
     still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
     cycles = max(band * span, 2.0)
     if still.any() and cycles < MOST_CYCLES and not prior.lines and prior.tuned.pieces is None:
         return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
+
+
+def grown_deviation(likelihood: Array, more: Array, claimed: float) -> float:
+    """Factor, one at least, on a deviation: the mean of those under all candidates over the one claimed.
+
+    likelihood (candidate,): logarithms; more (candidate,): error variance under each beyond the one claimed.
+    """
+    weight = np.exp(likelihood - likelihood.max())
+    std = np.sqrt(np.maximum(claimed + more, 0.0) / claimed)
+    return max(float(weight @ std / weight.sum()), 1.0)
 
 
 def shares_lost(frequency: Array, fastest: float, noise: Array, smooth: Array, claimed: Array) -> Array:

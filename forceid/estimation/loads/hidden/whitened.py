@@ -74,8 +74,7 @@ class Whitened:
     @cached_property
     def groups(self) -> tuple[Array, Indices, Array]:
         """Frequency (group,) Hz of the groups of ordinates, the first ordinate of each, and their count."""
-        at = ordinates(len(self.innovation), float(np.median(np.diff(self.channel.time))), None)
-        return at.w[0] / (2 * np.pi), at.first, at.count.astype(float)
+        return groups_of(self.channel.time)
 
     @property
     def frequency(self) -> Array:
@@ -84,8 +83,7 @@ class Whitened:
 
     def powers(self, innovation: Array) -> Array:
         """Power (group, 3) of innovations (time, 3), one an ordinate where the prior is right, summed."""
-        power = np.abs(np.fft.rfft(innovation, axis=0)[1:-1]) ** 2 / self.seen
-        return np.asarray(np.add.reduceat(power, self.groups[1], axis=0))
+        return summed_powers(innovation, self.seen, self.groups[1])
 
     @cached_property
     def candidates(self) -> tuple[Candidates, ...]:
@@ -110,6 +108,21 @@ class Whitened:
         v = self.innovation - self.signals[:, :, : len(amounts)] @ amounts
         pairs = zip(self.candidates, self.powers(v).T, strict=True)
         return float(sum(np.logaddexp.reduce(c.log_likelihood(power)) for c, power in pairs))
+
+
+def groups_of(time: Array) -> tuple[Array, Indices, Array]:
+    """Frequency (group,) Hz of groups of the ordinates of a record, the first ordinate of each, and count."""
+    at = ordinates(len(time), float(np.median(np.diff(time))), None)
+    return at.w[0] / (2 * np.pi), at.first, at.count.astype(float)
+
+
+def summed_powers(innovation: Array, seen: ArrayLike, first: Indices) -> Array:
+    """Power (group, column) of innovations (time, column), one an ordinate where they are white, summed.
+
+    They are zero at gaps; seen, or seen (column,): samples that are not gaps; first: ordinate of each group.
+    """
+    power = np.abs(np.fft.rfft(innovation, axis=0)[1:-1]) ** 2 / seen
+    return np.asarray(np.add.reduceat(power, first, axis=0))
 
 
 def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array | None = None) -> Whitened:
