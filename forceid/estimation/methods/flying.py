@@ -58,7 +58,7 @@ def without_wild_frames(problem: Problem) -> Problem:
     problem = replace(problem, wild=wild)
     if not dropped.any:
         return problem
-    return replace(problem, dropped=problem.dropped.beside(dropped), near=problem.apiece)
+    return replace(problem, dropped=problem.dropped.beside(dropped), near={})
 
 
 @stage("lines")
