@@ -253,9 +253,14 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
     return out
 
 
-def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False) -> FlightState:
-    """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
-    path = engine.smooth(*seen_part(flight, force))
+def smooth_translation(
+    flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False, carrier: Array | None = None
+) -> FlightState:
+    """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN.
+
+    carrier (time, 3, 3): rotation of the body, for a force that turns with it.
+    """
+    path = engine.smooth(*seen_part(flight, force, carrier=carrier))
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
     own = slice(force.states)

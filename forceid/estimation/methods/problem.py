@@ -39,8 +39,9 @@ class Problem:
     the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
-    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed; impulses: of loads
-    that come in pieces.
+    wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
+    between axes of its loads that the record does not tell apart, None for none; growth: of the errors claimed;
+    impulses: of loads that come in pieces.
     """
 
     body: Body
@@ -68,6 +69,7 @@ class Problem:
     wild: Wild | None = None
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
+    between: Array | None = None
     growth: Array | None = None
     impulses: Impulses | None = None
 
@@ -135,6 +137,10 @@ class Problem:
         """The problem with kinematics whose deformation is known and taken out."""
         return replace(self, driven=DrivenMotion(kin, deformation, self.motion.gravity))
 
+    def turned_at(self, load: str) -> Array:
+        """Rotation (sample, 3, 3) of the body at the samples of the channel of a load."""
+        return np.asarray(self.state.rotation[np.isin(self.flight.time, self.channels[load].time)])
+
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
@@ -148,7 +154,8 @@ class Problem:
         if not self.apart:
             state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
             return with_spin_rate(state, kin.spin, kin.inertia.line)
-        free = smooth_translation(flight, force, self.engine, self.causal)
+        carrier = None if first is None or force.body_axes is None else first.rotation
+        free = smooth_translation(flight, force, self.engine, self.causal, carrier)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
