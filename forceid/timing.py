@@ -10,7 +10,8 @@ from typing import Literal, get_args
 
 Stage = Literal[
     "loading", "reading", "kinematics", "deformation", "level", "noise", "force", "moment", "instruments",
-    "flight", "flight_tuning", "frames", "lines", "axes", "claims", "witness", "joints", "verdict", "rest", "writing",
+    "flight", "flight_tuning", "frames", "lines", "axes", "claims", "witness", "joints", "verdict", "rest",
+    "writing",
 ]  # fmt: skip
 STAGES: dict[Stage, str] = {
     "loading": "modules that load on first use",

@@ -87,17 +87,19 @@ def smooth_flight(
     engine: Engine,
     causal: bool = False,
     first: Reference | None = None,
+    near: float = SINGLE,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
 
-    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
+    first: a reference near to it, if one is known; near: as of `settled`. Raises EstimationError when it does
+    not come to rest.
     """
     if engine.name == "compiled":
         stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
         if stiff is not None and flight.modes is None:
             return stiff
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
-    model, z, about, _ = settled(flight, force, moment, engine, first)
+    model, z, about, _ = settled(flight, force, moment, engine, first, near)
     path = engine.smooth(model, z)
     n = force.states
     return read_state(flight, about, path.filtered if causal else path, path.filtered, n, force, moment)

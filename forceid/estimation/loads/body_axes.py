@@ -13,15 +13,14 @@ import numpy as np
 
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel, middle, on_clock, search_box
-from forceid.flight.priors.body_fixed import Turning
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.spectral_start import ENOUGH_SAMPLES, FIRST_ORDER, WHITENINGS
-from forceid.flight.tuning import ORDERS, in_doubt, natural, points_of, smoothest
+from forceid.flight.tuning import LEAK, ORDERS, in_doubt, natural, points_of, smoothest
 from forceid.flight.whittle import Spectrum, ordinates
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
-from forceid.records import Array
+from forceid.records import Array, Flags
 from forceid.significance import OUTLIER, PATIENCE, TENTH
 
 FAINT = 1e-3  # of the load along the strongest axis: an axis that shows less begins the search with as much
@@ -33,14 +32,15 @@ def body_fixed_prior(
     rotation: Array,
     load: Array,
     engine: Engine,
+    orders: tuple[int, ...] = ORDERS,
     lines: tuple[Line, ...] = (),
     least: float = -np.inf,
 ) -> LoadPrior | None:
     """The prior of a load along axes of the body, beside lines, by the likelihood of what it drives.
 
     prior: of the same load along world axes; rotation (time, 3, 3) of the body and the load (time, 3) found
-    under that prior, world axes, both at the channel's times. None where no prior is expected to be as likely
-    as a logarithm `least`.
+    under that prior, world axes, both at the channel's times; orders: that are tried. None where no prior is
+    expected to be as likely as a logarithm `least`.
     """
     channel, rotation, load = (
         cut(channel),
@@ -56,7 +56,7 @@ def body_fixed_prior(
     rate = np.clip(rough, 1 / np.ptp(channel.time), 0.5 / np.median(np.diff(channel.time)))
     std = np.sqrt(np.maximum(square, FAINT**2 * size))
     fixed = replace(prior, axes=np.eye(3), body_axes=axes, lines=lines)
-    search = BodySearch(channel, fixed, rotation, engine)
+    search = BodySearch(channel, fixed, rotation, orders, engine)
     first = Matern(FIRST_ORDER, std, np.full(3, rate))
     return search.by_spectrum(first, least) if search.even else search.by_steps(first)
 
@@ -66,9 +66,7 @@ def cut(channel: Channel) -> Channel:
     if len(channel.time) <= CHANNEL_SAMPLES:
         return channel
     part = middle(len(channel.time))
-    return replace(
-        channel, time=channel.time[part], z=channel.z[part], noise_cov=channel.noise_cov[part]
-    )
+    return replace(channel, time=channel.time[part], z=channel.z[part], noise_cov=channel.noise_cov[part])
 
 
 def channel_likelihood(channel: Channel, prior: LoadPrior, rotation: Array, engine: Engine) -> float:
@@ -81,12 +79,13 @@ def channel_likelihood(channel: Channel, prior: LoadPrior, rotation: Array, engi
 class BodySearch:
     """What the search along axes of the body looks at: a channel, and a prior whose kernel is to be found.
 
-    rotation (time, 3, 3): of the body.
+    rotation (time, 3, 3): of the body; orders: that are tried.
     """
 
     channel: Channel
     prior: LoadPrior
     rotation: Array
+    orders: tuple[int, ...]
     engine: Engine
 
     @property
@@ -112,7 +111,8 @@ class BodySearch:
 
     def by_spectrum(self, first: Matern, least: float) -> LoadPrior | None:
         """The prior of the likeliest order, as Whittle's likelihood has its kernels; None below `least`."""
-        edges, orders = search_box(self.channel.time, self.channel.moved, self.channel.gain, 0), np.array(ORDERS)
+        edges = search_box(self.channel.time, self.channel.moved, self.channel.gain, 0)
+        orders = np.array(self.orders)
 
         def box(side: int) -> Array:
             level, rate = edges[side]
@@ -120,7 +120,7 @@ class BodySearch:
             return np.tile(axis[:, None], (1, 3, 1))
 
         low, high = box(0), box(1)
-        at, kernel = ORDERS.index(FIRST_ORDER), first
+        at, kernel = self.orders.index(FIRST_ORDER), first
         for _ in range(WHITENINGS):
             spectrum, value = self.whitened(kernel)
             points, _, likely = spectrum.peaks(orders, (low, high), np.ones((3, 3), bool))
@@ -130,30 +130,37 @@ class BodySearch:
             if promise[at] < PATIENCE:
                 break
             kernel = Matern(FIRST_ORDER, *natural(points[at], FIRST_ORDER))
-        told = dict(zip(ORDERS, points, strict=True))
+        told = dict(zip(self.orders, points, strict=True))
         kernels = {
             order: Matern(order, *natural(told[order], order))
-            for order in in_doubt(dict(zip(ORDERS, promise.tolist(), strict=True)))
+            for order in in_doubt(dict(zip(self.orders, promise.tolist(), strict=True)))
         }
         values = {order: self.value(kernel) for order, kernel in kernels.items()}
         order = smoothest(values)
         return self.found(kernels[order], values[order])
 
     def found(self, kernel: Matern, value: float) -> LoadPrior:
-        """The prior with a kernel, and how likely it is."""
+        """The prior with a kernel, and how likely it is.
+
+        The axes are known to about a hundredth, and by that much of it a load leaks to a still one.
+        """
+        strong = int(kernel.std.argmax())
+        still = kernel.std < LEAK * kernel.std[strong]
+        kernel = kernel.of(np.where(still, strong, np.arange(3))).scaled(np.where(still, LEAK, 1.0))
         return replace(self.prior, tuned=Tuned(kernel, log_likelihood=value))
 
     def whitened(self, kernel: Matern) -> tuple[Spectrum, float]:
         """Spectrum along axes of the body of what a kernel leaves of the channel, and its log-likelihood."""
         channel, clock = self.channel, self.channel.time
         along = self.under(kernel).axes_along(self.rotation)
-        filtered = self.engine.filter(channel_model(channel, self.under(kernel), self.rotation), channel.moved)
+        model = channel_model(channel, self.under(kernel), self.rotation)
+        filtered = self.engine.filter(model, channel.moved)
         ticks, v = on_clock(clock, np.einsum("tba,tb->ta", along, filtered.innovation))
-        seen = np.isfinite(v).all(1)
+        seen: Flags = np.asarray(np.isfinite(v).all(1))
         v = np.where(seen[:, None], np.clip(v, -OUTLIER, OUTLIER), 0.0).T
         at = ordinates(len(ticks), float(np.median(np.diff(ticks))), channel.color)
         power = np.add.reduceat(np.abs(np.fft.rfft(v)[:, 1:-1]) ** 2 / seen.sum(), at.first, axis=1)
-        turning, w = Turning.of(clock, along), at.w[0]
+        turning, w = self.prior.turning(clock, self.rotation), at.w[0]
         known = np.isfinite(channel.z).all(1)
         white = channel.var(np.eye(3))[known].mean() * len(ticks) / known.sum() * at.white
         drift = np.trace(channel.drift) / 3 * at.drift

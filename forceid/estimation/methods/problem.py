@@ -22,6 +22,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Body, Finding, Flags, Impulses, Motion
+from forceid.rounding import SINGLE
 
 TO_COME: Any = None  # a stage fills it before another reads it
 
@@ -40,8 +41,8 @@ class Problem:
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
     wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
-    between axes of its loads that the record does not tell apart, None for none; growth: of the errors claimed;
-    impulses: of loads that come in pieces.
+    between axes of its loads that the record does not tell apart, None for none; growth: of the errors
+    claimed; impulses: of loads that come in pieces.
     """
 
     body: Body
@@ -145,21 +146,24 @@ class Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
 
-    def smoothed(self, flight: Flight, first: Reference | None = None) -> FlightState:
-        """The state of a flight under the priors of its loads; first: a reference near to it, if known."""
+    def smoothed(self, flight: Flight, first: Reference | None = None, near: float = SINGLE) -> FlightState:
+        """The state of a flight under the priors of its loads.
+
+        first: a reference near to it, if known; near: as of `settled`.
+        """
         kin, force = self.kin, self.priors["force"]
         if not kin.attitude:
             return smooth_translation(flight, force, self.engine, self.causal)
         moment = self.priors["moment"]
         if not self.apart:
-            state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
+            state = smooth_flight(flight, force, moment, self.engine, self.causal, first, near)
             return with_spin_rate(state, kin.spin, kin.inertia.line)
         carrier = None if first is None or force.body_axes is None else first.rotation
         free = smooth_translation(flight, force, self.engine, self.causal, carrier)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
+        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first, near)
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)

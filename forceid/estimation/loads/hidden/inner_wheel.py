@@ -46,7 +46,7 @@ def signals(time: Array, rotation: Array) -> Array:
 
 
 def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well, and a finding on those beyond it.
+    """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
     look: at the channel of the moment, beside `signals`.

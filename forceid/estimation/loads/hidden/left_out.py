@@ -18,7 +18,6 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.channels import Channel
-from forceid.flight.priors.body_fixed import Turning
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.lines import near
@@ -122,8 +121,9 @@ def as_fast_as_on_modes(
 
     The same forces push the whole body and its modes: on_modes (time, mode), smoothed loads on modes of unit
     mass, tell at every frequency how strong loads are, in the mean of their logarithms; moved (3, 3), by
-    name: mass or inertia, world axes; rotation (time, 3, 3) of the body. At a frequency a smoother that follows the share G of a load errs by
-    (1 - G)^2 of it, of which its claim has what its own prior expects; a line that it holds is followed. The
+    name: mass or inertia, world axes; rotation (time, 3, 3) of the body. At a frequency a smoother that
+    follows the share G of a load errs by (1 - G)^2 of it, of which its claim has what its own prior expects;
+    a line that it holds is followed. The
     record denies what would be stronger than the noise. The finding says from which frequency on, where the
     variance claimed grows by half or more.
     """
@@ -208,7 +208,7 @@ def own_densities(
     if prior.body_axes is None:
         return densities(channel, prior, frequency)[:2]
     w, seen = 2 * np.pi * frequency, np.isfinite(channel.z).all(1)
-    turning = Turning.of(channel.time, prior.axes_along(rotation))
+    turning = prior.turning(channel.time, rotation)
     white = channel.var(np.eye(3))[seen].mean() * float(np.ptp(channel.time)) / seen.sum()
     white = white * (np.ones(len(w)) if channel.color is None else channel.color.density(w))
     drift = np.trace(channel.drift) / 3 / w**2

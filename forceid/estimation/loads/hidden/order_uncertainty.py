@@ -42,7 +42,7 @@ def growth_along_own(state: FlightState, channels: Mapping[str, Whitened]) -> Ar
 
 
 def claimed_along(axes: Array, cov: Array) -> Array:
-    """Mean variance (axis,) of cov (time, 3, 3) along axes ([time,] 3, 3), over the inner part of a record."""
+    """Mean variance (axis,) of cov (time, 3, 3) along axes ([time,] 3, 3), in the inner part of a record."""
     edge = len(cov) // 8
     along = np.einsum("...ai,...ab,...bi->...i", axes, cov, axes)
     return np.asarray(np.nanmean(along[edge : len(along) - edge], axis=0))
@@ -81,10 +81,12 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
         own = float(counted @ smooth[:, axis])
         std = np.sqrt(np.maximum(claimed[axis] + error - own, 0.0) / claimed[axis])
         growth[axis] = max(float(weight @ std / weight.sum()), 1.0)
-    # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little
+    # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little. Of one
+    # that turns with the body none does in axes of the world, where these stretches are
     still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
     cycles = max(band * span, 2.0)
-    if still.any() and cycles < MOST_CYCLES and not prior.lines and prior.tuned.pieces is None:
+    alone = not prior.lines and prior.tuned.pieces is None and prior.body_axes is None
+    if still.any() and cycles < MOST_CYCLES and alone:
         return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
 

@@ -60,8 +60,9 @@ class Candidates:
 class Whitened:
     """The innovations (time, 3) of a channel along the axes of its prior, outliers held back, zero at gaps.
 
-    rotation (time, 3, 3): of the body, which these may turn with; signals (time, 3, column): what else may be in them, in unknown amounts, as its innovations would be;
-    loads (time, 3, column): what the prior takes it for; seen: samples that are not gaps.
+    rotation (time, 3, 3): of the body, which these may turn with; signals (time, 3, column): what else may be
+    in them, in unknown amounts, as its innovations would be; loads (time, 3, column): what the prior takes it
+    for; seen: samples that are not gaps.
     """
 
     channel: Channel
