@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.loads.ascent import bfgs_maximum
-from forceid.flight.channels import CHANNEL_SAMPLES, Channel, middle, on_clock, search_box
+from forceid.flight.channels import Channel, on_clock, search_box
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.spectral_start import ENOUGH_SAMPLES, FIRST_ORDER, WHITENINGS
@@ -42,11 +42,6 @@ def body_fixed_prior(
     under that prior, world axes, both at the channel's times; orders: that are tried. None where no prior is
     expected to be as likely as a logarithm `least`.
     """
-    channel, rotation, load = (
-        cut(channel),
-        rotation[middle(len(rotation))],
-        load[middle(len(load))],
-    )
     in_body = np.einsum("tba,tb->ta", rotation, load)
     about = in_body - in_body.mean(0)
     square, axes = np.linalg.eigh(about.T @ about / len(about))
@@ -61,18 +56,9 @@ def body_fixed_prior(
     return search.by_spectrum(first, least) if search.even else search.by_steps(first)
 
 
-def cut(channel: Channel) -> Channel:
-    """The middle of a channel, of as many samples as a search looks at."""
-    if len(channel.time) <= CHANNEL_SAMPLES:
-        return channel
-    part = middle(len(channel.time))
-    return replace(channel, time=channel.time[part], z=channel.z[part], noise_cov=channel.noise_cov[part])
-
-
 def channel_likelihood(channel: Channel, prior: LoadPrior, rotation: Array, engine: Engine) -> float:
-    """Log-likelihood of the middle of a channel under a prior, whichever axes that holds along."""
-    part, turned = cut(channel), rotation[middle(len(rotation))]
-    return float(engine.log_likelihood(channel_model(part, prior, turned), part.moved))
+    """Log-likelihood of a channel under a prior, whichever axes that holds along."""
+    return float(engine.log_likelihood(channel_model(channel, prior, rotation), channel.moved))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.tuning import as_on_modes, orders_asked
+from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.model import seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.records import Array
@@ -66,11 +67,13 @@ def choose_axes(problem: Problem) -> Problem:
 
 def tells_axes(problem: Problem) -> bool:
     """Whether what the markers show tells axes apart: their errors do not follow each other, loads are smooth
-    throughout, all mass is seen, and no sensors read, which see a load far better.
+    throughout, all mass is seen, and no sensors read, which see a load far better. Not of a long record: axes
+    that turn have every sample a model of its own.
     """
     whole = all(p.kernel.rivals and p.tuned.pieces is None for p in problem.priors.values())
     seen = problem.kin.hidden is None and problem.kin.inertia.line is None
-    return whole and seen and problem.slow is None and problem.flight.sensors is None
+    short = len(problem.flight.time) <= CHANNEL_SAMPLES
+    return short and whole and seen and problem.slow is None and problem.flight.sensors is None
 
 
 def along_body(problem: Problem, load: str) -> BodyAxes | None:

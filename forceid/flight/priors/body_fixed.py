@@ -49,8 +49,6 @@ class Turning:
         return np.asarray(1 + self.across[:, None] / w**2)
 
 
-
-
 def fix_to_body(
     F: Array, Q: Array, P0: Array, n: int, step: Array, rotation: Array, axes: Array
 ) -> tuple[Array, Array, Array]:
