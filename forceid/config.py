@@ -127,7 +127,8 @@ class Settings(Section):
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
     "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
-    smooth functions of time, those of the world, or of the body, which a thrust or a fin turns with.
+    smooth functions of time, those of the "world", or of the "body", which a thrust or a fin turns with;
+    "auto" lets the record say it, load by load.
     load_prior: how they vary in time there, one of the kernels in forceid/flight/priors.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
@@ -144,7 +145,7 @@ class Settings(Section):
     gravity: Vector | None = None
     moment_about: str | Vector = "mass_center"
     modes: int | None = Field(default=None, ge=0)
-    load_axes: Literal["world", "body"] = "world"
+    load_axes: Literal["auto", "world", "body"] = "auto"
     load_prior: Literal["matern", "periodic"] = "matern"
     internal_momentum: Vector | None = None
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"

@@ -10,7 +10,8 @@ from typing import Literal, get_args
 
 Stage = Literal[
     "loading", "reading", "kinematics", "deformation", "level", "noise", "force", "moment", "instruments",
-    "flight", "flight_tuning", "frames", "lines", "claims", "witness", "joints", "verdict", "rest", "writing",
+    "flight", "flight_tuning", "frames", "lines", "axes", "claims", "witness", "joints", "verdict", "rest",
+    "writing",
 ]  # fmt: skip
 STAGES: dict[Stage, str] = {
     "loading": "modules that load on first use",
@@ -26,6 +27,7 @@ STAGES: dict[Stage, str] = {
     "flight_tuning": "priors by the likelihood of the whole flight",
     "frames": "those that nothing else agrees with",
     "lines": "oscillating loads that the innovations show",
+    "axes": "loads that turn with the body, or do not",
     "claims": "what the claimed errors must allow for",
     "witness": "the plain route beside",
     "joints": "what passes through them, less stages of parts",

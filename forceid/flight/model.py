@@ -23,7 +23,7 @@ from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
-from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.flight.priors.protocol import CONSTANT, INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
 from forceid.motion import SHOWN_TURN, SUBSTEP, log
@@ -109,6 +109,13 @@ class Reference:
     force: Array | None = None
     steady: Array | None = None
     modes: Array | None = None
+
+    def under(self, prior: LoadPrior) -> Reference:
+        """The same motion and moment under another prior, its moment a constant for the step that follows."""
+        H, T, _ = self.moment.read(self.chain)
+        chain = np.zeros((len(H), prior.states))
+        chain[:, MOMENTUM], chain[:, CONSTANT] = H @ prior.axes, T @ prior.axes
+        return replace(self, chain=chain, moment=prior, force=None)
 
 
 def translation(flight: Flight, prior: LoadPrior, carrier: Array | None = None) -> StateSpace:
@@ -197,10 +204,15 @@ def error_angle(flight: Flight, reference: Reference) -> Array:
     return between(flight.rotation, reference.rotation)
 
 
-def seen_part(flight: Flight, prior: LoadPrior, about: Reference | None = None) -> tuple[StateSpace, Array]:
-    """One load by itself and what is seen of it: the mass center, or the rotation about a reference."""
+def seen_part(
+    flight: Flight, prior: LoadPrior, about: Reference | None = None, carrier: Array | None = None
+) -> tuple[StateSpace, Array]:
+    """One load by itself and what is seen of it: the mass center, or the rotation about a reference.
+
+    carrier (time, 3, 3): rotation of the body, for a force that turns with it.
+    """
     if about is None:
-        return flight.colored(translation(flight, prior), CENTER), flight.center
+        return flight.colored(translation(flight, prior, carrier), CENTER), flight.center
     wider = replace(about, chain=prior.restated(about.chain, about.moment), moment=prior)
     return flight.colored(rotation_model(flight, prior, wider), ROTATION), error_angle(flight, about)
 

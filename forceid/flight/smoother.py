@@ -87,17 +87,19 @@ def smooth_flight(
     engine: Engine,
     causal: bool = False,
     first: Reference | None = None,
+    near: float = SINGLE,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
 
-    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
+    first: a reference near to it, if one is known; near: as of `settled`. Raises EstimationError when it does
+    not come to rest.
     """
     if engine.name == "compiled":
         stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
         if stiff is not None and flight.modes is None:
             return stiff
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
-    model, z, about, _ = settled(flight, force, moment, engine, first)
+    model, z, about, _ = settled(flight, force, moment, engine, first, near)
     path = engine.smooth(model, z)
     return read_state(flight, about, path.filtered if causal else path, path.filtered, force, moment)
 
@@ -251,9 +253,14 @@ def turned_along(chain: Array, before: Array, theta: Array, prior: LoadPrior, fi
     return out
 
 
-def smooth_translation(flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False) -> FlightState:
-    """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN."""
-    path = engine.smooth(*seen_part(flight, force))
+def smooth_translation(
+    flight: Flight, force: LoadPrior, engine: Engine, causal: bool = False, carrier: Array | None = None
+) -> FlightState:
+    """Force and mass center of a flight whose rotation is not seen; what belongs to rotation is NaN.
+
+    carrier (time, 3, 3): rotation of the body, for a force that turns with it.
+    """
+    path = engine.smooth(*seen_part(flight, force, carrier=carrier))
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
     own = slice(force.states)

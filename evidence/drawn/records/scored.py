@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from time import process_time
 from typing import Any
@@ -33,6 +33,7 @@ class RecordScore:
     verdict: str = ""
     reasons: tuple[str, ...] = ()
     model: str = ""
+    tuned: Mapping[str, float] = field(default_factory=dict)
     nis: float = np.nan
     seconds: float = 0.0
 
@@ -77,6 +78,7 @@ def estimated_score(recording: Recording, turn: Array | None = None, **settings:
     said = found.verdict
     return scored(
         found, *truth, verdict=said.level, reasons=said.reasons, model=found.model, seconds=spent,
+        tuned=found.tuned,
         nis=float(np.nanmean(found.nis)) if np.isfinite(found.nis).any() else np.nan,
     )  # fmt: skip
 

@@ -36,7 +36,10 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     Raises ConfigError for parts and joints that do not fit the recording; where a part is refused all is NaN.
     """
     parts, joints = parts_of(recording, settings)
-    alone = settings.model_copy(update={"part": (), "joint": (), "load": (), "moment_about": "mass_center"})
+    own = {"part": (), "joint": (), "load": (), "moment_about": "mass_center"}
+    if settings.load_axes == "auto":  # what a joint passes stands in the axes of either part, or of none
+        own["load_axes"] = "world"
+    alone = settings.model_copy(update=own)
     rigid = alone.model_copy(update={"model": "rigid"})
     solved = [solve(part.recording, rigid if part.rigid else alone) for part in parts]
     findings = [

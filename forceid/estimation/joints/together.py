@@ -72,7 +72,8 @@ def smooth_linked_parts(
         own = slice(6 * k, 6 * k + 6)
         C[:, own, own] += part.smoothing.allowance
     # one factor for all, lest balances that are all but exact were upset
-    growth = [np.diag(s.growth).mean() for s in solutions if s is not None and s.growth is not None]
+    each = [s.growth for s in solutions if s is not None and s.growth is not None]
+    growth = [np.trace(one, axis1=-2, axis2=-1).mean() / len(one.T) for one in each]
     C *= np.mean(growth or [1.0]) ** 2
     moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
     claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)

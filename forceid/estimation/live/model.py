@@ -85,7 +85,8 @@ def tuned_on(
     """The model that the estimate of a stretch leaves. EstimationError where that shows no force."""
     time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
     motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
-    found, solution = estimate_whole(Recording(body, motion), settings)
+    in_world = settings.model_copy(update={"load_axes": "world"})  # a filter leads loads there
+    found, solution = estimate_whole(Recording(body, motion), in_world)
     if solution is None or "force" not in solution.priors or solution.kinematics.markers is None:
         why = "; ".join(found.verdict.reasons) or "the plain route alone stands, which has no prior"
         raise EstimationError(f"cannot be tuned on: {why}", f"the stretch up to {time[-1]:g} s")

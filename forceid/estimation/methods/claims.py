@@ -10,7 +10,6 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.body_axes import body_fixed_priors
 from forceid.estimation.loads.hidden import free_oscillation, inner_wheel
 from forceid.estimation.loads.hidden.left_out import (
     as_fast_as_on_modes,
@@ -20,7 +19,7 @@ from forceid.estimation.loads.hidden.left_out import (
 )
 from forceid.estimation.loads.hidden.mode_motion import motion_growth
 from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
-from forceid.estimation.loads.hidden.order_uncertainty import growth_along_world
+from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
@@ -31,7 +30,6 @@ from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
-from forceid.flight.smoother import smooth_flight
 from forceid.flight.vibration import ModeState
 
 
@@ -63,17 +61,14 @@ def allow_for_slow_errors(problem: Problem) -> Problem:
     return replace(problem, state=state)
 
 
-def turn_with_body(problem: Problem) -> Problem:
-    """Loads along axes of the body where that is asked for; else what a line at the spin may stand for."""
-    flight, kin, engine = problem.flight, problem.kin, problem.engine
-    if problem.settings.load_axes == "body" and kin.attitude:
-        priors, gained = body_fixed_priors(problem.priors, problem.channels, flight, problem.state, engine)
-        state = smooth_flight(flight, priors["force"], priors["moment"], engine, problem.causal)
-        return replace(problem, priors=priors, gained=gained, state=state, plain=state.wrench_cov)
+def judge_spin(problem: Problem) -> Problem:
+    """What a load that keeps to axes of the world may hide at the spin; one that turns with it hides none."""
+    flight, priors = problem.flight, problem.priors
     if problem.state.reference is None or flight.sensors is not None:  # these would show what poses do not
         return problem
-    mass, gravity = kin.inertia.mass, problem.motion.gravity
-    return problem.noting(*lines_at_spin(problem.channels, problem.priors, problem.state, mass, gravity))
+    still = {load: channel for load, channel in problem.channels.items() if priors[load].body_axes is None}
+    mass, gravity = problem.kin.inertia.mass, problem.motion.gravity
+    return problem.noting(*lines_at_spin(still, priors, problem.state, mass, gravity))
 
 
 def allow_for_deforming_loads(problem: Problem) -> Problem:
@@ -81,10 +76,11 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
     kin, state, modes = problem.kin, problem.state, problem.deformation.prior
     if not kin.attitude or problem.causal or modes is None or problem.flight.sensors is not None:
         return problem
-    band = least_band(problem.channels["moment"], problem.priors["moment"], problem.turned)
+    turned = problem.turned_at("moment")
+    band = least_band(problem.channels["moment"], problem.priors["moment"], turned)
     bent = as_smoothed(kin, problem.deformation, state)
     state = widened_by_arms(state, kin, bent.amplitude, band)
-    if kin.elastic is None or problem.settings.load_axes == "body":
+    if kin.elastic is None:
         return replace(problem, state=state)
     assert bent.path is not None
     on_modes = bent.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
@@ -92,7 +88,7 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
     moved = {"force": kin.inertia.mass * np.eye(3), "moment": inertia}
     # a mass center that is known by itself tells of no mode, and no stiffness told may touch its force
     shown = {name: ch for name, ch in problem.channels.items() if name == "moment" or not kin.apart}
-    state, said = as_fast_as_on_modes(shown, problem.priors, state, on_modes, moved)
+    state, said = as_fast_as_on_modes(shown, problem.priors, state, on_modes, moved, turned)
     return replace(problem, state=state).noting(*said)
 
 
@@ -136,19 +132,18 @@ def judge_lever(problem: Problem) -> Problem:
 
 def allow_for_priors(problem: Problem) -> Problem:
     """What the record does not tell of the priors of the loads, and a wheel that may turn inside."""
-    if problem.settings.load_axes == "body":
-        return problem
     state, kin, priors = problem.state, problem.kin, problem.priors
     channels = {
         name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
     }
     inside = "moment" in channels and problem.body.internal_momentum is None and may_turn_inside(kin)
-    beside = {"moment": inner_wheel.signals(channels["moment"].time, problem.turned)} if inside else {}
+    turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
+    beside = {"moment": inner_wheel.signals(channels["moment"].time, turned["moment"])} if inside else {}
     looks = {
-        name: whitened(channel, priors[name], problem.engine, beside.get(name))
+        name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
         for name, channel in channels.items()
     }
-    growth = growth_along_world(state, looks)
+    growth = growth_along_own(state, looks)
     if not inside:
         return replace(problem, growth=growth)
     growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth)
@@ -162,6 +157,14 @@ def allow_for_modes(problem: Problem) -> Problem:
         return problem
     seen = kin.time, kin.amplitude, np.nan_to_num(kin.amplitude_var, nan=1.0)
     return replace(problem, moving=motion_growth(*seen, found.prior, found.motion_cov, problem.engine))
+
+
+def allow_for_axes(problem: Problem) -> Problem:
+    """What estimates along axes that the record does not tell apart differ by."""
+    if problem.between is None:
+        return problem
+    state = problem.state
+    return replace(problem, state=replace(state, wrench_cov=state.wrench_cov + problem.between))
 
 
 def may_turn_inside(kin: Kinematics) -> bool:
@@ -183,7 +186,8 @@ def solution_of(problem: Problem) -> Solution:
     kin, state, flight, priors = problem.kin, problem.state, problem.flight, problem.priors
     hidden = None
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
-        hidden = hidden_load(channels_on_every_axis(problem), priors, problem.turned)
+        turned = problem.turned_at("moment") if kin.attitude else None
+        hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
     filtered = judge_filter(kin, None if hidden is None else hidden.band)
     return Solution(
         kin,

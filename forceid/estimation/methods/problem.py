@@ -22,6 +22,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Body, Finding, Flags, Impulses, Motion
+from forceid.rounding import SINGLE
 
 TO_COME: Any = None  # a stage fills it before another reads it
 
@@ -40,8 +41,9 @@ class Problem:
     the noise of markers; notes, findings of this pass; at_limit: by variable,
     whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
     priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
-    wrench before allowances; gained: numbers of body axes; growth: of the errors claimed, moving: of
-    those of affine modes; impulses: of loads that come in pieces.
+    wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
+    between axes of its loads that the record does not tell apart, None for none; growth: of the errors
+    claimed, moving: of those of affine modes; impulses: of loads that come in pieces.
     """
 
     body: Body
@@ -70,6 +72,7 @@ class Problem:
     wild: Wild | None = None
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
+    between: Array | None = None
     growth: Array | None = None
     moving: Array | None = None
     impulses: Impulses | None = None
@@ -115,11 +118,6 @@ class Problem:
         shown = {"force": self.force_channel}
         return shown | {"moment": self.driven.moment} if self.kin.attitude else shown
 
-    @property
-    def turned(self) -> Array:
-        """Rotations (sample, 3, 3) of the state in the frames that show one, and tell something new."""
-        return np.asarray(self.state.rotation[np.isfinite(self.flight.rotation).all((1, 2))])
-
     def look(self, noise: dict[str, Array] | None) -> Kinematics:
         """The kinematics without the frames dropped, under the noise of the file or another one."""
         if noise is None and not self.dropped.any:
@@ -144,24 +142,32 @@ class Problem:
         """The problem with kinematics whose deformation is known and taken out."""
         return replace(self, driven=DrivenMotion(kin, deformation, self.motion.gravity))
 
+    def turned_at(self, load: str) -> Array:
+        """Rotation (sample, 3, 3) of the body at the samples of the channel of a load."""
+        return np.asarray(self.state.rotation[np.isin(self.flight.time, self.channels[load].time)])
+
     def noting(self, *findings: Finding) -> Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
 
-    def smoothed(self, flight: Flight, first: Reference | None = None) -> FlightState:
-        """The state of a flight under the priors of its loads; first: a reference near to it, if known."""
+    def smoothed(self, flight: Flight, first: Reference | None = None, near: float = SINGLE) -> FlightState:
+        """The state of a flight under the priors of its loads.
+
+        first: a reference near to it, if known; near: as of `settled`.
+        """
         kin, force = self.kin, self.priors["force"]
         if not kin.attitude:
             return smooth_translation(flight, force, self.engine, self.causal)
         moment = self.priors["moment"]
         if not self.apart:
-            state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
+            state = smooth_flight(flight, force, moment, self.engine, self.causal, first, near)
             return with_spin_rate(state, kin.spin, kin.inertia.line)
-        free = smooth_translation(flight, force, self.engine, self.causal)
+        carrier = None if first is None or force.body_axes is None else first.rotation
+        free = smooth_translation(flight, force, self.engine, self.causal, carrier)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
+        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first, near)
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)

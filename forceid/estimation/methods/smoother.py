@@ -9,7 +9,9 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import largest_innovations
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
+    allow_for_axes,
     allow_for_deforming_loads,
     allow_for_edges,
     allow_for_modes,
@@ -18,8 +20,8 @@ from forceid.estimation.methods.claims import (
     allow_for_slow_errors,
     judge_channels,
     judge_lever,
+    judge_spin,
     solution_of,
-    turn_with_body,
 )
 from forceid.estimation.methods.flying import (
     add_instruments,
@@ -64,11 +66,12 @@ CLAIMS: tuple[Stage, ...] = (
     judge_channels,
     allow_for_ringing,
     allow_for_slow_errors,
-    turn_with_body,
+    judge_spin,
     allow_for_deforming_loads,
     judge_lever,
     allow_for_edges,
     allow_for_priors,
+    allow_for_axes,
     allow_for_modes,
 )
 
@@ -88,6 +91,7 @@ def estimate_flight(
     """
     given = kinematics(body, motion, settings) if kin is None else kin
     problem = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given, shown)))
+    problem = choose_axes(problem)
     with stage("claims"):
         return solution_of(through(CLAIMS, problem))
 

@@ -91,7 +91,7 @@ def tuned_beside(
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
     pieces = None if near is None else near.tuned.pieces
-    orders = ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
+    orders = orders_asked(problem)
     prior = None
     if problem.shown is not None and (limits, lines, orders, near, kind) == AS_LOOKED:
         prior = problem.shown.prior_on(channel)
@@ -102,6 +102,11 @@ def tuned_beside(
         return prior
     untold = tune_channel(channel, limits, lines, (UNTOLD_ORDER,), engine, kind=kind)
     return prior if untold.tuned.log_likelihood < prior.tuned.log_likelihood - PATIENCE else untold
+
+
+def orders_asked(problem: Problem) -> tuple[int, ...]:
+    """Orders of priors that a record can ask for: not the smoothest where a deformation hides loads."""
+    return ORDERS if not problem.hides else tuple(order for order in ORDERS if order <= FREE)
 
 
 def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:

@@ -79,7 +79,8 @@ def alternatives(first: Reference, search: Search) -> list[Alternative]:
     found: dict[Kind, Alternative] = {}
     failed: Exception | None = None
     for kind in ((True, True), (True, False), (False, True), (False, False)):
-        if search.settings.load_axes == "body" and not all(kind):
+        asked = search.settings.load_axes
+        if (asked == "body" and not all(kind)) or (asked == "world" and any(kind)):
             continue
         near = max(found.values(), key=likelihood, default=None)
         try:

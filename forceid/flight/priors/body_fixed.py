@@ -5,6 +5,8 @@ A thrust, a leak, a fin is slow in the axes of the body only. Source: principal 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.spatial.transform import Rotation
@@ -12,6 +14,39 @@ from scipy.spatial.transform import Rotation
 from forceid.records import Array
 
 GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # points, weights on 0 to 1
+
+
+@dataclass(frozen=True)
+class Turning:
+    """How fast axes of a body turn, in the mean over a record: what that does to noise seen along them.
+
+    across (3,) 1/s2: mean square of the spin across each axis; fourth (3,) 1/s4: mean of that times the whole
+    spin squared. A load in body axes is (d/dt + [omega]x)^2 of a position there, whose noise is as white as
+    in the world: of density 1 it makes w^4 + 6 across w^2 + fourth along an axis, and white noise of the
+    momentum w^2 + across. Exact for a steady spin.
+    """
+
+    across: Array
+    fourth: Array
+
+    @classmethod
+    def of(cls, time: Array, along: Array) -> Turning:
+        """The turning of axes (time, 3, 3), columns in world axes, at times (time,) s."""
+        turn = Rotation.from_matrix(along[1:] @ along[:-1].mT).as_rotvec() / np.diff(time)[:, None]
+        own = np.einsum("tba,tb->ta", along[:-1], turn)
+        whole = (own**2).sum(1, keepdims=True)
+        across = whole - own**2
+        return cls(across.mean(0), (whole * across).mean(0))
+
+    def of_position(self, w: Array) -> Array:
+        """Density (axis, frequency) of white noise of a position, as a load over that in the world, at w
+        rad/s.
+        """
+        return np.asarray(1 + (6 * self.across[:, None] + self.fourth[:, None] / w**2) / w**2)
+
+    def of_momentum(self, w: Array) -> Array:
+        """The same of a noise that adds up in the position, and is white in the momentum."""
+        return np.asarray(1 + self.across[:, None] / w**2)
 
 
 def fix_to_body(

@@ -19,7 +19,7 @@ import numpy as np
 from forceid.flight.channels import Channel, Start, load_chain
 from forceid.flight.color import root_of
 from forceid.flight.pieces import WHOLE, Pieces
-from forceid.flight.priors.body_fixed import fix_to_body
+from forceid.flight.priors.body_fixed import Turning, fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.lines import Line
@@ -248,15 +248,29 @@ class LoadPrior:
         return replace(self, tuned=tuned)
 
     def plain(self) -> LoadPrior:
-        """The same of fewest states, for a rotation whose errors nothing links to those of the center."""
-        return replace(self.with_kernel(self.kernel.fewest()), lines=())
+        """One as large of fewest states, for a rotation whose errors nothing links to those of the center."""
+        return replace(self.with_kernel(self.kernel.fewest()), lines=(), body_axes=None)
+
+    def axes_along(self, rotation: Array) -> Array:
+        """Axes that the kernel holds along, as columns in world axes: (3, 3), or (time, 3, 3) of one that
+        turns with a rotation (time, 3, 3) of the body.
+        """
+        return self.axes if self.body_axes is None else np.asarray(rotation @ self.body_axes)
+
+    def turning(self, time: Array, rotation: Array) -> Turning:
+        """How fast these axes turn with a rotation (time, 3, 3) of the body."""
+        axes = self.axes_along(rotation)
+        return Turning.of(time, np.broadcast_to(axes, (len(time), 3, 3)))
 
     def numbers(self, load: str) -> dict[str, float]:
         """What tuning chose, as numbers with names; std in N or N m, rate in 1/s, along the axes it found.
 
-        Of a line, the frequency in Hz, the std along world axes, and the bandwidth in 1/s.
+        One (`turns`) where these turn with the body. Of a line, the frequency in Hz, the std along world
+        axes, and the bandwidth in 1/s.
         """
         found = {f"{load}_{name}": value for name, value in self.kernel.numbers().items()}
+        if self.body_axes is not None:
+            found[f"{load}_turns"] = 1.0
         for k, line in enumerate(self.lines, 1):
             found[f"{load}_line_{k}_frequency"] = line.frequency
             found[f"{load}_line_{k}_bandwidth"] = line.bandwidth

@@ -1,5 +1,7 @@
 """Loads that turn with the body, against paths integrated by a method of their own."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -9,12 +11,15 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
 from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.hidden.order_uncertainty import growth_of
+from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel, Start
+from forceid.flight.priors.body_fixed import Turning
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
-from forceid.kalman.engines import engine
-from forceid.records import Array
+from forceid.kalman.engines import Engine, engine
+from forceid.records import Array, Body, Motion, Recording
 from forceid.scenes.recipe import SceneRecipe, simulate
 
 MASS, RATE, NOISE = 0.1, 250.0, 2e-4  # kg, Hz, m
@@ -49,6 +54,27 @@ def channel_of(path: Array, seed: int) -> Channel:
     return Channel(TIME, z, 1 / MASS, np.tile(NOISE**2 * np.eye(3), (len(TIME), 1, 1)), np.zeros((3, 3)))
 
 
+def force_of(turns: bool) -> tuple[Array, Array]:
+    """A force of three slow waves (time, 3), in world axes, that turns with the body or not; and its path."""
+    fine = np.arange(249 * 20 + 1) / RATE / 20
+    waves = np.stack([np.sin(9.0 * fine + 1.0), 0.7 * np.sin(14.0 * fine), 0.4 * np.cos(5.0 * fine)], 1)
+    force = np.einsum("tab,tb->ta", rotation_at(fine), waves) if turns else waves
+    path = CubicSpline(fine, force / MASS).antiderivative(2)
+    return force[::20], path(TIME)
+
+
+def thrust(turns: bool) -> Recording:
+    """A block with eight markers that turns at a steady rate about a main axis under such a force."""
+    X = 0.1 * np.array(list(product((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))))
+    E = MASS * X.T @ X / len(X)
+    body = Body(
+        tuple("abcdefgh"), X, total_mass=MASS, mass_center=np.zeros(3), inertia=np.trace(E) * np.eye(3) - E
+    )
+    x = force_of(turns)[1][:, None] + np.einsum("tab,nb->tna", rotation_at(TIME), X)
+    x = x + NOISE * np.random.default_rng(8).standard_normal(x.shape)
+    return Recording(body, Motion(TIME, x, gravity=np.zeros(3), noise_std={"position": NOISE}))
+
+
 TRUTH = LoadPrior(Tuned(Matern(2, STD, np.full(3, KAPPA))), np.eye(3), Start(1e2, 1e2, 0.0), (), np.eye(3))
 
 
@@ -57,6 +83,15 @@ def smoothed(channel: Channel, prior: LoadPrior) -> tuple[Array, Array]:
     path = engine().smooth(channel_model(channel, prior, rotation_at(TIME)), channel.moved)
     rows = prior.rows
     return path.x @ rows.T, np.einsum("as,tsr,ar->ta", rows, path.P, rows)
+
+
+def grown_by(channel: Channel, prior: LoadPrior, passes: Engine) -> float:
+    """Factor on claimed deviations, rms along the axes, for orders, sizes and rates that are as likely."""
+    axes = prior.axes_along(rotation_at(TIME))
+    path, rows = passes.smooth(channel_model(channel, prior, rotation_at(TIME)), channel.moved), prior.rows
+    along = np.einsum("tai,as,tsr,br,tbi->ti", axes, rows, path.P, rows, axes)[30:-30].mean(0)
+    growth = growth_of(whitened(channel, prior, passes, rotation=rotation_at(TIME)), along)
+    return float(np.sqrt((growth**2 * along).mean() / along.mean()))
 
 
 def test_under_its_own_prior_a_carried_load_is_found_at_the_bound() -> None:
@@ -80,6 +115,7 @@ def test_tuned_on_the_record_a_carried_prior_beats_one_in_world_axes() -> None:
         world = tune_channel(channel, (1.0, 1.0), (), engine=passes)
         before, _ = smoothed(channel, world)
         body = body_fixed_prior(channel, world, rotation_at(TIME), before, passes)
+        assert body is not None
         after, var = smoothed(channel, body)
         part = slice(30, -30)
         gained = channel_likelihood(channel, body, rotation_at(TIME), passes) - channel_likelihood(
@@ -87,7 +123,8 @@ def test_tuned_on_the_record_a_carried_prior_beats_one_in_world_axes() -> None:
         )
         assert gained > 20.0
         worse.append(np.mean((before - force)[part] ** 2) / np.mean((after - force)[part] ** 2))
-        assert np.mean((after - force)[part] ** 2) < 1.6 * np.mean(var[part])
+        growth = grown_by(channel, body, passes)
+        assert np.mean((after - force)[part] ** 2) < 1.6 * growth**2 * np.mean(var[part])
     assert np.sqrt(np.mean(worse)) > 1.5
 
 
@@ -99,6 +136,30 @@ def test_a_carried_prior_of_equal_axes_and_no_rotation_is_the_one_in_world_axes(
     a, b = (channel_model(channel, prior, still) for prior in (TRUTH, world))
     for name in ("F", "Q", "P0", "H"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12, atol=1e-15)
+
+
+def test_noise_along_axes_that_turn_is_as_large_as_a_steady_spin_makes_it() -> None:
+    # of a position that is a wave in world axes, seen along axes that turn at 60 rad/s
+    rng, t = np.random.default_rng(5), np.arange(4096) / 500.0
+    R = Rotation.from_rotvec(np.multiply.outer(t, SPIN)).as_matrix()
+    turning = Turning.of(t, R)
+    w = np.array([20.0, 60.0, 200.0])
+    load = np.zeros((3, 3))
+    for k, own in enumerate(w):  # (d/dt + [omega]x)^2 of a wave in body axes, direction and phase at random
+        for _ in range(400):
+            m = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+            D = 1j * own * np.eye(3) + np.cross(np.eye(3), SPIN).T
+            load[:, k] += np.abs(D @ D @ m) ** 2 / 800
+    np.testing.assert_allclose(load, turning.of_position(w) * w**4, rtol=0.2)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_record_says_whether_a_force_turns_with_the_body(turns: bool) -> None:
+    found = estimate_recording(thrust(turns), load_settings(model="rigid"))
+    assert ("force_turns" in found.tuned) == turns
+    assert found.verdict.level == "ok"
+    off = (found.force - force_of(turns)[0]) / found.force_std
+    assert 0.3 < np.sqrt(np.mean(off[25:-25] ** 2)) < 1.5
 
 
 @pytest.mark.long

@@ -33,7 +33,7 @@ from forceid.scenes.flights import flexible_boomerang as scene
 from forceid.scenes.springs import spring_stiffness
 
 DATA = Path(__file__).parents[3] / "data" / "synthetic"
-SETTINGS = load_settings()
+SETTINGS = load_settings(load_axes="world")  # budgets keep priors as they are
 ALONG = (np.eye(3)[0], np.array([0.6, -0.8, 0.0]))
 
 
@@ -122,7 +122,7 @@ def boomerang():
 @pytest.fixture(scope="module")
 def stiff(boomerang):
     """The same taken for rigid: beside mass that may deform, priors move too."""
-    recording, settings = boomerang[0], load_settings(model="rigid")
+    recording, settings = boomerang[0], load_settings(model="rigid", load_axes="world")
     return recording, solved(recording, settings), settings
 
 

@@ -57,7 +57,9 @@ def hidden_variance(
             holds |= np.abs(own.direction) > 0
     if holds.all():
         return {}
-    model, z = seen_part(flight, prior, state.reference if first else None)
+    about = state.reference
+    carrier = None if about is None else about.rotation
+    model, z = seen_part(flight, prior, about if first else None, carrier)
     root = np.array([2j * np.pi * line.frequency - line.bandwidth])
     signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
     filtered = engine.filter(model, z)

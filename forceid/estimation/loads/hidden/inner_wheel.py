@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
@@ -45,21 +46,21 @@ def signals(time: Array, rotation: Array) -> Array:
 
 
 def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Growth (6, 6) of claimed errors that allows for wheels as well, and a finding on those beyond it.
+    """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
     look: at the channel of the moment, beside `signals`.
     """
-    edge, axes = len(state.wrench_cov) // 8, look.prior.axes
+    edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
-    cov = np.nanmean(growth @ state.wrench_cov[inner] @ growth.T, axis=0)[3:, 3:]
-    claimed = np.sqrt(np.einsum("ai,ab,bi->i", axes, cov, axes))
+    claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, 3:, 3:]))
     found = wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
     total = 1 + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     within = [wheel for wheel in found if (wheel.off <= SIGMAS * claimed).all()]
-    own = np.eye(6)
-    own[3:, 3:] = axes * np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within)) @ axes.T
+    own = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
+    more = np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within))
+    own[..., 3:, 3:] = axes * more @ axes.mT
     growth = np.asarray(own @ growth)
     odds = sum(wheel.odds for wheel in beyond)
     if STRONG * odds <= total - odds:

@@ -115,13 +115,15 @@ def as_fast_as_on_modes(
     state: FlightState,
     on_modes: Array,
     moved: Mapping[str, Array],
+    rotation: Array,
 ) -> tuple[FlightState, list[Finding]]:
     """The state with claims that allow for loads as fast as modes show them, where poses do not follow these.
 
     The same forces push the whole body and its modes: on_modes (time, mode), smoothed loads on modes of unit
     mass, tell at every frequency how strong loads are, in the mean of their logarithms; moved (3, 3), by
-    name: mass or inertia, world axes. At a frequency a smoother that follows the share G of a load errs by
-    (1 - G)^2 of it, of which its claim has what its own prior expects; a line that it holds is followed. The
+    name: mass or inertia, world axes; rotation (time, 3, 3) of the body. At a frequency a smoother that
+    follows the share G of a load errs by (1 - G)^2 of it, of which its claim has what its own prior expects;
+    a line that it holds is followed. The
     record denies what would be stronger than the noise. The finding says from which frequency on, where the
     variance claimed grows by half or more.
     """
@@ -135,7 +137,7 @@ def as_fast_as_on_modes(
     for name, unit, own in (("force", "N", slice(0, 3)), ("moment", "N m", slice(3, 6))):
         if name not in channels:
             continue
-        noise, smooth, axes = densities(channels[name], priors[name], frequency)
+        noise, smooth, axes = densities(channels[name], priors[name], frequency, rotation)
         along = np.diagonal(axes.T @ moved[name] @ axes)
         hidden = np.minimum(along * unit_mass[:, None], noise) - smooth
         missed = (noise / (noise + smooth)) ** 2 * np.maximum(hidden, 0.0)
@@ -197,6 +199,21 @@ def densities(
     white = white * (1.0 if channel.color is None else channel.color.density(w))
     noise = (white + drift) * w**4 / channel.gain**2
     return noise, prior.spectrum(w[:, 0], rotation), axes
+
+
+def own_densities(
+    channel: Channel, prior: LoadPrior, frequency: Array, rotation: Array
+) -> tuple[Array, Array]:
+    """The same along the axes that the prior holds along, which may turn with a rotation (time, 3, 3)."""
+    if prior.body_axes is None:
+        return densities(channel, prior, frequency)[:2]
+    w, seen = 2 * np.pi * frequency, np.isfinite(channel.z).all(1)
+    turning = prior.turning(channel.time, rotation)
+    white = channel.var(np.eye(3))[seen].mean() * float(np.ptp(channel.time)) / seen.sum()
+    white = white * (np.ones(len(w)) if channel.color is None else channel.color.density(w))
+    drift = np.trace(channel.drift) / 3 / w**2
+    noise = white * turning.of_position(w) + drift * turning.of_momentum(w)
+    return (noise * w**4 / channel.gain**2).T, prior.spectrum(w)
 
 
 def required_gain(cycles: Array, samples: int, named: bool = False) -> Array:

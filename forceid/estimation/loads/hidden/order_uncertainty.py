@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from forceid.estimation.loads.hidden.left_out import densities, followed_up_to
+from forceid.estimation.loads.hidden.left_out import followed_up_to
 from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.smoother import FlightState
@@ -24,25 +24,34 @@ POWERS_APART = 1e4  # times the power of the noise of a channel that what else i
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
 
 
-def growth_along_world(state: FlightState, channels: Mapping[str, Whitened]) -> Array:
+def growth_along_own(state: FlightState, channels: Mapping[str, Whitened]) -> Array:
     """Matrix (6, 6) that takes errors of a wrench as its priors claim them to errors under all candidates.
 
-    channels: that force and moment drive, by name, under priors along world axes. The load stays what it is.
+    One of each sample (time, 6, 6) where axes of a prior turn with the body. channels: that force and moment
+    drive, by name, under their priors. The load stays what it is.
     """
-    found, edge = np.eye(6), len(state.wrench_cov) // 8
-    inner = state.wrench_cov[edge : len(state.wrench_cov) - edge]
+    found = np.eye(6)
     for name, channel in channels.items():
-        first, axes = (0 if name == "force" else 3), channel.prior.axes
+        first, axes = (0 if name == "force" else 3), channel.prior.axes_along(state.rotation)
         own = slice(first, first + 3)
-        claimed = np.nanmean(np.einsum("ai,tab,bi->ti", axes, inner[:, own, own], axes), axis=0)
-        found[own, own] = axes * growth_of(channel, claimed) @ axes.T
+        if axes.ndim > found.ndim:
+            found = np.tile(found, (len(axes), 1, 1))
+        claimed = claimed_along(axes, state.wrench_cov[:, own, own])
+        found[..., own, own] = axes * growth_of(channel, claimed) @ axes.mT
     return found
 
 
+def claimed_along(axes: Array, cov: Array) -> Array:
+    """Mean variance (axis,) of cov (time, 3, 3) along axes ([time,] 3, 3), in the inner part of a record."""
+    edge = len(cov) // 8
+    along = np.einsum("...ai,...ab,...bi->...i", axes, cov, axes)
+    return np.asarray(np.nanmean(along[edge : len(along) - edge], axis=0))
+
+
 def grown(state: FlightState, growth: Array) -> FlightState:
-    """The same state with the errors that its wrench claims turned by a matrix (6, 6)."""
+    """The same state with the errors that its wrench claims turned by a matrix ([time,] 6, 6)."""
     known = np.isfinite(state.wrench_cov)
-    cov = growth @ np.where(known, state.wrench_cov, 0.0) @ growth.T
+    cov = growth @ np.where(known, state.wrench_cov, 0.0) @ growth.mT
     return replace(state, wrench_cov=np.where(known, cov, np.nan))
 
 
@@ -54,10 +63,10 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     part, prior = found.channel, found.prior
     span, fastest = float(np.ptp(part.time)), found.frequency[-1]
     wide = np.geomspace(0.5 / span, BEYOND * fastest, 96)
-    noise, smooth, _ = densities(part, prior, wide)
+    noise, smooth = found.densities(wide)
     lost = shares_lost(wide, fastest, noise, smooth, claimed)
     finer = np.geomspace(1 / span, fastest, 128)
-    hidden, shown, _ = densities(part, prior, finer)
+    hidden, shown = found.densities(finer)
     band = followed_up_to(shown / (hidden + shown), finer).max()
     width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
     growth = np.ones(3)
@@ -69,10 +78,12 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
         counted = counted * lost[:, axis] ** 2
         error, own = candidates.density(wide, counted), float(counted @ smooth[:, axis])
         growth[axis] = grown_deviation(candidates.log_likelihood(powers[:, axis]), error - own, claimed[axis])
-    # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little
+    # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little. Of one
+    # that turns with the body none does in axes of the world, where these stretches are
     still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
     cycles = max(band * span, 2.0)
-    if still.any() and cycles < MOST_CYCLES and not prior.lines and prior.tuned.pieces is None:
+    alone = not prior.lines and prior.tuned.pieces is None and prior.body_axes is None
+    if still.any() and cycles < MOST_CYCLES and alone:
         return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
 

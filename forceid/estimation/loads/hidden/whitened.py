@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.estimation.loads.hidden.left_out import beside_parabola, densities
+from forceid.estimation.loads.hidden.left_out import beside_parabola, own_densities
 from forceid.flight.channels import Channel, middle
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.tuning import ORDERS
@@ -60,12 +60,14 @@ class Candidates:
 class Whitened:
     """The innovations (time, 3) of a channel along the axes of its prior, outliers held back, zero at gaps.
 
-    signals (time, 3, column): what else may be in them, in unknown amounts, as its innovations would be;
-    loads (time, 3, column): what the prior takes it for; seen: samples that are not gaps.
+    rotation (time, 3, 3): of the body, which these may turn with; signals (time, 3, column): what else may be
+    in them, in unknown amounts, as its innovations would be; loads (time, 3, column): what the prior takes it
+    for; seen: samples that are not gaps.
     """
 
     channel: Channel
     prior: LoadPrior
+    rotation: Array
     innovation: Array
     signals: Array
     loads: Array
@@ -89,9 +91,13 @@ class Whitened:
     def candidates(self) -> tuple[Candidates, ...]:
         """The candidates along each axis of the prior."""
         frequency, _, count = self.groups
-        noise, own, _ = densities(self.channel, self.prior, frequency)
+        noise, own = self.densities(frequency)
         noise = noise / beside_parabola(frequency * float(np.ptp(self.channel.time)))[:, None]
         return tuple(candidates(frequency, count, noise[:, i], own[:, i]) for i in range(3))
+
+    def densities(self, frequency: Array) -> tuple[Array, Array]:
+        """Spectral densities (frequency, 3) of noise and smooth load, as a load, along the same axes."""
+        return own_densities(self.channel, self.prior, frequency, self.rotation)
 
     def amounts(self, std: float) -> tuple[Array, Array]:
         """How much of each signal (column,) there is, and its covariance.
@@ -125,28 +131,41 @@ def summed_powers(innovation: Array, seen: ArrayLike, first: Indices) -> Array:
     return np.asarray(np.add.reduceat(power, first, axis=0))
 
 
-def whitened(channel: Channel, prior: LoadPrior, engine: Engine, beside: Array | None = None) -> Whitened:
-    """The middle of a channel under its prior; beside (time, 3, column): what it may show beside a load."""
+def whitened(
+    channel: Channel,
+    prior: LoadPrior,
+    engine: Engine,
+    beside: Array | None = None,
+    rotation: Array | None = None,
+) -> Whitened:
+    """The middle of a channel under its prior; beside (time, 3, column): what it may show beside a load.
+
+    rotation (time, 3, 3): of the body, None where it does not show.
+    """
     run = middle(len(channel.time))
+    turned = np.tile(np.eye(3), (len(channel.time), 1, 1))[run] if rotation is None else rotation[run]
     cov = channel.noise_cov
     part = replace(
         channel, time=channel.time[run], z=channel.z[run], noise_cov=cov[run] if cov.ndim == 3 else cov
     )
-    axes, model = prior.axes, channel_model(part, prior)
-    turned = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
+    axes, model = prior.axes, channel_model(part, prior, turned)
+    model = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
     z = part.moved[:, None] @ axes
     if beside is None:
-        v, loads = engine.filter(turned, z).innovation, np.zeros((len(part.time), 3, 0))
+        v, loads = engine.filter(model, z).innovation, np.zeros((len(part.time), 3, 0))
     else:
         gaps = np.where(np.isfinite(part.z), 0.0, np.nan)[:, None]
         also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
-        filtered, states = engine.filter_and_smooth_states(turned, np.concatenate([z, also], 1))
+        filtered, states = engine.filter_and_smooth_states(model, np.concatenate([z, also], 1))
         rows = axes.T @ prior.rows
         v, loads = filtered.innovation, np.moveaxis(states[:, 1:, : prior.states] @ rows.T, 1, 2)
+    if prior.body_axes is not None:  # innovations of white noise stay as white along axes that turn
+        along = prior.axes_along(turned)
+        v, loads = (a @ along if a is v else along.mT @ a for a in (v, loads))
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)
     own = np.clip(v[:, 0], -OUTLIER, OUTLIER)
-    return Whitened(part, prior, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
+    return Whitened(part, prior, turned, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
 
 
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:

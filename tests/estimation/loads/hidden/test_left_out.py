@@ -159,9 +159,9 @@ def added_beside_modes(followed: float) -> float:
     prior = LoadPrior(Tuned(Matern(6, np.ones(3), np.full(3, 40.0))), np.eye(3), Start(1.0, 1.0, 1.0))
     moment = np.tile(followed * slow[:, None], (1, 3))
     state = Wrench(moment, moment, np.broadcast_to(1e-4 * np.eye(6), (len(time), 6, 6)))
-    on_modes = np.tile((slow + fast)[:, None], (1, 5))
+    on_modes, still = np.tile((slow + fast)[:, None], (1, 5)), np.tile(np.eye(3), (len(time), 1, 1))
     found, said = as_fast_as_on_modes(
-        {"moment": channel}, {"moment": prior}, state, on_modes, {"moment": np.eye(3)}
+        {"moment": channel}, {"moment": prior}, state, on_modes, {"moment": np.eye(3)}, still
     )
     assert [(finding.code, finding.values["load"]) for finding in said] == [("faster-on-modes", "moment")]
     assert (found.wrench_cov[:, :3, :3] == state.wrench_cov[:, :3, :3]).all()

@@ -1,0 +1,131 @@
+"""The axes that each load keeps to, those of the world or of the body, by how likely they make the record.
+
+A gust is slow in the axes of the world, a thrust or a fin in those of the body. Of a flight solved along the
+axes of the world each load is tuned along those of the body as well, and takes them where they are e^PATIENCE
+times as likely. Where neither is that, the estimate is along the axes of the world, and what that along the
+others differs by is part of the claim. Source: principal equations 4f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from forceid.estimation.loads.ascent import bfgs_maximum
+from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
+from forceid.estimation.methods.problem import Problem
+from forceid.estimation.methods.tuning import as_on_modes, orders_asked
+from forceid.flight.channels import CHANNEL_SAMPLES
+from forceid.flight.model import seen_part
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.records import Array
+from forceid.significance import CHANCE, PATIENCE, THOUSANDTH
+from forceid.timing import stage
+
+LOADS = {"force": slice(0, 3), "moment": slice(3, 6)}  # of a wrench
+
+
+@dataclass(frozen=True)
+class BodyAxes:
+    """A load along axes of the body beside the same one along those of the world.
+
+    gain: by how much they make the record likelier, as a logarithm; off (time, 3): what the loads differ by,
+    world axes.
+    """
+
+    prior: LoadPrior
+    gain: float
+    off: Array
+
+    @property
+    def share(self) -> float:
+        """Probability of the axes of the body, at even odds."""
+        return float(1 / (1 + np.exp(-self.gain)))
+
+
+@stage("axes")
+def choose_axes(problem: Problem) -> Problem:
+    """The flight under priors along the axes that the record calls for, load by load."""
+    asked = problem.settings.load_axes
+    if asked == "world" or not problem.kin.attitude or problem.state.reference is None:
+        return problem
+    if asked == "auto" and not tells_axes(problem):
+        return problem
+    each = {load: along_body(problem, load) for load in problem.priors}
+    found = {load: one for load, one in each.items() if one is not None}
+    taken = {load: one.prior for load, one in found.items() if asked == "body" or one.gain > PATIENCE}
+    between = np.zeros_like(problem.state.wrench_cov)
+    for load, one in found.items():
+        if load not in taken and one.share > CHANCE:
+            between[:, LOADS[load], LOADS[load]] = one.share * one.off[:, :, None] * one.off[:, None]
+    gained = {f"{load}_body_axes_evidence": one.gain for load, one in found.items()}
+    problem = replace(problem, gained=gained, between=between if between.any() else None)
+    return along(problem, taken) if taken else problem
+
+
+def tells_axes(problem: Problem) -> bool:
+    """Whether what the markers show tells axes apart: their errors do not follow each other, loads are smooth
+    throughout, all mass is seen, and no sensors read, which see a load far better. Not of a long record: axes
+    that turn have every sample a model of its own.
+    """
+    whole = all(p.kernel.rivals and p.tuned.pieces is None for p in problem.priors.values())
+    seen = problem.kin.hidden is None and problem.kin.inertia.line is None
+    short = len(problem.flight.time) <= CHANNEL_SAMPLES
+    return short and whole and seen and problem.slow is None and problem.flight.sensors is None
+
+
+def along_body(problem: Problem, load: str) -> BodyAxes | None:
+    """A load along axes of the body; None where these are not expected to be near as likely.
+
+    Lines have to make the record as much likelier as any more of a load has to, those of either prior. Where
+    the flight contradicts the channel of its moment, size and rate are those by the flight, of either prior.
+    """
+    prior, channel, R = problem.priors[load], problem.channels[load], problem.turned_at(load)
+    here = channel_likelihood(channel, prior, R, problem.engine) - PATIENCE * len(prior.lines)
+    by_flight = prior is not problem.apiece[load]
+    least = -np.inf if by_flight or problem.settings.load_axes == "body" else here - PATIENCE
+    seen = getattr(problem.state, load)[np.isin(problem.flight.time, channel.time)]
+    orders = orders_asked(problem)
+    search = partial(body_fixed_prior, channel, prior, R, seen, problem.engine, orders)
+    ways = ((), prior.lines) if prior.lines else ((),)
+    tried = [search(lines, least + PATIENCE * len(lines)) for lines in ways]
+    kept = [one for one in tried if one is not None]
+    if not kept:
+        return None
+    best = max(kept, key=lambda one: one.tuned.log_likelihood - PATIENCE * len(one.lines))
+    if by_flight:
+        found = best
+        best = best.moved(bfgs_maximum(lambda by: by_itself(problem, load, found.moved(by))[0], np.zeros(2)))
+    best = as_on_modes(problem, best, np.sqrt(moved_by(problem, load, best)))
+    (own, turned), (stated, still) = by_itself(problem, load, best), by_itself(problem, load, prior)
+    return BodyAxes(best, own - stated + PATIENCE * (len(prior.lines) - len(best.lines)), turned - still)
+
+
+def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:
+    """Mass, or moments of inertia (axis,), that a load along axes of the body moves."""
+    inertia, axes = problem.kin.inertia, prior.body_axes
+    assert axes is not None
+    return np.full(3, inertia.mass) if load == "force" else np.diagonal(axes.T @ inertia.tensor @ axes)
+
+
+def by_itself(problem: Problem, load: str, prior: LoadPrior) -> tuple[float, Array]:
+    """Log-likelihood of what a load moves by itself, about the flight solved, and the load (time, 3) so."""
+    flight, about = problem.flight, problem.state.reference
+    assert about is not None
+    if load == "force":
+        model, z = seen_part(flight, prior, carrier=about.rotation)
+    else:
+        model, z = seen_part(flight, prior, about if prior is about.moment else about.under(prior))
+    filtered, x = problem.engine.filter_and_smooth_states(model, z)
+    x = filtered.x if problem.causal else x
+    return float(filtered.log_likelihood), prior.read(x[:, : prior.states])[1]
+
+
+def along(problem: Problem, priors: dict[str, LoadPrior]) -> Problem:
+    """The problem solved under other priors of some loads, near to where it was solved."""
+    problem, about = replace(problem, priors=problem.priors | priors), problem.state.reference
+    assert about is not None
+    about = about.under(priors["moment"]) if "moment" in priors else replace(about, force=None)
+    return replace(problem, state=problem.smoothed(problem.flight, about, THOUSANDTH))
