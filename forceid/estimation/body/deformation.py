@@ -45,12 +45,12 @@ class Deformation:
     moment_motion: Array | None = None
 
     def grown(self, wrench: Array | None, motion: Array | None) -> Deformation:
-        """The same with claimed errors of a wrench turned by a matrix (6, 6), of its motion by factors
+        """The same with claimed errors of a wrench turned by a matrix ([time,] 6, 6), of its motion by factors
         (mode, 3), each as it is for None.
         """
         cov, cross, loads = self.motion_cov, self.moment_motion, self.with_wrench
         if wrench is not None:
-            cross = None if cross is None else wrench[3:, 3:] @ cross
+            cross = None if cross is None else wrench[..., 3:, 3:] @ cross
             loads = None if loads is None else wrench @ loads
         if motion is not None and cov is not None:
             factor = motion.ravel()

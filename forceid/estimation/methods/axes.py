@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.special import expit
 
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
@@ -42,7 +43,7 @@ class BodyAxes:
     @property
     def share(self) -> float:
         """Probability of the axes of the body, at even odds."""
-        return float(1 / (1 + np.exp(-self.gain)))
+        return float(expit(self.gain))
 
 
 @stage("axes")

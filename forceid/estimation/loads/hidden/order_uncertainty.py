@@ -15,7 +15,9 @@ from scipy.optimize import brentq
 
 from forceid.estimation.loads.hidden.left_out import followed_up_to
 from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth
+from forceid.estimation.loads.hidden.slow_turning import slow_turning_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
+from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK
 from forceid.records import Array
@@ -82,8 +84,12 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     # that turns with the body none does in axes of the world, where these stretches are
     still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
     cycles = max(band * span, 2.0)
-    alone = not prior.lines and prior.tuned.pieces is None and prior.body_axes is None
-    if still.any() and cycles < MOST_CYCLES and alone:
+    if prior.lines or prior.tuned.pieces is not None or not isinstance(prior.kernel, Matern):
+        return growth
+    if prior.body_axes is not None:
+        slow = still | (prior.kernel.rate * span < 2 * np.pi * MOST_CYCLES)
+        return np.maximum(growth, slow_turning_growth(found, claimed, slow)) if slow.any() else growth
+    if still.any() and cycles < MOST_CYCLES:
         return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
 

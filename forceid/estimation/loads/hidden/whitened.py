@@ -67,6 +67,7 @@ class Whitened:
 
     channel: Channel
     prior: LoadPrior
+    engine: Engine
     rotation: Array
     innovation: Array
     signals: Array
@@ -98,6 +99,18 @@ class Whitened:
     def densities(self, frequency: Array) -> tuple[Array, Array]:
         """Spectral densities (frequency, 3) of noise and smooth load, as a load, along the same axes."""
         return own_densities(self.channel, self.prior, frequency, self.rotation)
+
+    def likelihood(self, prior: LoadPrior) -> float:
+        """Exact log-likelihood of the channel under another prior."""
+        model = channel_model(self.channel, prior, self.rotation)
+        return float(self.engine.log_likelihood(model, self.channel.moved))
+
+    def smoothed(self, prior: LoadPrior) -> tuple[Array, Array]:
+        """The load under another prior, along its axes, and its variance, (time, 3) each."""
+        found = self.engine.smooth(channel_model(self.channel, prior, self.rotation), self.channel.moved)
+        rows, own = prior.axes_along(self.rotation).mT @ prior.rows, slice(prior.states)
+        load = (rows @ found.x[:, own, None])[..., 0]
+        return load, np.asarray(np.einsum("tai,tij,taj->ta", rows, found.P[:, own, own], rows))
 
     def amounts(self, std: float) -> tuple[Array, Array]:
         """How much of each signal (column,) there is, and its covariance.
@@ -165,7 +178,7 @@ def whitened(
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)
     own = np.clip(v[:, 0], -OUTLIER, OUTLIER)
-    return Whitened(part, prior, turned, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
+    return Whitened(part, prior, engine, turned, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
 
 
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
