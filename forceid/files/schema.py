@@ -66,11 +66,17 @@ BODY = {
     "sensor_position": Variable(("sensor", "axis"), "m", "sensor position, reference axes"),
     "strain_shape": Variable(("gauge", "node", "axis"), "m-1", "strain per nodal displacement"),
     "sensor_rotation": Variable(("sensor", "quaternion"), "1", "rotation from sensor to body axes"),
+    "marker_weight": Variable(("node", "marker"), "1", "weight of each marker in a mass point"),
+    "marker_segment": Variable(("marker",), "1", "index of the node on whose segment a marker is, -1: none"),
+    "marker_shape": Variable(("marker", "axis"), "m", "markers in one pose of the body"),
+    "joint_segment": Variable(("joint", "side"), "1", "indices of the nodes whose segments meet at a joint"),
+    "joint_shape": Variable(("joint", "axis"), "m", "joints in that pose"),
 }
 PLANAR = {"inertia": Variable((), "kg m2", "moment of inertia about the mass center, of a planar file")}
 MOTION = {
     "time": Variable(("time",), "s", "time"),
     "position": Variable(("time", "node", "axis"), "m", "measured position, world axes"),
+    "marker_position": Variable(("time", "marker", "axis"), "m", "markers of the mass points, world axes"),
     "center": Variable(("time", "axis"), "m", "measured mass center, world axes"),
     "orientation": Variable(("time", "quaternion"), "1", "measured orientation, body to world"),
 } | SENSED
@@ -253,7 +259,8 @@ def root_attrs(title: str, history: str, **more: Any) -> dict[str, Any]:
 def motion_groups(recording: Recording) -> dict[str, Group]:
     """A recording as the groups of a motion file; the truth gets the time of the motion if it has none."""
     body, motion = recording.body, recording.motion
-    node = {"node": body.node} if body.node else {}
+    named = {"node": body.node, "marker": body.marker, "joint": body.joint}
+    node = {dim: names for dim, names in named.items() if names}
     noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
     groups = {
         "/": Group(
