@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from forceid.errors import ConfigError
 
 Method = Literal["difference", "savgol", "spline", "filter", "smoother"]
-Model = Literal["rigid", "affine", "modal", "auto"]
+Model = Literal["rigid", "affine", "modal", "segments", "auto"]
 Vector = tuple[float, float, float]
 
 
@@ -125,7 +125,8 @@ class Settings(Section):
 
     noise_std: standard deviation of one measured component (m; orientation rad) by variable, overrides
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
-    "mass_center", a node name, or a fixed point in world axes (m). modes: the number of deformation
+    "mass_center", a node name, or a fixed point in world axes (m). model: auto never takes segments, that
+    of a body whose markers show its segments and joints. modes: the number of deformation
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
     smooth functions of time, those of the "world", or of the "body", which a thrust or a fin turns with;
     "auto" lets the record say it, load by load.

@@ -71,11 +71,15 @@ class CsvSetting(ChannelSetting):
 class SegmentSetting(Section):
     """A mass point at a fixed combination of markers; the weights add up to one.
 
-    mass in kg, or mass_fraction of `total_mass` in [import.body].
+    mass in kg, or mass_fraction of `total_mass` in [import.body]; cluster: the markers that stay on the
+    segment, which show how it moves. gyration: weights that add up to zero, by which half of the mass is off
+    the point one way and half the other, so that the segment has a spin of its own: two points for one.
     """
 
     name: str
     markers: dict[str, float] = Field(min_length=1)
+    cluster: tuple[str, ...] = ()
+    gyration: dict[str, float] = Field(default_factory=dict)
     mass: float | None = Field(default=None, ge=0)
     mass_fraction: float | None = Field(default=None, ge=0)
 
@@ -83,8 +87,36 @@ class SegmentSetting(Section):
     def _check(self) -> SegmentSetting:
         if abs(total := sum(self.markers.values()) - 1.0) > 1e-6:
             raise ValueError(f"segment {self.name}: marker weights add up to {total + 1:g}, expected 1")
+        if abs(off := sum(self.gyration.values())) > 1e-6:
+            raise ValueError(f"segment {self.name}: weights of gyration add up to {off:g}, expected 0")
         if (self.mass is None) == (self.mass_fraction is None):
             raise ValueError(f"segment {self.name}: give either mass or mass_fraction")
+        return self
+
+    @property
+    def points(self) -> dict[str, dict[str, float]]:
+        """Marker weights by the name of a mass point: one, or two with half of the mass each."""
+        if not self.gyration:
+            return {self.name: self.markers}
+        names = self.markers | self.gyration
+        return {
+            f"{self.name}{end}": {
+                n: self.markers.get(n, 0.0) + way * self.gyration.get(n, 0.0) for n in names
+            }
+            for end, way in (("", -1.0), ("_2", 1.0))
+        }
+
+
+class JointSetting(Section):
+    """A joint of two segments that have clusters: at a combination of markers in the reference pose."""
+
+    segments: tuple[str, str]
+    markers: dict[str, float] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _check(self) -> JointSetting:
+        if abs(total := sum(self.markers.values()) - 1.0) > 1e-6:
+            raise ValueError(f"marker weights add up to {total + 1:g}, expected 1")
         return self
 
 
@@ -128,6 +160,8 @@ class ImportSettings(Section):
     """How a source becomes a recording. gravity (m/s2, world axes) is asked for: it is never assumed.
 
     start and stop (s) keep a window of time, both ends included. noise_std by variable of /motion, SI.
+    static: a capture of the body at rest, beside the others, in which joints are placed among the markers;
+    without it that is the first frame that shows all of them.
     """
 
     gravity: Vector = Field(examples=["gravity = [0.0, 0.0, -9.81], m/s2 in world axes"])
@@ -140,6 +174,8 @@ class ImportSettings(Section):
     channels: ChannelSetting | None = None
     body: BodySetting = BodySetting()
     segment: tuple[SegmentSetting, ...] = ()
+    joint: dict[str, JointSetting] = Field(default_factory=dict)
+    static: str = ""
     until: UntilSetting | None = None
     plates: PlateSetting | None = None
 

@@ -67,6 +67,11 @@ class Body:
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
     strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
     material: its name and constants, by name, of a body that deforms affinely.
+    Of a body of segments, whose nodes are mass points at fixed combinations of tracked markers: marker_weight
+    (node, marker) of these, which add up to one; marker_segment (marker,): the node on whose segment a marker
+    stays, -1 for none; marker_shape (marker, 3) m: where markers are in one pose of the body; joint_segment
+    (joint, 2): the nodes of the segments that meet at a joint, which is at joint_shape (joint, 3) m in that
+    pose; marker and joint: their names.
     """
 
     node: tuple[str, ...] = ()
@@ -85,6 +90,13 @@ class Body:
     sensor_rotation: Array | None = None
     strain_shape: Array | None = None
     material: Mapping[str, str | float | tuple[float, ...]] | None = None
+    marker: tuple[str, ...] = ()
+    marker_weight: Array | None = None
+    marker_segment: Array | None = None
+    marker_shape: Array | None = None
+    joint: tuple[str, ...] = ()
+    joint_segment: Array | None = None
+    joint_shape: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +129,8 @@ class KnownPart:
 class Motion:
     """What was measured, NaN where it was not. World axes.
 
-    time (time,) s; position (time, node, 3) m, or center (time, 3) m with orientation (time, 4)
+    time (time,) s; position (time, node, 3) m, with marker_position (time, marker, 3) m of the markers that
+    nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
     (time, sensor, 3); strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
@@ -128,6 +141,7 @@ class Motion:
 
     time: Array
     position: Array | None = None
+    marker_position: Array | None = None
     center: Array | None = None
     orientation: Array | None = None
     specific_force: Array | None = field(

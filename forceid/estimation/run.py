@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
-from forceid.errors import DataError, EstimationError
+from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.estimation.affine.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.affine_fit import shows_affine
@@ -20,6 +20,7 @@ from forceid.estimation.body.deforming.node_rotations import without_node_rotati
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
+from forceid.estimation.body.segments.joint_gaps import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
@@ -27,6 +28,7 @@ from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
+from forceid.estimation.methods.in_segments import SEGMENTS, estimate_in_segments
 from forceid.estimation.methods.look import Look
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.methods.solution import Solution
@@ -133,6 +135,10 @@ def estimate_beside(
     body, motion, kin = recording.body, recording.motion, None
     if settings.model == "auto" and body.material is not None and shows_affine(body, motion):
         settings = settings.model_copy(update={"model": "affine"})  # which the material is one of
+    segments = settings.model == SEGMENTS
+    if segments:
+        check_segments_shown(body, motion, settings)
+        settings = settings.model_copy(update={"model": "rigid"})  # for the mean rotation alone
     if is_unmarked(motion):
         findings = judge_unmarked(body, motion, settings)
     else:
@@ -149,16 +155,18 @@ def estimate_beside(
         seen = kin if motion is recording.motion else kinematics(body, motion, settings)
         kin = kin if beside is None else seen
         try:
-            solution, choice = at_its_level(seen, body, motion, settings)
+            at = of_segments if segments else at_its_level
+            solution, choice = at(seen, body, motion, settings)
         except EstimationError as e:
             plain = stand_in(body, motion, kin, e)
             if plain is None:
                 raise
             solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
         solution = with_known_axes(solution)
-    open_state = with_uncertain_body(
-        solution.state, solution.kinematics, solution.deformation, settings.body_std
-    )
+    doubt = settings.body_std
+    if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
+        doubt = doubt.model_copy(update={"mass_center": 0.0})
+    open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)
     rounded = judge_rounding(motion, solution.kinematics.noise)
     said = (*rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
@@ -182,6 +190,17 @@ def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Soluti
     if settings.model != "auto":
         return solution, without_choice(settings.model, "it was asked for")
     return solution, without_choice("rigid", "sensors alone show no deformation")
+
+
+def of_segments(
+    kin: Kinematics, body: Body, motion: Motion, settings: Settings
+) -> tuple[Solution, LevelChoice]:
+    """The solution of a body of segments. EstimationError: its joints show too little."""
+    solution = estimate_in_segments(body, motion, settings, engine(settings.engine), kin)
+    if solution is None:
+        what = "shows the joints of its segments in too few frames for their errors"
+        raise EstimationError(what, "the recording", "restore the markers, or use another model")
+    return solution, without_choice(SEGMENTS, "it was asked for")
 
 
 def at_its_level(
@@ -227,6 +246,16 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
     if settings.internal_momentum is not None:
         body = replace(body, internal_momentum=np.array(settings.internal_momentum))
     return replace(recording, body=with_material(body, settings), motion=motion)
+
+
+def check_segments_shown(body: Body, motion: Motion, settings: Settings) -> None:
+    """A DataError where a body is no body of segments, a ConfigError for a method that knows none."""
+    if not shows_segments(body, motion):
+        what = "holds no markers on segments that meet at joints, which the model segments asks for"
+        raise DataError(what, "/body", "import it with clusters and joints, or use another model")
+    if settings.method not in ("smoother", "filter"):
+        what = f"has method {settings.method}, expected smoother or filter beside the model segments"
+        raise ConfigError(what, next_step="use one of them")
 
 
 def check_stiffness(body: Body) -> None:
@@ -288,9 +317,7 @@ def assemble(
         *judge_overlap(kin, solution.deformation.amplitude, solution.priors, force_std),
         *judge_size(kin),
         *judge_haste(kin, state.force),
-        *judge_reference(recording.body, kin),
-        *judge_shape(kin, motion, recording.body, left),
-        *judge_common(kin),
+        *([] if kin.model == SEGMENTS else judged_shape(kin, recording, left)),
         *judge_roughness(solution.priors),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
@@ -322,6 +349,12 @@ def assemble(
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
     )  # fmt: skip
     return replace(result, **turning)
+
+
+def judged_shape(kin: Kinematics, recording: Recording, left: float | None) -> list[Finding]:
+    """What is to say of a shape, where the body is taken to have one."""
+    body, motion = recording.body, recording.motion
+    return [*judge_reference(body, kin), *judge_shape(kin, motion, body, left), *judge_common(kin)]
 
 
 def reach(solution: Solution) -> Array:

@@ -77,6 +77,8 @@ def parse_recording(
         body=Body(
             node=node_names(groups, sizes.get("node", 0), where),
             total_mass=None if total_mass is None else float(total_mass),
+            marker=labels(groups["body"], "marker"),
+            joint=labels(groups["body"], "joint"),
             material=read_material(groups[MATERIAL], f"{where}:/{MATERIAL}") if MATERIAL in groups else None,
             **body,
         ),
@@ -260,6 +262,11 @@ def node_names(groups: Mapping[str, Stored], count: int, where: str) -> tuple[st
         what = f"holds {odd!r} where /body/node holds another name, expected the same nodes in the same order"
         raise DataError(what, f"{where}:/motion/node", "reorder the nodes")
     return names
+
+
+def labels(group: Stored, dim: str) -> tuple[str, ...]:
+    """The names along a dimension of a group, none where it has none."""
+    return tuple(text(name) for name in np.asarray(group.variables.get(dim, ())).ravel())
 
 
 def canonical(q: Array) -> Array:

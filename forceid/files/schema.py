@@ -125,7 +125,8 @@ def root_attrs(title: str, history: str, **more: Any) -> dict[str, Any]:
 def motion_groups(recording: Recording) -> dict[str, Group]:
     """A recording as the groups of a motion file; the truth gets the time of the motion if it has none."""
     body, motion = recording.body, recording.motion
-    node = {"node": body.node} if body.node else {}
+    named = {"node": body.node, "marker": body.marker, "joint": body.joint}
+    node = {dim: names for dim, names in named.items() if names}
     noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
     groups = {
         "/": Group(

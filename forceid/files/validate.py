@@ -61,7 +61,9 @@ def check_clock(time: Array, where: str) -> None:
 
 def check_body(body: Body, where: str) -> None:
     """Finite body data, mass that is positive, symmetric matrices."""
-    check_finite(body, ("node", "material"), where, "body data has no gaps: give every value")
+    check_finite(
+        body, ("node", "marker", "joint", "material"), where, "body data has no gaps: give every value"
+    )
     if repeated := [name for name, count in Counter(body.node).items() if count > 1]:
         raise DataError(
             f"names {repeated[0]!r} more than once", f"{where}/node", "give every node its own name"
@@ -95,6 +97,7 @@ def check_body(body: Body, where: str) -> None:
                 "give the tensor, its products of inertia with the minus sign",
             )
     check_mass_known(body, where)
+    check_segments(body, where)
     if body.mode_frequency is not None and (body.mode_frequency < 0).any():
         raise DataError(
             f"is {body.mode_frequency.min():g} Hz, expected zero or more",
@@ -130,6 +133,23 @@ def check_mass_known(body: Body, where: str) -> None:
         )
 
 
+def check_segments(body: Body, where: str) -> None:
+    """Markers and joints of a body of segments come whole, on nodes that there are."""
+    names = ("marker_weight", "marker_segment", "marker_shape", "joint_segment", "joint_shape")
+    given = [name for name in names if getattr(body, name) is not None]
+    if given and len(given) < len(names):
+        lacking = next(name for name in names if name not in given)
+        raise DataError(
+            f"is missing, expected beside {given[0]}", f"{where}/{lacking}", "import the capture again"
+        )
+    for name in ("marker_segment", "joint_segment"):
+        at = getattr(body, name)
+        if at is not None and not np.isin(at, np.arange(-1 if at.ndim == 1 else 0, len(body.node))).all():
+            raise DataError(
+                f"names a node that is none of {len(body.node)}", f"{where}/{name}", "give indices of nodes"
+            )
+
+
 def check_motion(motion: Motion, body: Body, where: str) -> None:
     """Something was measured, gravity is three numbers, noise is positive, rotations have unit norm."""
     if motion.gravity.shape != (3,) or not np.isfinite(motion.gravity).all():
@@ -145,7 +165,7 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
                 f"{where}/{name}",
                 "correct the attribute, or leave it out and it is estimated",
             )
-    for name in ("position", "center", "orientation", *SENSED):
+    for name in ("position", "marker_position", "center", "orientation", *SENSED):
         value = getattr(motion, name)
         if value is not None and np.isinf(value).any():
             raise DataError(

@@ -45,8 +45,8 @@ class Deformation:
     moment_motion: Array | None = None
 
     def grown(self, wrench: Array | None, motion: Array | None) -> Deformation:
-        """The same with claimed errors of a wrench turned by a matrix ([time,] 6, 6), of its motion by factors
-        (mode, 3), each as it is for None.
+        """The same with claimed errors of a wrench turned by a matrix ([time,] 6, 6), of its motion by
+        factors (mode, 3), each as it is for None.
         """
         cov, cross, loads = self.motion_cov, self.moment_motion, self.with_wrench
         if wrench is not None:

@@ -35,21 +35,32 @@ def mass_points(name: tuple[str, ...], position: Array, settings: ImportSettings
         for marker in body.mass:
             known_name(marker, name, "[import.body] mass")
         return Points(name, position, np.array([body.mass.get(n, 0.0) for n in name]) if body.mass else None)
-    weight = np.zeros((len(settings.segment), len(name)))
-    mass = np.zeros(len(settings.segment))
-    for k, segment in enumerate(settings.segment):
-        for marker, share in segment.markers.items():
-            weight[k, known_name(marker, name, f"{where}: segment {segment.name}:")] = share
+    nodes = point_weights(name, settings, where)
+    mass = np.zeros(len(nodes))
+    for segment in settings.segment:
         if segment.mass_fraction is not None and body.total_mass is None:
             what = f"segment {segment.name} has a mass_fraction, expected total_mass beside it"
             raise ConfigError(what, "[import.body]:", "add total_mass (kg)")
-        mass[k] = (segment.mass_fraction or 0.0) * (body.total_mass or 0.0) + (segment.mass or 0.0)
+        own = (segment.mass_fraction or 0.0) * (body.total_mass or 0.0) + (segment.mass or 0.0)
+        for point in segment.points:
+            mass[list(nodes).index(point)] = own / len(segment.points)
     if body.total_mass is not None and abs(mass.sum() / body.total_mass - 1) > _MASS_LOST:
         what = f"segments add up to {mass.sum():.5g} kg, expected total_mass {body.total_mass:.5g} kg"
         raise ConfigError(what, "[import.segment]:", "complete the segment table, or correct total_mass")
     # one product a segment: in a common one, 0 times NaN would spread the gaps of the others
-    points = np.stack([np.einsum("n,tni->ti", w[w != 0], position[:, w != 0]) for w in weight], 1)
-    return Points(tuple(segment.name for segment in settings.segment), points, mass)
+    points = np.stack([np.einsum("n,tni->ti", w[w != 0], position[:, w != 0]) for w in nodes.values()], 1)
+    return Points(tuple(nodes), points, mass)
+
+
+def point_weights(name: tuple[str, ...], settings: ImportSettings, where: str) -> dict[str, Array]:
+    """Weights (marker,) of the mass points of all segments, by name. ConfigError: an unknown marker."""
+    nodes = {}
+    for segment in settings.segment:
+        for point, markers in segment.points.items():
+            nodes[point] = np.zeros(len(name))
+            for marker, share in markers.items():
+                nodes[point][known_name(marker, name, f"{where}: segment {segment.name}:")] = share
+    return nodes
 
 
 def build_body(settings: ImportSettings, points: Points | None, sensors: Iterable[str], where: str) -> Body:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.formats.channels import Channels
+from forceid.files.formats.clusters import marker_clusters, resting_markers
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
 from forceid.files.formats.mocap import Markers, Plates, read_c3d, read_mot, read_trc
@@ -126,16 +128,21 @@ def assemble_recording(
 ) -> Recording:
     """A checked recording of measured variables, the settings and, where there are plates, the truth."""
     points, values, settings = None, signals.variables, with_geometry(settings, signals)
+    clusters: dict[str, Any] = {}
     if "position" in values:
-        points = mass_points(signals.node, values["position"], settings, where)
+        markers = values["position"]
+        points = mass_points(signals.node, markers, settings, where)
+        still = at_rest(signals.node, settings, where)
+        clusters = marker_clusters(signals.node, markers, settings, where, still)
         values = values | {"position": points.position}
+        values = values | ({"marker_position": markers} if clusters else {})
     elif settings.segment:
         raise ConfigError(
             "has segments, expected markers to place them", "[import.segment]:", "drop the table"
         )
     for key in settings.noise_std:
         known_name(key, tuple(values), "[import] noise_std:")
-    body = build_body(settings, points, signals.sensor, where)
+    body = replace(build_body(settings, points, signals.sensor, where), **clusters)
     if "orientation" in values:
         check_quaternions(values["orientation"], f"{where}:/motion/orientation")
         values = values | {"orientation": canonical(values["orientation"])}
@@ -156,6 +163,18 @@ def assemble_recording(
     )
     check_recording(recording, where)
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
+
+
+def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Array | None:
+    """The markers (marker, 3) m of the static capture of the settings, None without one."""
+    if not settings.static:
+        return None
+    path = Path(where).parent / settings.static
+    if path.suffix.lower() not in CAPTURES:
+        what = f"static names {settings.static!r}, expected a capture ({', '.join(CAPTURES)})"
+        raise ConfigError(what, "[import]:", "give the name of one beside the others")
+    shown = CAPTURES[path.suffix.lower()](path)
+    return resting_markers(name, shown.name, shown.position)
 
 
 def window(time: Array, start: float | None, stop: float | None) -> NDArray[np.bool_]:

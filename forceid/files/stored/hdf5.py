@@ -125,7 +125,7 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stor
         raise DataError(
             "is a variable, expected a group", f"{where}/{name}", "see the contract of motion files"
         )
-    wanted = [n for n in (*table, "node", "load_name", "known_load") if n in group]
+    wanted = [n for n in (*table, "node", "marker", "joint", "load_name", "known_load") if n in group]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
     return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 

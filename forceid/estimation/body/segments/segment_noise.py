@@ -1,0 +1,194 @@
+"""The errors of segments, told by the gaps at their joints: how large each is, how slow, and when.
+
+A gap is the error of one segment less that of its neighbor. Skin moves neighbors alike in part, and those
+farther apart independently: then the covariances of all gaps are sums of the variances of segments and of the
+covariances of neighbors, and so these are found. A gap has the variances of its two less twice what these
+have in common; two gaps of one segment share its variance; two gaps whose segments are neighbors, what these
+have in common. The mass center takes of every segment the share of the mass that its markers place. What all
+segments have in common no gap shows, and tissue that moves with the body, alike on both sides of it, shows as
+more than it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
+
+from forceid.estimation.body.segments.joint_gaps import SegmentPoses, joint_gaps
+from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECTRAL
+from forceid.flight.color import Color
+from forceid.principal import cross_matrix
+from forceid.records import Array, Body, Flags
+from forceid.significance import TENTH
+
+NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
+
+
+@dataclass(frozen=True)
+class SegmentNoise:
+    """Errors of the segments of a body, world axes, one color for all.
+
+    cov (3, segment, segment) m2 along each axis, in the mean over the record; size (time,): how large errors
+    are at a time, of mean square one; share (segment, node): of a node that markers of the segment
+    place.
+    """
+
+    cov: Array
+    size: Array
+    color: Color
+    share: Array
+
+    def of_center(self, mass: Array) -> Array:
+        """Covariance (3, 3) m2 of the mass center of nodes of masses (node,), in the mean over the record."""
+        part = self.share @ (mass / mass.sum())
+        return np.diag(self.cov @ part @ part)
+
+    def numbers(self, mass: Array) -> dict[str, float]:
+        """What a result file says of them: of the mass center (m), in the mean, and the color."""
+        std = np.sqrt(np.diagonal(self.of_center(mass)))
+        found = {f"noise_std_center_{axis}": float(value) for axis, value in zip("xyz", std, strict=True)}
+        found |= {"noise_order": float(self.color.order), "noise_rate": self.color.rate}
+        return found | {"noise_least_size": float(self.size.min()), "noise_most_size": float(self.size.max())}
+
+    def of_momentum(self, mass: Array, arm: Array) -> Array:
+        """Covariance (time, 3, 3) of sum m u x e, nodes at arms u (time, node, 3) from the mass center."""
+        lever = cross_matrix(np.einsum("sn,n,tna->tsa", self.share, mass, arm, optimize=True))
+        moved = np.einsum("bsr,trcb->tscb", self.cov, lever, optimize=True)
+        return np.asarray(np.einsum("tsab,tscb->tac", lever, moved, optimize=True))
+
+
+def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise | None:
+    """The errors of segments as the joint gaps show them; None where too few frames do."""
+    assert body.joint_segment is not None
+    gaps = bridged_gaps(time, joint_gaps(body, poses))
+    if gaps is None or len(gaps) < SPECTRAL:
+        return None
+    at = np.searchsorted(poses.segment, body.joint_segment.astype(int))
+    sides, joint = np.zeros((len(at), len(poses.segment))), np.arange(len(at))
+    sides[joint, at[:, 0]], sides[joint, at[:, 1]] = -1.0, 1.0
+    step = float(np.ptp(time)) / (len(time) - 1)
+    color = color_of(gaps, step)
+    even = evened(gaps, step, color)
+    cov = np.stack([covariance(sides, even[..., a].T @ even[..., a] / len(even)) for a in range(3)])
+    return SegmentNoise(cov, local_size(even, step, color), color, shares(body, poses))
+
+
+def bridged_gaps(time: Array, gaps: Array) -> Array | None:
+    """Gaps (time, joint, 3) about their means, straight across frames that do not show one; None for none."""
+    seen: Flags = np.asarray(np.isfinite(gaps).all(2))
+    shown = seen.mean(0) > 0.5
+    if not shown.any():
+        return None
+    out = np.zeros_like(gaps)
+    for j in np.flatnonzero(shown):
+        for a in range(3):
+            out[:, j, a] = np.interp(time, time[seen[:, j]], gaps[seen[:, j], j, a])
+    return np.asarray(out - out.mean(0))
+
+
+def color_of(gaps: Array, step: float) -> Color:
+    """The color of gaps (time, joint, 3), each counted as if of one size, and every octave alike.
+
+    No process of few numbers has the spectrum of the skin, and of all frequencies most are above those of any
+    load: each octave has its say, so that it is right in all of them to about as much. By the likelihood of
+    Whittle (1953).
+    """
+    n = len(gaps)
+    flat = gaps.reshape(n, -1) / np.maximum(gaps.reshape(n, -1).std(0), np.finfo(float).tiny)
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
+    waves = np.fft.rfft((flat - taper @ flat / taper.sum()) * taper[:, None], axis=0)[2:-1]
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(n, step)[2:-1])
+    power, weight = (np.abs(waves) ** 2).mean(1), 1 / w / (1 / w).sum()
+    best, found = -np.inf, Color(COLORS[0], 1 / step, 0.0, step)
+    for order in COLORS:
+        for rate in np.geomspace(1 / (n * step), np.pi / step, 4 * MEMORIES):
+            colored = Color(order, float(rate), 1.0, step).density(w)
+            for white in NEARLY_NONE:
+                shape = white + (1 - white) * colored
+                value = -(weight @ np.log(shape)) - np.log(weight @ (power / shape))
+                if value > best:
+                    best, found = float(value), Color(order, float(rate), float(1 - white), step)
+    return found
+
+
+def evened(gaps: Array, step: float, color: Color) -> Array:
+    """Gaps (time, joint, 3) without their color, every octave as strong, as large as errors are in the mean.
+
+    Mirrored at their ends, where they would jump else.
+    """
+    n = len(gaps)
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(2 * n, step))
+    waves = np.fft.rfft(np.concatenate([gaps, gaps[::-1]]), axis=0)
+    gain = np.zeros(len(w))
+    gain[2:] = 1 / np.sqrt(color.density(w[2:]) * w[2:])
+    gain *= np.sqrt(n / (gain[2:] ** 2 * color.density(w[2:])).sum())
+    return np.asarray(np.fft.irfft(waves * gain[:, None, None], 2 * n, axis=0)[:n])
+
+
+def covariance(sides: Array, cov: Array) -> Array:
+    """Covariance (segment, segment) of errors whose differences have a covariance (joint, joint).
+
+    sides (joint, segment): 1 and -1 for the two of each joint, which alone have errors in common, in the same
+    direction. By least squares over all pairs of gaps; where these tell little of a segment, it is as its
+    neighbors, one without a joint as the mean of all, and where gaps tell nothing of what two have in common,
+    nothing.
+
+    >>> sides = np.array([[-1.0, 1, 0], [0, -1, 1]])
+    >>> covariance(sides, sides @ np.diag([1.0, 4, 9]) @ sides.T).round(1).diagonal().tolist()
+    [1.0, 4.0, 9.0]
+    """
+    first, second = np.triu_indices(len(sides))
+    own = np.maximum(np.diagonal(cov), np.finfo(float).tiny)
+    beside = np.abs(sides)
+    meets = [(k, k) for k in range(sides.shape[1])]
+    # gaps on either side of a joint tell what its two segments have in common
+    meets += [(int(row.argmin()), int(row.argmax())) for row in sides if (beside.sum(0)[row != 0] > 1).all()]
+    rows = np.zeros((len(first), len(meets)))
+    for column, (a, b) in zip(rows.T, meets, strict=True):
+        column += sides[first, a] * sides[second, b]
+        if a != b:
+            column += sides[first, b] * sides[second, a]
+    weight = 1 / np.sqrt(own[first] * own[second])
+    shown = beside.any(0)
+    alike = 0.5 * beside.T @ own / np.maximum(beside.sum(0), 1)
+    faint = TENTH**2 / np.maximum(alike, np.finfo(float).tiny)
+    prior = np.zeros((len(alike), len(meets)))
+    prior[:, : len(alike)] = np.diag(faint)
+    found = nnls(np.concatenate([rows * weight[:, None], prior]),
+                 np.concatenate([cov[first, second] * weight, faint * alike]))[0]  # fmt: skip
+    out = np.zeros((len(alike), len(alike)))
+    for (a, b), value in zip(meets, found, strict=True):
+        out[a, b] = out[b, a] = value
+    out[~shown, ~shown] = np.diagonal(out)[shown].mean()
+    return out
+
+
+def local_size(even: Array, step: float, color: Color) -> Array:
+    """How large errors are at a time (time,), of mean square one, from gaps without their color.
+
+    Over as long as errors remember themselves: less shows no more of them.
+    """
+    power = ((even / np.maximum(even.std(0), np.finfo(float).tiny)) ** 2).mean((1, 2))
+    smooth = gaussian_filter1d(power, max(color.order / color.rate / step, 1.0), mode="nearest")
+    return np.asarray(np.sqrt(smooth / smooth.mean()))
+
+
+def shares(body: Body, poses: SegmentPoses) -> Array:
+    """Share (segment, node) of every node that markers of each segment place.
+
+    A marker on no segment counts for that of its node, or else as the other markers of the node do.
+    """
+    weight, owner = body.marker_weight, body.marker_segment
+    assert weight is not None
+    assert owner is not None
+    placed = np.stack([weight[:, owner == k].sum(1) for k in poses.segment])
+    left = 1 - placed.sum(0)
+    for node in np.flatnonzero(np.abs(left) > TENTH**2):
+        own = poses.segment == node
+        placed[:, node] = np.where(own, placed[:, node] + left[node], placed[:, node])
+        if not own.any():
+            placed[:, node] /= max(placed[:, node].sum(), TENTH)
+    return placed

@@ -1,0 +1,173 @@
+"""Smoother and filter of a body of segments: a person, a machine. No shape of it is asked for.
+
+All mass is seen at mass points, so force and moment each drive a linear channel, the mass center and what
+arms sweep about it. They are followed up to where motion ends; the claims have the errors that joint gaps
+show below that, and what the loads are off those found where these are taken for all errors there are.
+Nothing turns as a whole that a load could turn with, so no lines are searched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from forceid.config import Settings
+from forceid.errors import EstimationError
+from forceid.estimation.body.deformation import Deformation, inertia_along
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.segments.joint_gaps import segment_poses
+from forceid.estimation.body.segments.segment_noise import SegmentNoise, segment_noise
+from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, tune_channel
+from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
+from forceid.estimation.loads.hidden.whitened import whitened
+from forceid.estimation.loads.noise import noise_beyond_motion
+from forceid.estimation.loads.swept_momentum import swept_momentum
+from forceid.estimation.methods.misplaced_mass import widened_by_misplaced_mass
+from forceid.estimation.methods.passed_noise import with_passed_noise
+from forceid.estimation.methods.solution import Solution, named
+from forceid.flight.channels import Channel
+from forceid.flight.color import Color
+from forceid.flight.model import Flight
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.smoother import FlightState, smooth_translation
+from forceid.kalman.engines import Engine
+from forceid.kalman.model import mean_square
+from forceid.principal import cross_matrix
+from forceid.records import Array, Body, Flags, Motion
+from forceid.timing import stage
+
+SEGMENTS = "segments"  # the model
+AS_IT_IS = (1.0, 1.0)  # factors on a noise that is measured: none
+CENTER_STD = 0.01  # m, each axis: by which tables misplace the mass center of a person
+
+
+def estimate_in_segments(
+    body: Body, motion: Motion, settings: Settings, engine: Engine, kin: Kinematics
+) -> Solution | None:
+    """Wrench and motion of a body of segments; None where its joints show no noise.
+
+    kin: a rigid fit, whose rotation stands for the mean one.
+    """
+    poses = segment_poses(body, motion)
+    noise = segment_noise(body, motion.time, poses)
+    if noise is None:
+        return None
+    kin = replace(kin, model=SEGMENTS)
+    (white, colored), arm = driven_channels(kin, motion, noise)
+    tune = partial(tuned, engine=engine, kind=settings.load_prior)
+    causal = settings.method == "filter"
+    with stage("force"):
+        priors = {"force": tune(white["force"])}
+    with stage("moment"):
+        priors["moment"] = tune(white["moment"])
+    with stage("flight"):
+        states = {load: smoothed(channel, priors[load], engine, causal) for load, channel in white.items()}
+        state = both(kin, motion, states["force"], states["moment"])
+    with stage("claims"):
+        looks = {
+            load: whitened(channel, priors[load], engine)
+            for load, channel in white.items()
+            if priors[load].kernel.rivals
+        }
+        state = grown(state, growth_along_own(state, looks))
+        errors = {load: channel.noise_cov for load, channel in colored.items()}
+        state = with_passed_noise(state, white, priors, noise.color, errors, engine)
+        others = [smoothed(channel, tune(channel), engine, causal).force for channel in colored.values()]
+        state = widened_by_difference(state, np.concatenate(others, 1))
+        off = settings.body_std.mass_center or CENTER_STD
+        mass = kin.inertia.weight
+        state = widened_by_misplaced_mass(state, white, priors, poses, noise.share, mass, arm, off, engine)
+    still = np.zeros((len(motion.time), 0))
+    deformation = Deformation(still, still, *inertia_along(kin, still, still))
+    numbers = named(replace(kin, noise_root={}), priors) | noise.numbers(kin.inertia.weight)
+    return Solution(kin, deformation, state, engine.name, numbers, {}, (), priors)
+
+
+def driven_channels(
+    kin: Kinematics, motion: Motion, noise: SegmentNoise
+) -> tuple[tuple[dict[str, Channel], dict[str, Channel]], Array]:
+    """What force and moment drive, and the arms (time, node, 3) m of the mass points.
+
+    Once with white noise as large as where the motion of the mass center ends, once with errors of segments.
+    """
+    assert motion.position is not None
+    mass, known = kin.inertia.weight, None if motion.known is None else motion.known.turned
+    Y, arm = swept_momentum(motion.position, mass, known)
+    if np.isfinite(Y).all(1).sum() < LEAST_FRAMES:
+        raise EstimationError("shows all mass in too few frames", "the recording", "restore the markers")
+    force, share = force_channel(kin, motion.gravity), mass / mass.sum()
+    moment = Channel(kin.time, Y, 1.0, np.zeros((len(Y), 3, 3)), np.zeros((3, 3)))
+    filled = np.zeros(motion.position.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
+    lever = cross_matrix(mass[:, None] * arm)
+    turning = lever @ lever.mT
+    lost = (filled @ share**2)[:, None, None] * np.eye(3)
+    lost_turn = np.einsum("tn,tnab->tab", filled, turning)
+    white = noise_beyond_motion(force) ** 2 * force.noise_cov
+    each = float(np.trace(white.mean(0))) / 3 / float((share**2).sum())  # m2, of a mass point
+    size = noise.size[:, None, None] ** 2
+
+    def seen(of_force: Array, of_moment: Array, color: Color | None) -> dict[str, Channel]:
+        return {
+            "force": replace(force, noise_cov=of_force + lost, color=color),
+            "moment": replace(moment, noise_cov=of_moment + lost_turn, color=color),
+        }
+
+    plain = seen(white, each * turning.sum(1), None)
+    return (plain, seen(size * noise.of_center(mass), size * noise.of_momentum(mass, arm), noise.color)), arm
+
+
+def tuned(channel: Channel, engine: Engine, kind: str) -> LoadPrior:
+    """The prior of the load of a channel under its noise as it is, in the mean over the record."""
+    mean = np.broadcast_to(channel.noise_cov.mean(0), channel.noise_cov.shape)
+    return tune_channel(replace(channel, noise_cov=mean), AS_IT_IS, (), engine=engine, kind=kind)
+
+
+def widened_by_difference(state: FlightState, other: Array) -> FlightState:
+    """The state with a wrench that claims what it is off another estimate (time, 6) that may be as good."""
+    off = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - other)
+    cov = state.wrench_cov.copy()
+    for own in (slice(0, 3), slice(3, 6)):
+        cov[:, own, own] += off[:, own, None] * off[:, None, own]
+    return replace(state, wrench_cov=cov)
+
+
+def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> FlightState:
+    """The load of a channel, as the force on a mass center that moves as the channel does."""
+    T, still = len(channel.time), np.zeros((len(channel.time), 3))
+    cov = np.zeros((T, 6, 6))
+    cov[:, :3, :3] = channel.noise_cov
+    flight = Flight(channel.time, channel.z, np.full((T, 3, 3), np.nan), cov, 1 / channel.gain,
+                    np.zeros((T, 3, 3)), still, np.zeros(3), color=channel.color)  # fmt: skip
+    return smooth_translation(flight, prior, engine, causal)
+
+
+def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightState) -> FlightState:
+    """Force and moment found apart in one state; the body turns with the angular velocity J^-1 H."""
+    assert motion.position is not None
+    fall = (motion.time - motion.time[0])[:, None] * motion.gravity
+    center, velocity = (
+        force.center + 0.5 * (motion.time - motion.time[0])[:, None] * fall,
+        force.velocity + fall,
+    )
+    H = moment.velocity + (0.0 if motion.known is None else motion.known.momentum)
+    arm = cross_matrix(motion.position - center[:, None])
+    J = np.einsum("n,tnab,tncb->tac", kin.inertia.weight, arm, arm, optimize=True)
+    seen: Flags = np.asarray(np.isfinite(J).all((1, 2)) & np.isfinite(H).all(1))
+    omega = np.full_like(H, np.nan)
+    omega[seen] = np.linalg.solve(J[seen], H[seen][..., None])[..., 0]
+    wrench_cov, pose_cov = force.wrench_cov.copy(), force.pose_cov.copy()
+    wrench_cov[:, 3:, 3:], wrench_cov[:, :3, 3:], wrench_cov[:, 3:, :3] = (
+        moment.wrench_cov[:, :3, :3],
+        0.0,
+        0.0,
+    )
+    pose_cov[:, 3:, 3:] = kin.pose.cov[:, 3:, 3:]
+    innovation = np.concatenate([force.innovation, moment.innovation], 1)
+    return replace(
+        force, center=center, velocity=velocity, rotation=kin.pose.rotation, H=H, omega=omega,
+        moment=moment.force,
+        wrench_cov=wrench_cov, pose_cov=pose_cov, innovation=innovation, nis=mean_square(innovation),
+        log_likelihood=force.log_likelihood + moment.log_likelihood,
+    )  # fmt: skip

@@ -1,0 +1,81 @@
+"""Force and moment on persons, whose segments show the errors of their markers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evidence.drawn.records.person import Skin, person, resultants
+from forceid.config import load_settings
+from forceid.errors import ConfigError, DataError
+from forceid.estimation.loads.swept_momentum import swept_momentum
+from forceid.estimation.run import estimate_recording
+
+STILL = Skin(shared=0.0, own=0.0, white=2e-5)
+
+
+def rms(error):
+    return np.sqrt((error[20:-20] ** 2).mean(0))
+
+
+def test_what_arms_sweep_is_the_integral_of_the_angular_momentum():
+    recording = person(3, "run", skin=STILL)
+    t, x, m = recording.motion.time, recording.motion.position, recording.body.mass
+    c = np.einsum("n,tna->ta", m / m.sum(), x)
+    H = np.einsum("n,tna->ta", m, np.cross(x - c[:, None], np.gradient(x, t, axis=0)))
+    swept = np.diff(swept_momentum(x, m)[0], axis=0) / np.diff(t)[:, None]
+    assert rms(swept - 0.5 * (H[1:] + H[:-1])).max() < 0.02 * rms(H).max()
+
+
+def test_a_person_is_estimated_in_segments_with_the_place_of_its_mass_in_doubt():
+    recording = person(0, "squat")
+    found = estimate_recording(recording, load_settings(model="segments"))
+    assert found.model == "segments"
+    assert np.isfinite(found.wrench_cov).all()
+    surer = estimate_recording(recording, load_settings(model="segments", body_std={"mass_center": 0.001}))
+    assert rms(surer.moment_std).max() < 0.5 * rms(found.moment_std).max()
+
+
+def test_a_body_without_joints_is_no_body_of_segments():
+    recording = person(0, "squat", 2.0)
+    bare = replace(recording, body=replace(recording.body, joint_segment=None))
+    with pytest.raises(DataError, match="no markers on segments"):
+        estimate_recording(bare, load_settings(model="segments"))
+    with pytest.raises(ConfigError, match="method spline"):
+        estimate_recording(recording, load_settings(model="segments", method="spline"))
+
+
+def test_without_errors_of_the_skin_force_and_moment_are_those_of_the_mass_points():
+    recording = person(2, "walk", skin=STILL)
+    found = estimate_recording(recording, load_settings(model="segments"))
+    truth = resultants(recording.motion.time, recording.motion.position, recording.body.mass)
+    weight = np.linalg.norm(truth["force"].mean(0))
+    assert rms(found.force - truth["force"]).max() < 0.03 * weight
+    assert rms(found.moment - truth["moment"]).max() < 0.1 * rms(truth["moment"]).max()
+
+
+def test_a_lost_marker_is_bridged_in_gaps_and_mass_points_alike():
+    recording = person(1, "walk")
+    tracks = recording.motion.marker_position.copy()
+    tracks[200:215, 3] = np.nan
+    weight = recording.body.marker_weight
+    position = np.stack([np.einsum("m,tma->ta", w[w != 0], tracks[:, w != 0]) for w in weight], 1)
+    motion = replace(recording.motion, position=position, marker_position=tracks)
+    found = estimate_recording(replace(recording, motion=motion), load_settings(model="segments"))
+    assert found.model == "segments"
+    assert np.isfinite(found.force).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("task", ["walk", "run", "jump"])
+def test_errors_of_drawn_persons_are_about_as_large_as_claimed(task):
+    """Force and moment, over all axes of eight persons."""
+    for name in ("force", "moment"):
+        off, claim = [], []
+        for seed in range(8):
+            recording = person(seed, task)
+            found = estimate_recording(recording, load_settings(model="segments"))
+            off.append(rms(getattr(found, name) - recording.truth[name]))
+            claim.append(rms(getattr(found, f"{name}_std")))
+        ratio = np.sqrt((np.square(off) / np.square(claim)).mean())
+        assert 0.4 < ratio < 1.5
