@@ -49,13 +49,16 @@ def test_cube_in_free_flight_feels_nothing():
     recordings = import_sources([REAL / "cube_toss" / "tosses.csv"], settings)
     assert len(recordings) == 40
     estimates = [estimate_recording(recording, load_settings()) for _, recording in recordings]
+
     # mean over a flight, weighted by what is claimed: the ends of a short flight say little
-    weight = [1 / e.force_std**2 for e in estimates]
-    force = np.array([(e.force * w).sum(0) / w.sum(0) for e, w in zip(estimates, weight, strict=True)])
-    moment = [np.linalg.norm(e.moment.mean(0)) for e in estimates]
+    def mean(load, std):
+        return (load / std**2).sum(0) / (1 / std**2).sum(0)
+
+    force = np.array([mean(e.force, e.force_std) for e in estimates])
+    moment = [np.linalg.norm(mean(e.moment, e.moment_std)) for e in estimates]
     assert (np.abs(force.mean(0)) <= 0.1).all()
     assert (force.std(0) <= 0.05).all()
-    assert np.median(moment) <= 7e-4
+    assert np.median(moment) <= 6.7e-4  # of a straight line through the spin: the README of the data
 
 
 @LONG
