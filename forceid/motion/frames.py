@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import fitted, frames_seen_alike, pose_gain, through_fit
+from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain, through_fit
 from forceid.principal import summation_operator
-from forceid.records import Array
+from forceid.records import Array, Flags, Indices
 from forceid.rounding import SOLVED
 
 
@@ -32,13 +32,14 @@ class Frames:
 
 def fit_frames(
     position: Array,
+    pose: Pose,
     shape: Array,
     shapes: Array,
     cov: Array,
     own: Array | None = None,
     uneven: Array | None = None,
 ) -> Frames:
-    """The pose and the further numbers of every frame, from its markers.
+    """The pose and the further numbers of every frame, from markers near a pose.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
     cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes; own (time, node):
@@ -48,21 +49,27 @@ def fit_frames(
     amplitudes, or none. Source: principal equations 4b, 4d.
     """
     T, m = len(position), len(shapes)
-    center, R, out = (np.full((T, *size), np.nan) for size in ((3,), (3, 3), (6, 6)))
+    center, R = pose.center.copy(), pose.rotation.copy()
     flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
     leak, rows, observed = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
-    for pattern, more, at in frames_seen_alike(position, own):
-        gain = pose_gain(S, pattern, cov + more)
+    out = np.full((T, 6, 6), np.nan)
+    for pattern, more, frames in frames_seen_alike(position, own):
+        at = frames[np.isfinite(center[frames]).all(1)]
+        gain = pose_gain(S, pattern, cov + more) if len(at) else None
         if gain is None:
             continue
-        K, _, V_inv = gain
-        seen, start = np.repeat(pattern, 3), np.zeros(len(pattern))
-        start[pattern] = np.diagonal(V_inv).reshape(-1, 3).mean(1)
-        center[at], R[at], out[at], residual, _ = fitted(position, at, pattern, shape, start, gain)
-        left = residual[:, pattern].reshape(len(at), -1)
+        K, C, V_inv = gain
+        seen = np.repeat(pattern, 3)
+
+        def left(at: Indices = at, pattern: Flags = pattern) -> Array:
+            return (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(len(at), -1)
+
+        d = left() @ K.T
+        center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])
+        R[at] = R[at] @ exp(d[:, 3:])
         turn = np.zeros((len(at), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
-        leak[at] = turn @ (K @ flat[seen])
+        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
         if uneven is not None:
             out[at] += through_fit(K, R[at], uneven)
         weighed = flat[seen].T @ V_inv
@@ -71,5 +78,5 @@ def fit_frames(
         known = size > SOLVED * size.max(initial=0.0)
         root = axes[:, known] / np.sqrt(size[known])
         rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
-        observed[at, : known.sum()] = left @ (weighed.T @ root)
+        observed[at, : known.sum()] = left() @ (weighed.T @ root)
     return Frames(center, R, out, leak, observed, rows)

@@ -155,7 +155,7 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     if inertia.line is not None:
         pose, spin = followed_line(time, pose, x, shape, inertia, sigma)
     if len(shapes):
-        frames = fit_frames(observed, shape, shapes, white + beside, own, beyond)
+        frames = fit_frames(observed, pose, shape, shapes, white + beside, own, beyond)
     if frames is not None and model == "modal" and markers.modes is None:
         hidden = hidden_mass(markers)
         frames = frames if hidden is None else hidden.beside(frames)
