@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from forceid.kalman.covariance import is_positive_definite, square_root
+from forceid.kalman.covariance import correlations, is_positive_definite, square_root
 from forceid.kalman.recursions import square_root as array_form
 from forceid.kalman.recursions.passes import LAG, Runs, of
 from forceid.records import Array, Flags, Indices
@@ -164,9 +164,7 @@ def alike_by_steps(Q: Array, H: Array, R: Array) -> bool:
         return False
     H, R = (a[1:, 0] if len(a) > 1 else a[:, 0] for a in (H, R))
     S = H @ Q[:, 0] @ H.swapaxes(1, 2) + R
-    size = np.sqrt(np.diagonal(S, axis1=1, axis2=2))[:, :, None]
-    smallest = np.linalg.eigvalsh(S / (size * size.swapaxes(1, 2)))[:, 0]
-    return bool((smallest * ALIKE < 1).any())
+    return beyond(ALIKE, S)
 
 
 def nearly_dependent(H: Array, R: Array, start: Indices, P_pred: Array, W: Array) -> Flags:
@@ -196,9 +194,12 @@ def barely_known(P_pred: Array, P: Array, W: Array) -> int:
     before, after = (np.diagonal(a[met:stop], axis1=1, axis2=2) for a in (P_pred, P))
     if not (before.max(0) > HARMLESS * after.min(0)).any():
         return 0
-    size = np.sqrt(np.maximum(before, 1e-300))
-    spread = np.linalg.eigvalsh(P_pred[met:stop] / (size[:, :, None] * size[:, None]))
-    return stop if (spread[:, 0] * START_UNKNOWN < 1).any() else 0
+    return stop if beyond(START_UNKNOWN, P_pred[met:stop]) else 0
+
+
+def beyond(condition: float, P: Array) -> bool:
+    """Whether a covariance (..., ., .), in units of its diagonal, has an eigenvalue below 1 / condition."""
+    return not is_positive_definite(correlations(P)[0] - np.eye(P.shape[-1]) / condition)
 
 
 def segments(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool]]:
