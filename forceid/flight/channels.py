@@ -10,7 +10,7 @@ import numpy as np
 from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.building.process import Process, integrate, superpose, with_mean
+from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Flags
 from forceid.rounding import SINGLE
@@ -61,12 +61,16 @@ class Channel:
 
     def var(self, axes: Array) -> Array:
         """Noise variance (time, axis) along axes given as columns."""
-        return np.asarray(np.einsum("ai,tab,bi->ti", axes, self.noise_cov, axes))
+        return np.asarray(((axes.T @ self.noise_cov) * axes.T).sum(-1))
 
 
 def load_chain(load: Process, start: Start, lines: Sequence[Process] = ()) -> Process:
     """States (Y, H, mean, those of the load, lines) of a load: Y' = H, H' = mean + load + lines."""
-    return integrate(integrate(superpose(with_mean(load, start.mean), *lines), start.first), start.second)
+    still = np.zeros((MEAN + 1, MEAN + 1))
+    constants = Process(still, still, np.diag([start.second, start.first, start.mean]), np.ones(MEAN + 1))
+    joint = superpose(constants, load, *lines)
+    joint.A[..., 0, 1], joint.A[..., 1, MEAN:] = 1.0, joint.output[MEAN:]
+    return replace(joint, output=np.eye(len(joint.output))[0])
 
 
 def driven(

@@ -232,19 +232,21 @@ def unlikeliness(spectra: Spectra, elastic: Elastic, order: int, at: Array) -> t
     gain = 1 / ((own**2 - w**2) ** 2 + (2 * width * w) ** 2)
     load = (size * elastic.size * np.exp(UNEVEN * shares)) ** 2
     density = load * gain * matern_density(order, 1.0, rate, w) / spectra.step
-    p, count = spectra.over_bands(density), HANN * spectra.count
-    each, slope = spectra.misfit(p)
-    value, slope = count @ each, count[:, None] * slope
     by_rate = (2 * order - 1) - 2 * order * rate**2 / (rate**2 + w**2)
     by_own = (
         -4 * own * gain * (own * (own**2 - w**2) + 2 * (width - np.pi / spectra.span) * width * w**2 / own)
     )
+    means = spectra.over_bands(np.concatenate([density, density * by_rate, density * by_own], 1))
+    p, p_by_rate, p_by_own = np.split(means, 3, axis=1)
+    each, slope = spectra.misfit(np.ascontiguousarray(p))
+    count = HANN * spectra.count
+    value, slope = count @ each, count[:, None] * slope
     by_share = 2 * (slope * p).sum(0)
     slopes = np.concatenate(
         [
-            [by_share.sum(), (slope * spectra.over_bands(density * by_rate)).sum()],
+            [by_share.sum(), (slope * p_by_rate).sum()],
             UNEVEN * by_share + shares,
-            elastic.detuned * (slope * spectra.over_bands(density * by_own)).sum(0) + off,
+            elastic.detuned * (slope * p_by_own).sum(0) + off,
         ]
     )
     return float(value + 0.5 * at[2:] @ at[2:]), slopes

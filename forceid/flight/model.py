@@ -26,7 +26,7 @@ from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import CONSTANT, INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
-from forceid.motion import SHOWN_TURN, SUBSTEP, log
+from forceid.motion import SHOWN_TURN, SUBSTEP
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array, KnownPart
 
@@ -194,8 +194,7 @@ def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> St
     Q[:, :, theta] = Q[:, :, INTEGRAL] @ by_Y.swapaxes(1, 2) + Q[:, :, MOMENTUM] @ by_H.swapaxes(1, 2)
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
     u = np.zeros((len(step), len(P0)))
-    defect = log(R @ reference.rotation[1:].swapaxes(1, 2))
-    u[:, :3] = defect - np.einsum("tij,tj->ti", F[:, :3], reference.chain[:-1])
+    u[:, :3] = between(R, reference.rotation[1:]) - np.einsum("tij,tj->ti", F[:, :3], reference.chain[:-1])
     return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)
 
 

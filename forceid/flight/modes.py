@@ -82,7 +82,7 @@ def chains(prior: Vibration, step: Array) -> tuple[Array, Array, Array]:
     """F, Q (time - 1, state, state) and P0 of the chains of all modes."""
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     process = prior.process
-    F, Q = (np.stack([block_diag(*each) for each in a]) for a in discretize_steps(process, unique))
+    F, Q = (block_diagonal(*a.swapaxes(0, 1)) for a in discretize_steps(process, unique))
     P0 = block_diag(*process.P0)
     if len(unique) > 1:
         F, Q = F[which], Q[which]

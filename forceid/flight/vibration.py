@@ -92,26 +92,33 @@ class Vibration:
         A[..., 0, 1] = A[..., 1, 2] = 1.0
         A[..., 1, 0], A[..., 1, 1] = -(self.frequency**2), -2 * self.damping
         A[..., 2:, 2:], Qc[..., 2:, 2:] = load.A, load.Qc
-        P0 = stationary(A, Qc, self.frequency)
-        P0[..., 0, 1] = P0[..., 1, 0] = 0.0  # at rest nothing goes with its own rate: no rounding either
+        P0 = swinging(self.frequency, self.damping, load)
         scale = (self.std**2 / P0[..., 0, 0])[..., None, None]
         return Process(A, scale * Qc, scale * P0, np.eye(self.states)[0])
 
 
-def stationary(A: Array, Qc: Array, rate: Array) -> Array:
-    """Covariance P (..., state, state) at which x' = A x + w rests: A P + P A^T + Qc = 0.
+def swinging(frequency: Array, damping: Array, load: Process) -> Array:
+    """Covariance P (mode, state, state) of (q, q', load) at rest, A P + P A^T + Qc = 0, row by row.
 
-    rate (...) 1/s: of the motion, so that states and their derivatives are solved for in like units.
+    frequency and damping (mode,) 1/s; load: at rest itself. With A of the load alone and c = E[q f] over its
+    states, (A^2 - 2 b A + w^2) c = E[f_0 f] and E[q' f] = -A c; the variance of q' is E[q' f_0] / 2 b. That
+    is solved for by itself, and no difference takes its digits: a slow load moves a mode by far more than it
+    makes it ring.
     """
-    n = A.shape[-1]
-    unit = rate[..., None] ** -np.arange(n)  # of time, a power for every derivative
-    A = A * unit[..., :, None] / unit[..., None, :]
-    Qc = Qc * unit[..., :, None] * unit[..., None, :]
-    one = np.eye(n)
-    both = np.einsum("...ij,kl->...ikjl", A, one) + np.einsum("ij,...kl->...ikjl", one, A)
-    P = np.linalg.solve(both.reshape(*A.shape[:-2], n * n, n * n), -Qc.reshape(*Qc.shape[:-2], n * n, 1))
-    P = P.reshape(Qc.shape) / unit[..., :, None] / unit[..., None, :]
-    return np.asarray(0.5 * (P + P.mT))
+    unit = frequency[:, None] ** -np.arange(load.A.shape[-1])  # of time, a power for every derivative
+    size = unit[:, :, None] * unit[:, None, :]
+    A = load.A / frequency[:, None, None] * unit[:, :, None] / unit[:, None, :]
+    P, Qc = load.P0 * size, load.Qc * size / frequency[:, None, None]
+    ratio = (damping / frequency)[:, None, None]
+    # at rest -A E[f_0 f] is row 0 of A P + Qc, whose zeros are exact
+    both = np.concatenate([P[:, :1], A[:, :1] @ P + Qc[:, :1]], 1).mT
+    told = np.linalg.solve(A @ A - 2 * ratio * A + np.eye(A.shape[-1]), both).mT
+    out = np.zeros((len(A), A.shape[-1] + 2, A.shape[-1] + 2))
+    out[:, :2, 2:], out[:, 2:, :2], out[:, 2:, 2:] = told, told.mT, P
+    out[:, 1, 1] = told[:, 1, 0] / (2 * ratio[:, 0, 0])
+    out[:, 0, 0] = out[:, 1, 1] + told[:, 0, 0]
+    back = np.concatenate([frequency[:, None] ** -np.array([2, 1]), 1 / unit], 1)
+    return np.asarray(out * back[:, :, None] * back[:, None, :])
 
 
 def vibrating(prior: Vibration, noise_var: Array, step: Array) -> StateSpace:

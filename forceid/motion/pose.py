@@ -48,8 +48,9 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
     w = np.where(np.isfinite(position).all(2), weight, 0.0)
     x = np.where(w[..., None] > 0, position, 0.0)
     total = np.maximum(w.sum(1), 1e-300)[:, None]
-    x_mean, X_mean = np.einsum("tn,tna->ta", w, x) / total, w @ shape / total
-    G = np.einsum("tn,tna,nb->tab", w, x, shape) - total[..., None] * x_mean[:, :, None] * X_mean[:, None]
+    weighed = (w[..., None] * x).mT
+    x_mean, X_mean = weighed.sum(-1) / total, w @ shape / total
+    G = weighed @ shape - total[..., None] * x_mean[:, :, None] * X_mean[:, None]
     U, _, Vt = np.linalg.svd(G)
     U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R = U @ Vt
@@ -219,7 +220,7 @@ def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
 
 def body_axes(position: Array, center: Array, R: Array) -> Array:
     """R^T (x - c) of every node: (time, node, 3)."""
-    return np.asarray(np.einsum("tab,tna->tnb", R, position - center[:, None]))
+    return np.asarray((position - center[:, None]) @ R)
 
 
 def exp(phi: Array) -> Array:

@@ -1,6 +1,7 @@
 """The prior of a mode: stationary from the start, and found again in records drawn from it."""
 
 import numpy as np
+import pytest
 
 from forceid.flight.vibration import Vibration, tune_vibrations, vibrating
 from forceid.kalman.building.process import discretize, matern
@@ -29,6 +30,18 @@ def test_vibration_is_stationary_from_the_start():
     size = np.sqrt(np.diagonal(p.P0, axis1=1, axis2=2))
     scale = size[:, :, None] * size[:, None] * np.abs(p.A).max((1, 2))[:, None, None]
     assert (np.abs(change) / scale).max() < 1e-12
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
+def test_every_covariance_of_a_mode_that_rests_balances_by_itself(order):
+    # loads far slower than the mode, and far faster: the smallest entry is as exact as the largest
+    frequency, rng = np.geomspace(0.5, 50.0, 40), np.random.default_rng(0)
+    damping = frequency * np.exp(rng.uniform(-9, 0, 40))
+    p = Vibration(frequency, damping, np.ones(40), frequency * np.geomspace(5e-3, 50.0, 40), order).process
+    flow, most = p.A @ p.P0, np.abs(p.A) @ np.abs(p.P0)
+    change, terms = flow + flow.mT + p.Qc, most + most.mT + p.Qc
+    assert (np.abs(change) <= 1e-10 * terms).all()
+    assert (np.diagonal(p.P0, axis1=1, axis2=2) > 0).all()
 
 
 def test_equal_rates_make_a_matern_process_of_order_three():

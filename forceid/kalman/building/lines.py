@@ -138,17 +138,18 @@ def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complex
     F, H = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
     turned = root * step[:, None]  # (step, root)
     phase = np.exp(root * (time - time[0])[:, None])
-    pushed = np.expm1(turned) / root * phase[:-1]
-    moved = (np.expm1(turned) - turned) / root**2 * phase[:-1]
-    by_load = np.empty((len(step), 6, 3, len(root)), complex)
+    grown = np.expm1(turned)
+    pushed, moved = grown / root * phase[:-1], (grown - turned) / root**2 * phase[:-1]
+    x = np.zeros((len(time), 6, 3, len(root)), complex)
+    by_load = x[1:]
     by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
     by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
-    x = np.zeros((len(time), 6, 3, len(root)), complex)
     moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
-    for k, more in enumerate(by_load.view(float).reshape(len(step), 6, -1)):
-        moving[k + 1] = F[k] @ moving[k] + more
-    seen = np.einsum("...cs,...sdf->...cdf", H, x)
-    return np.stack([seen.real, -seen.imag], -1)
+    for F_k, now, then in zip(F, moving[:-1], moving[1:], strict=True):
+        then += F_k @ now
+    seen: Array = (H @ moving).reshape(len(time), -1, *x.shape[2:], 2)
+    seen[..., 1] *= -1
+    return seen
 
 
 def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
@@ -196,7 +197,7 @@ def find_line(
         signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
         white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
         information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
-        vector = np.einsum("tcafi,tc->fai", white, v)
+        vector = np.einsum("afi->fai", np.tensordot(v, white, 2))
         gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in ALONG]), 0, -1)
         return gained, std
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import comb, factorial
 from typing import NamedTuple, Protocol
 
@@ -94,14 +95,22 @@ def matern(order: int, std: ArrayLike, rate: ArrayLike) -> Process:
     A = np.zeros((*rate.shape, order, order), np.result_type(std, rate))
     Qc = np.zeros_like(A)
     A[..., :-1, 1:] = np.eye(order - 1)
-    A[..., -1, :] = -np.stack([comb(order, i) * rate ** (order - i) for i in range(order)], -1)
+    for i in range(order):
+        A[..., -1, i] = -comb(order, i) * rate ** (order - i)
     Qc[..., -1, -1] = driving_density(order, std, rate)
-    # covariances of derivatives i and j are moments i + j of the spectrum, here of unit rate
+    scale = std[..., None] * rate[..., None] ** np.arange(order)
+    return Process(A, Qc, scale[..., :, None] * unit_matern(order) * scale[..., None, :], np.eye(order)[0])
+
+
+@lru_cache
+def unit_matern(order: int) -> Array:
+    """Covariance (order, order) of a Matern load of unit std and rate, and of its derivatives."""
+    # of derivatives i and j it is moment i + j of the spectrum
     moment = np.cumprod([1.0, *((k + 0.5) / (order - k - 1.5) for k in range(order - 1))])
     i, j = np.indices((order, order))
     P0: Array = np.where((i + j) % 2, 0.0, (-1.0) ** ((i - j) // 2) * moment[(i + j) // 2])
-    scale = std[..., None] * rate[..., None] ** np.arange(order)
-    return Process(A, Qc, scale[..., :, None] * P0 * scale[..., None, :], np.eye(order)[0])
+    P0.setflags(write=False)
+    return P0
 
 
 def matern_density(order: int, std: ArrayLike, rate: ArrayLike, w: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from forceid.kalman.covariance import is_positive_definite, square_root
+from forceid.kalman.covariance import correlations, is_positive_definite, square_root
 from forceid.kalman.recursions import square_root as array_form
 from forceid.kalman.recursions.passes import LAG, Runs, of
 from forceid.records import Array, Flags, Indices
@@ -31,6 +31,9 @@ def mended_covariance_pass(
 
     Also factors C (run, state, state) of P there, NaN elsewhere; None where nothing was to mend.
     """
+    begun = through_start(plain, F, Q, H, R, P0, seen, steady)
+    if begun is not None:
+        return begun
     runs = plain(F, Q, H, R, P0, seen, steady)
     start, P_pred, P, _, W, failed = runs
     if (lost := failed >= 0) and not is_positive_definite(R):
@@ -46,13 +49,8 @@ def mended_covariance_pass(
     parts: list[tuple[Indices, Array, Array, Array, Array, Array]] = []
     for first, stop, array in segments(start, bad, len(seen)):
         if first > 0:
-            F_k = of(F, first - 1)
-            P0 = F_k @ parts[-1][2][-1] @ F_k.T + of(Q, first - 1)
-            P0 = 0.5 * (P0 + P0.T)
-        part = (
-            steps(F, first, stop), steps(Q, first, stop), samples(H, first, stop), samples(R, first, stop),
-            P0, seen[first:stop], steady,
-        )  # fmt: skip
+            P0 = stepped(parts[-1][2][-1], of(F, first - 1), of(Q, first - 1))
+        part = *stretch(F, Q, H, R, first, stop), P0, seen[first:stop], steady
         if not array:
             start, P_pred, P, K, W, failed = plain(*part)
             C = np.full_like(P, np.nan)
@@ -65,6 +63,47 @@ def mended_covariance_pass(
             break
     start, P_pred, P, K, W, C = (np.concatenate(a) for a in zip(*parts, strict=True))
     return (start, P_pred, P, K, W, failed), C
+
+
+def through_start(
+    plain: Callable[..., Runs], F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool
+) -> tuple[Runs, Array] | None:
+    """The pass where only a start as good as unknown asks for the array form, as a rule it does; else None.
+
+    So no sample behind the start is gone through twice.
+    """
+    stop = int(seen.any(1).argmax()) + 1 - (-len(P0) // seen.shape[1])
+    if not 1 < stop < len(seen):
+        return None
+    first = *stretch(F, Q, H, R, 0, stop), P0, seen[:stop], steady
+    at, P_pred, P, _, W, failed = plain(*first)
+    if failed >= 0 or len(at) < stop or barely_known(P_pred, P, W) != stop:
+        return None
+    head, C = array_form.array_covariance_pass(*first)
+    if head[-1] >= 0:
+        return None
+    P0 = stepped(head[2][-1], of(F, stop - 1), of(Q, stop - 1))
+    at, *rest, failed = plain(*stretch(F, Q, H, R, stop, len(seen)), P0, seen[stop:], steady)
+    if failed >= 0 or nearly_dependent(H, R, at + stop, rest[0], rest[-1]).any():
+        return None
+    start = np.concatenate([head[0], at + stop])
+    P_pred, P, K, W = (np.concatenate(both) for both in zip(head[1:-1], rest, strict=True))
+    factors = np.full_like(P, np.nan)
+    factors[: len(C)] = C
+    return (start, P_pred, P, K, W, failed), factors
+
+
+def stepped(P: Array, F: Array, Q: Array) -> Array:
+    """The covariance that a covariance becomes in a step."""
+    P = F @ P @ F.T + Q
+    return 0.5 * (P + P.T)
+
+
+def stretch(
+    F: Array, Q: Array, H: Array, R: Array, first: int, stop: int
+) -> tuple[Array, Array, Array, Array]:
+    """The model of the samples from `first` to before `stop`."""
+    return steps(F, first, stop), steps(Q, first, stop), samples(H, first, stop), samples(R, first, stop)
 
 
 def smoothed_covariances(
@@ -125,9 +164,7 @@ def alike_by_steps(Q: Array, H: Array, R: Array) -> bool:
         return False
     H, R = (a[1:, 0] if len(a) > 1 else a[:, 0] for a in (H, R))
     S = H @ Q[:, 0] @ H.swapaxes(1, 2) + R
-    size = np.sqrt(np.diagonal(S, axis1=1, axis2=2))[:, :, None]
-    smallest = np.linalg.eigvalsh(S / (size * size.swapaxes(1, 2)))[:, 0]
-    return bool((smallest * ALIKE < 1).any())
+    return beyond(ALIKE, S)
 
 
 def nearly_dependent(H: Array, R: Array, start: Indices, P_pred: Array, W: Array) -> Flags:
@@ -157,9 +194,12 @@ def barely_known(P_pred: Array, P: Array, W: Array) -> int:
     before, after = (np.diagonal(a[met:stop], axis1=1, axis2=2) for a in (P_pred, P))
     if not (before.max(0) > HARMLESS * after.min(0)).any():
         return 0
-    size = np.sqrt(np.maximum(before, 1e-300))
-    spread = np.linalg.eigvalsh(P_pred[met:stop] / (size[:, :, None] * size[:, None]))
-    return stop if (spread[:, 0] * START_UNKNOWN < 1).any() else 0
+    return stop if beyond(START_UNKNOWN, P_pred[met:stop]) else 0
+
+
+def beyond(condition: float, P: Array) -> bool:
+    """Whether a covariance (..., ., .), in units of its diagonal, has an eigenvalue below 1 / condition."""
+    return not is_positive_definite(correlations(P)[0] - np.eye(P.shape[-1]) / condition)
 
 
 def segments(start: Indices, bad: Flags, time: int) -> list[tuple[int, int, bool]]:

@@ -175,7 +175,7 @@ def newton(
     scale, far = np.where(h > 0, h, 1.0), reach[:, None] / FINE
     down, up = np.maximum((low - x) / scale, -far), np.minimum((low + width - x) / scale, far)
     step, gain = np.zeros_like(x), np.zeros(len(x))
-    for group in np.unique(same, axis=0):
+    for group in {row.tobytes(): row for row in same}.values():
         step[group] = shared_step(slope[group], bend[group], down[group], up[group])
         rises = (slope * step).sum(1) + 0.5 * np.einsum("pi,pij,pj->p", step, bend, step)
         gain[group] = rises[group].sum()
@@ -185,6 +185,8 @@ def newton(
 def shared_step(slope: Array, bend: Array, down: Array, up: Array) -> Array:
     """Newton's step of problems (problem, dim) whose last coordinate is one: a problem in all of them."""
     problems, dims = slope.shape
+    if problems == 1:
+        return uphill(slope[0], bend[0], down[0], up[0])[None]
     n = problems * (dims - 1) + 1
     place = np.array([[*range(p * (dims - 1), (p + 1) * (dims - 1)), n - 1] for p in range(problems)])
     g, H, least, most = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros(n)
@@ -203,15 +205,16 @@ def uphill(slope: Array, bend: Array, least: Array, most: Array) -> Array:
     """
     step, go = np.zeros(len(slope)), most > least
     while go.any():
-        some = bend[np.ix_(go, go)]
+        some = bend[go][:, go]
         # in units of its own curvature each, so that a flat coordinate does not pass for a ridge
         least_bent = max(np.finfo(float).eps * float(np.abs(some).max()), 1e-300)
         unit = np.sqrt(np.maximum(np.abs(np.diagonal(some)), least_bent))
         curved, axes = np.linalg.eigh(some / unit / unit[:, None])
         steep, way = np.maximum(np.abs(curved), FLATTEST), np.zeros(len(slope))
         way[go] = axes @ ((axes.T @ ((slope + bend @ step)[go] / unit)) / steep) / unit
-        room = np.where(way > 0, most, least) - step
-        part = np.divide(room, way, out=np.full(len(way), np.inf), where=go & (way != 0))
+        room, part = np.where(way > 0, most, least) - step, np.full(len(way), np.inf)
+        moves = way != 0
+        part[moves] = room[moves] / way[moves]
         first = int(part.argmin())
         if part[first] >= 1:
             return step + way

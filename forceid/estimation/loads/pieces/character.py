@@ -113,16 +113,16 @@ def drawn_anew(f: Filtered, vectors: int) -> Array:
     run = np.repeat(np.arange(len(f.gains.start)), np.diff(f.gains.start, append=T))
     seen = np.asarray(np.isfinite(f.innovation).all(1))
     white, W, K = np.where(seen[:, None], f.innovation, 0.0), f.gains.W, f.gains.K
-    rows, rest = W @ model.H, np.eye(n) - K @ model.H
-    information = rows.mT @ rows
+    F = np.broadcast_to(model.F, (T - 1, n, n))
+    # by the states before each step: what its sample shows of them, and what is left of them behind it
+    rows = (W @ model.H)[run[1:]] @ F
+    rows[~seen[1:]] = 0.0
+    rest = np.where(seen[1:, None, None], F - K[run[1:]] @ (model.H @ F), F)
     slopes, bends = np.zeros((T, n)), np.zeros((T, n, n))
-    for t in range(T - 1, 0, -1):
-        slope, bend, k = slopes[t], bends[t], run[t]
-        if seen[t]:
-            slope = rows[k].T @ white[t] + rest[k].T @ slope
-            bend = information[k] + rest[k].T @ bend @ rest[k]
-        F = model.F[t - 1]
-        slopes[t - 1], bends[t - 1] = F.T @ slope, F.T @ bend @ F
+    slopes[:-1], bends[:-1] = (white[1:, None] @ rows)[:, 0], rows.mT @ rows
+    for t in range(T - 2, -1, -1):
+        slopes[t] += slopes[t + 1] @ rest[t]
+        bends[t] += rest[t].T @ (bends[t + 1] @ rest[t])
     gain = np.zeros(T)
     for axis in range(3):
         own = np.arange(LOAD.start + axis, vectors, 3)
