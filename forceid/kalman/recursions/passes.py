@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 from forceid.kalman.covariance import combine as combine
 from forceid.kalman.model import LOG_2PI, Filtered, Gains, StateSpace
 from forceid.kalman.recursions.scan import scan
-from forceid.kalman.recursions.single_channel import innovations, updated
+from forceid.kalman.recursions.single_channel import innovation_blocks, updated
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import ROUNDED
 
@@ -198,8 +198,8 @@ def log_likelihood(
     sample is believed accordingly less (Huber's filter). A model that loses its sign to rounding goes as NaN.
     """
     total = np.zeros(len(x0))
-    if seen.shape[1] == 1 and (len(x0) > 1 or limit < np.inf):
-        for e, S in innovations(F, Q, H, R, u, x0, P0, z, seen, limit):
+    if seen.shape[1] == 1 and not (steady and len(x0) == 1 and limit == np.inf):
+        for e, S in innovation_blocks(F, Q, H, R, u, x0, P0, z, seen, limit):
             with np.errstate(invalid="ignore", divide="ignore"):
                 total -= 0.5 * (e**2 / S + np.log(S) + LOG_2PI).sum(0)
         return total
@@ -213,6 +213,20 @@ def log_likelihood(
         one = StateSpace(*(a[:, 0] for a in (F_j, Q_j, H_j, R_j)), x0[j], P0[j], u_j[:, 0])
         total[j] = Filtered(one, z_j[:, 0], x, Gains(len(z), start, P_pred, P, K, W)).log_likelihood
     return total
+
+
+def innovations(
+    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array, seen: Flags, _steady: bool
+) -> Array:
+    """Whitened innovations (time, model) of models of one channel each: NaN where missing.
+
+    Not finite, too, where a model loses its sign to rounding.
+    """
+    white = np.full((len(z), len(x0)), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        blocks = [e / np.sqrt(S) for e, S in innovation_blocks(F, Q, H, R, u, x0, P0, z, seen, np.inf)]
+    white[seen[:, 0].astype(bool)] = np.concatenate(blocks)
+    return white
 
 
 def channel_changes(which: Flags) -> set[int]:
