@@ -69,7 +69,7 @@ def innovations(passes: Passes, model: StateSpace, z: Array) -> Array:
         own = (a if a.shape[1] == 1 else a[:, j] for a in (F, Q, H, R, u))
         seen = pattern(z[:, j])
         white[:, j] = passes.innovations(*own, model.x0[j], model.P0[j], z[:, j], seen, time_invariant(model))
-    for i in np.flatnonzero((~np.isfinite(white) & np.isfinite(z[..., 0])).any(0)):
+    for i in np.flatnonzero((~np.isfinite(white) & np.isfinite(z[..., 0])).any(0)).tolist():
         white[:, [i]] = filter(passes, model.one(i), z[:, i]).innovation
     return white
 
