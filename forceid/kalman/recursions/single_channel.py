@@ -29,18 +29,20 @@ def innovation_blocks(
     """
     models, n = x0.shape
     both = np.zeros((models, n + 1, n + 2))  # covariance of reading and state, and the mean less z beside it
-    known, error, spread = both[:, 1:, 1:], both[:, 0, -1:], both[:, 0, :1]
+    known, row, column, spread, error = (
+        both[:, 1:, 1:], both[:, :1], both[:, :, :1], both[:, :1, :1], both[:, :1, -1:],
+    )  # fmt: skip
     known[..., :-1], known[..., -1] = P0, x0
     moved, taken, gain = np.empty((models, n + 1, n + 1)), np.empty_like(both), np.empty((models, n + 1, 1))
     share = gain[:, 0, 0]
     for first, stop in [(0, min(1, len(z))), *((k, min(k + BLOCK, len(z))) for k in range(1, len(z), BLOCK))]:
-        e, S = np.empty((2, stop - first, models, 1))
+        e, S = np.empty((2, stop - first, models, 1, 1))
         here = seen[first:stop, 0].astype(bool)
-        samples = (R[first:stop, :, 0] if len(R) > 1 else R[..., 0], H[first:stop] if len(H) > 1 else H)
+        samples = [a[first:stop] if len(a) > 1 else a for a in (R, H)]
         steps = map(each, (*with_reading(F, Q, samples[1], u, first, stop), *samples))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for present, z_k, e_k, S_k, G, G_beside, added, R_k, H_k in zip(
-                here.tolist(), z[first:stop], e, S, *steps, strict=False
+                here.tolist(), z[first:stop, :, None], e, S, *steps, strict=False
             ):
                 np.matmul(G, known, out=moved)
                 np.matmul(moved, G_beside, out=both)
@@ -52,18 +54,18 @@ def innovation_blocks(
                 np.add(spread, R_k, out=S_k)
                 if limit < np.inf:
                     np.maximum(S_k, (error / limit) ** 2, out=S_k)
-                np.divide(both[..., :1], S_k[:, None], out=gain)
-                np.multiply(gain, both[:, :1], out=taken)
+                np.divide(column, S_k, out=gain)
+                np.multiply(gain, row, out=taken)
                 if np.fmax.reduce(share) > WHOLE:  # of the reading's variance; no state loses more of its own
                     most = share > WHOLE
                     noise = R_k + (S_k - (spread + R_k))  # R to its last digit, but of outliers
                     H_k = H_k[most] if len(H_k) > 1 else H_k
-                    P = joseph(known[most, :, :-1], gain[most, 1:], H_k, noise[most, :, None])
+                    P = joseph(known[most, :, :-1], gain[most, 1:], H_k, noise[most])
                     both -= taken
                     known[most, :, :-1] = P
                 else:
                     both -= taken
-        yield -e[here, :, 0], S[here, :, 0]
+        yield -e[here, :, 0, 0], S[here, :, 0, 0]
 
 
 def with_reading(F: Array, Q: Array, H: Array, u: Array, first: int, stop: int) -> tuple[Array, Array, Array]:
