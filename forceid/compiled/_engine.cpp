@@ -61,7 +61,6 @@ PYBIND11_MODULE(_engine, module) {
   def("information_pass", passes.information_pass);
   def("combine", passes.combine);
   def("log_likelihood", passes.log_likelihood);
-  def("innovations", passes.innovations);
   module.attr("lanes") = flights.lanes;
   def("turn", flights.turn);
   def("rotation_rows", flights.rotation_rows);

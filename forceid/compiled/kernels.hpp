@@ -25,7 +25,6 @@ struct Passes {
   Out (*combine)(Array P, Array later);
   Out (*log_likelihood)(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen,
                         double limit, bool steady);
-  Out (*innovations)(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, bool steady);
 };
 
 // flight/flight.hpp

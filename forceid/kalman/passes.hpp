@@ -914,17 +914,16 @@ void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const 
 }
 
 // Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
-// Of models of one channel also their whitened innovations (time, model) where asked for; those missing stay.
 template <int N, int M>
 Out log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
-                     Mask seen_, double limit, bool steady, double *whitened = nullptr) {
+                     Mask seen_, double limit, bool steady) {
   const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
   const Size T = z_.shape(0), models = x0.shape(0);
   const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(seen_.shape(1));
   Out total_({models});
   double *total = total_.data();
   if (m == 1) {
-    if (models >= 4 && !whitened) {
+    if (models >= 4) {
       for (Size first = 0; first < models; first += LANES) {
         Size model[LANES];
         for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
@@ -958,7 +957,6 @@ Out log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, A
         break;
       }
       row_times(now.W.data(), e.data(), white.data(), m, m);
-      if (whitened && seen[0]) whitened[k * models + j] = white[0];
       double log_det = 0.0;
       for (int c = 0; c < m; ++c) {
         sum -= 0.5 * white[c] * white[c];
@@ -1001,7 +999,6 @@ Out log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, A
             tame = false;
             break;
           }
-          if (whitened && seen[0]) whitened[(k + 1 + i) * models + j] = white[0];
           double square = 0.0;
           for (int c = 0; c < m; ++c) square += white[c] * white[c];
           sum += log_det - 0.5 * square;
@@ -1078,20 +1075,7 @@ Out likelihoods(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0,
   });
 }
 
-// Whitened innovations (time, model) of models of one channel each: NaN where missing, and from where a
-// covariance loses its sign.
-Out innovations(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, bool steady) {
-  LEAVE(F.shape(3), 1, innovations, (F, Q, H, R, u, x0, P0, z, seen, steady));
-  return sized(F.shape(3), 1, [&](auto N, auto M) {
-    Out white({z.shape(0), x0.shape(0)});
-    std::fill(white.data(), white.data() + white.size(), std::numeric_limits<double>::quiet_NaN());
-    const double none = std::numeric_limits<double>::infinity();
-    log_likelihood<N(), M()>(F, Q, H, R, u, x0, P0, z, seen, none, steady, white.data());
-    return white;
-  });
-}
-
-constexpr Passes table = {covariances, means, smoothed, information, combined, likelihoods, innovations};
+constexpr Passes table = {covariances, means, smoothed, information, combined, likelihoods};
 
 } // namespace passes
 } // namespace

@@ -189,9 +189,8 @@ def log_likelihood(
 
 
 def innovations(
-    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array,
-    seen: Flags, _steady: bool,
-) -> Array:  # fmt: skip
+    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array, seen: Flags
+) -> Array:
     """Whitened innovations (time, model) of models of one channel each: NaN where missing.
 
     Not finite, too, where a model loses its sign to rounding.
