@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from forceid.kalman.recursions.passes import LOG_2PI
 from forceid.records import Array, Indices
+
+LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
 
 
 @dataclass(frozen=True)

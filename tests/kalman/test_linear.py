@@ -266,6 +266,37 @@ def test_any_number_of_models_at_once_meets_outliers_as_each_by_itself(models, l
     np.testing.assert_allclose(together, each, rtol=1e-9)
 
 
+@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("steady", [True, False])
+def test_whitened_innovations_of_many_models_are_those_of_each_filter(engine, steady, alike):
+    """With gaps that all models share, and with gaps of their own."""
+    rng, time, models = np.random.default_rng(3), 1200, 3
+    chain = load_chain(kalman.matern(2, rng.uniform(0.5, 4.0, models), 30.0), Start(1e-2, 1e-2, 1.0))
+    F, Q = kalman.discretize(chain, 0.004)
+    H, R = 10 * chain.output[None, None, None], 1e-7 * rng.uniform(0.5, 2.0, (time, models, 1, 1))
+    R = R[:1] if steady else R
+    many = kalman.StateSpace(F[None], Q[None], H, R, np.zeros((models, 5)), chain.P0)
+    z = 1e-2 * rng.standard_normal((time, models)).cumsum(0)
+    z[100:120, slice(None) if alike else 1] = np.nan
+    each = [kalman.engine(engine).filter(many.one(j), z[:, j]).innovation[:, 0] for j in range(models)]
+    together = kalman.engine(engine).innovations(many, z)
+    size = np.nanmax(np.abs(together))
+    np.testing.assert_allclose(together, np.stack(each, 1), rtol=1e-9, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize("engine", OURS)
+def test_many_models_of_many_channels_are_each_model_by_itself(engine):
+    rng, models = np.random.default_rng(7), 3
+    F = 0.9 * np.linalg.qr(rng.standard_normal((models, 4, 4)))[0]
+    Q, R = (np.stack([random_cov(rng, n) for _ in range(models)]) for n in (4, 2))
+    H, P0 = rng.standard_normal((models, 2, 4)), np.stack([np.eye(4)] * models)
+    many = kalman.StateSpace(F[None], Q[None], H[None], R[None], np.zeros((models, 4)), P0)
+    z = rng.standard_normal((50, models, 2))
+    z[20:24, :, 0] = z[40:42] = np.nan
+    each = [kalman.filter(many.one(j), z[:, j], engine="filterpy").log_likelihood for j in range(models)]
+    np.testing.assert_allclose(kalman.engine(engine).log_likelihood(many, z), each, rtol=1e-10)
+
+
 @pytest.mark.parametrize("engine", OURS)
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_variances_stay_positive_after_a_start_as_good_as_unknown(order, engine):

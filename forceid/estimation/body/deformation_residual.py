@@ -15,7 +15,7 @@ from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.color import Color, LowPassed
 from forceid.flight.tuning import MIDDLE, tune_loads
 from forceid.kalman.engines import Engine
-from forceid.kalman.recursions.passes import LOG_2PI
+from forceid.kalman.model import LOG_2PI
 from forceid.motion import body_axes, fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion

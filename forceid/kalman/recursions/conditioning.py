@@ -16,7 +16,8 @@ import numpy as np
 
 from forceid.kalman.covariance import correlations, is_positive_definite, square_root
 from forceid.kalman.recursions import square_root as array_form
-from forceid.kalman.recursions.passes import LAG, Runs, of
+from forceid.kalman.recursions.passes import Runs, of
+from forceid.kalman.recursions.rest import LAG
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import HARMLESS
 

@@ -2,53 +2,26 @@
 
 Covariances do not depend on the data: one pass over them serves any number of signals, and ends as soon
 as they stand still, until a gap stirs them. From there on both means are one recursion with constant
-matrices, y_k = A y_{k-1} + b_k, which a block scan turns into matrix products. passes.hpp holds the same
-in C++. Arguments as `linear.Arrays`: F, Q, H, R (time or 1, model, ., .), u (time or 1, model,
-state); seen (time, channel) 1 where z is present; steady: whether F, Q, H, R are constant.
+matrices, y_k = A y_{k-1} + b_k, which a block scan turns into matrix products. Many models of one channel go
+side by side (`single_channel`). LAPACK is called by hand: numpy's calls cost four times what they do.
+passes.hpp holds the same in C++. Arguments as `linear.Arrays`: F, Q, H, R (time or 1, model, ., .), u (time
+or 1, model, state); seen (time, channel) 1 where z is present; steady: whether F, Q, H, R are constant.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from scipy.linalg import lapack
 
 from forceid.kalman.covariance import combine as combine
+from forceid.kalman.model import LOG_2PI, Filtered, Gains, StateSpace
+from forceid.kalman.recursions.rest import Rest, channel_changes
 from forceid.kalman.recursions.scan import scan
+from forceid.kalman.recursions.single_channel import innovation_blocks, joseph
 from forceid.records import Array, Flags, Indices
-from forceid.rounding import ROUNDED
 from forceid.significance import WHOLE
 
 Runs = tuple[Indices, Array, Array, Array, Array, int]  # as covariance_pass gives them
-
-LOG_2PI = float(np.log(2 * np.pi))  # of the density of a normal number
-LAG = 8  # samples between two looks at whether a covariance has come to rest
-ROUNDING = 1e-13  # a change over LAG samples that rounding alone makes
-
-
-@dataclass
-class Rest:
-    """Whether a covariance that is looked at sample by sample has come to rest."""
-
-    before: Array | None = None
-    change: float = 0.0
-    since: int = 0
-
-    def reached(self, P: Array) -> bool:
-        """Look at the covariance (..., state, state) of one more sample."""
-        if self.before is None:
-            self.before, self.change, self.since = P.copy(), 0.0, 0
-            return False
-        self.since += 1
-        if self.since < LAG:
-            return False
-        size = np.sqrt(np.abs(np.diagonal(P, axis1=-2, axis2=-1)))
-        scale, moved = size[..., None] * size[..., None, :], np.abs(P - self.before)
-        now = float((moved / np.where(moved > 0, scale, 1.0)).max())
-        # no rate tells that while it still falls from a start as good as unknown
-        ratio = now / self.change if 0 < self.change < 1 else 1.0
-        self.before, self.change, self.since = P.copy(), now, 0
-        return now < ROUNDING or (ratio < 1 and now * ratio < ROUNDED * (1 - ratio))
 
 
 def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Flags, steady: bool) -> Runs:
@@ -58,60 +31,45 @@ def covariance_pass(F: Array, Q: Array, H: Array, R: Array, P0: Array, seen: Fla
     channel) which whitens an innovation, and the sample where its covariance is not positive definite, or -1.
     A channel that is missing has zero columns in K, zero rows and columns in W.
     """
-    P_pred, rest = P0, Rest()
-    runs: list[tuple[int, Array, Array, Array, Array]] = []
+    P, P_pred, rest, n, m = P0, P0, Rest(), len(P0), seen.shape[1]
+    runs: list[tuple[int, Array, Array, Array]] = []
     failed, which = -1, seen.astype(bool)
     stirred = channel_changes(which)
-    whole, some = np.asarray(which.all(1)), np.asarray(which.any(1))
+    whole, some = np.asarray(which.all(1)).tolist(), np.asarray(which.any(1)).tolist()
     k = 0
     while k < len(seen):
         if k in stirred:
             rest = Rest()
         if k > 0:
             F_k = of(F, k - 1)
-            P_pred = F_k @ runs[-1][2] @ F_k.T + of(Q, k - 1)
+            P_pred = F_k @ P @ F_k.T + of(Q, k - 1)
             P_pred = 0.5 * (P_pred + P_pred.T)
-        K, W, P = np.zeros((len(P0), seen.shape[1])), np.zeros((seen.shape[1],) * 2), P_pred
+        P, W = P_pred, np.zeros((m, m))
         if some[k]:
             c, H_k, R_k = which[k], of(H, k), of(R, k)
             if not whole[k]:
                 H_k, R_k = H_k[c], R_k[c][:, c]
             PHt = P_pred @ H_k.T
-            try:
-                W_c = np.linalg.inv(np.linalg.cholesky(H_k @ PHt + R_k))
-                white = PHt @ W_c.T
-            except np.linalg.LinAlgError:
+            L, lost = lapack.dpotrf(H_k @ PHt + R_k, lower=1)
+            if lost:
                 failed = k
                 break
-            K_c = white @ W_c
-            P = updated(P_pred, K_c, H_k, R_k, white @ white.T)
-            if whole[k]:
-                K, W = K_c, W_c
+            W_c = lapack.dtrtri(L, lower=1)[0]
+            white = PHt @ W_c.T
+            taken = white @ white.T
+            if np.logical_or.reduce(taken.diagonal() > WHOLE * P_pred.diagonal()):
+                P = joseph(P_pred, white @ W_c, H_k, R_k)
             else:
-                K[:, c], W[np.ix_(c, c)] = K_c, W_c
-        runs.append((k, P_pred, P, K, W))
+                P = P_pred - taken
+            W[... if whole[k] else np.ix_(c, c)] = W_c
+        runs.append((k, P_pred, P, W))
         still = steady and k > 0 and rest.reached(P)
         k = min((i for i in stirred if i > k), default=len(seen)) if still else k + 1
-    n, m = len(P0), seen.shape[1]
-    shapes = ((n, n), (n, n), (n, m), (m, m))
-    first, *others = zip(*runs, strict=True) if runs else ((),) * 5
-    P_preds, Ps, Ks, Ws = (np.array(a).reshape(-1, *s) for a, s in zip(others, shapes, strict=True))
-    return np.array(first, np.intp), P_preds, Ps, Ks, Ws, failed
-
-
-def updated(P: Array, K: Array, H: Array, R: Array, taken: Array) -> Array:
-    """Covariances (..., state, state) after an update: in Joseph's form where it takes most of a variance.
-
-    Elsewhere P - taken, with taken = P H^T S^-1 H P, is as good: what it loses to rounding is small against
-    what is left.
-    """
-    part = np.diagonal(taken, axis1=-2, axis2=-1) > WHOLE * np.diagonal(P, axis1=-2, axis2=-1)
-    if part.any():
-        I_KH = np.eye(P.shape[-1]) - K @ H
-        P = I_KH @ P @ I_KH.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
-    else:
-        P = P - taken
-    return np.asarray(0.5 * (P + P.swapaxes(-1, -2)))
+    first, *others = zip(*runs, strict=True) if runs else ((),) * 4
+    P_preds, Ps, Ws = (np.array(a).reshape(-1, i, i) for a, i in zip(others, (n, n, m), strict=True))
+    start = np.array(first, np.intp)
+    K = P_preds @ (Ws @ (H[start, 0] if len(H) > 1 else H[:, 0])).swapaxes(1, 2) @ Ws
+    return start, P_preds, Ps, K, Ws, failed
 
 
 def mean_pass(F: Array, u: Array, H: Array, start: Indices, K: Array, x0: Array, z: Array) -> Array:
@@ -175,22 +133,24 @@ def information_pass(
     n, which, rest = F.shape[-1], seen.astype(bool), Rest()
     now, one, last = np.zeros((n, n)), np.eye(n), [len(seen) - 1]
     later, failed, stirred = [now], -1, channel_changes(which)
+    whole, some = np.asarray(which.all(1)).tolist(), np.asarray(which.any(1)).tolist()
     k = len(seen) - 1
     while k > 0:
         if k + 1 in stirred:
             rest = Rest()
         F_k, Q_k = of(F, k - 1), of(Q, k - 1)
-        Y = np.linalg.inv(one + now @ Q_k)
+        Y = lapack.dgesv(one + now @ Q_k, one)[2]
         information = Y @ now
-        if (c := which[k]).any():
-            H_k = of(H, k)[c]
-            S = H_k @ (Q_k @ Y) @ H_k.T + of(R, k)[c][:, c]
-            try:
-                L = np.linalg.cholesky(0.5 * (S + S.T))
-            except np.linalg.LinAlgError:
+        if some[k]:
+            c, H_k, R_k = which[k], of(H, k), of(R, k)
+            if not whole[k]:
+                H_k, R_k = H_k[c], R_k[c][:, c]
+            S = H_k @ (Q_k @ Y) @ H_k.T + R_k
+            L, lost = lapack.dpotrf(0.5 * (S + S.T), lower=1)
+            if lost:
                 failed = k
                 break
-            white = np.linalg.solve(L, H_k @ Y.T)
+            white = lapack.dtrtrs(L, H_k @ Y.T, lower=1)[0]
             information = information + white.T @ white
         now = F_k.T @ information @ F_k
         now = 0.5 * (now + now.T)
@@ -210,54 +170,36 @@ def log_likelihood(
     Of a single channel, whitened innovations beyond `limit` count as outliers of just that size, and their
     sample is believed accordingly less (Huber's filter). A model that loses its sign to rounding goes as NaN.
     """
-    x, P, total, which = x0, P0, np.zeros(len(x0)), seen.astype(bool)
-    L: Array = np.zeros((len(x0), 1, 1))
-    rest, resting = Rest(), False
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for k, c in enumerate(which):
-            if k > 0 and (c != which[k - 1]).any():
-                rest, resting = Rest(), False
-            if k > 0:
-                F_k = step_of(F, k - 1)
-                x = (F_k @ x[..., None])[..., 0] + step_of(u, k - 1)
-                if not resting:
-                    P = F_k @ P @ F_k.swapaxes(1, 2) + step_of(Q, k - 1)
-            if not c.any():
-                continue
-            H_k = step_of(H, k)[:, c]
-            e = z[k][:, c] - (H_k @ x[..., None])[..., 0]
-            if resting and c.sum() == 1 and (np.abs(e) > limit * L[:, 0]).any():
-                P, rest, resting = F_k @ P @ F_k.swapaxes(1, 2) + step_of(Q, k - 1), Rest(), False
-            if not resting:
-                R_k, PHt = step_of(R, k)[:, c][:, :, c], P @ H_k.swapaxes(1, 2)
-                S = H_k @ PHt + R_k
-                if c.sum() == 1:
-                    more = np.maximum((e[:, :, None] / limit) ** 2 - S, 0.0)
-                    S, R_k = S + more, R_k + more
-                    L, K = np.sqrt(np.where(S > 0, S, np.nan)), PHt / S
-                    taken = K @ PHt.swapaxes(1, 2)
-                    if (more > 0).any():
-                        rest = Rest()
-                else:
-                    try:
-                        L = np.asarray(np.linalg.cholesky(S), float)
-                    except np.linalg.LinAlgError:
-                        return np.full(len(x0), np.nan)
-                    white = np.linalg.solve(L, PHt.swapaxes(1, 2))
-                    K = np.linalg.solve(L.swapaxes(1, 2), white).swapaxes(1, 2)
-                    taken = white.swapaxes(1, 2) @ white
-                log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1) + 0.5 * c.sum() * LOG_2PI
-                P = updated(P, K, H_k, R_k, taken)
-                resting = steady and k > 0 and rest.reached(np.nan_to_num(P))
-            white = e / L[:, 0] if c.sum() == 1 else np.linalg.solve(L, e[..., None])[..., 0]
-            total -= 0.5 * (white**2).sum(1) + log_det
-            x = x + (K @ e[..., None])[..., 0]
+    total = np.zeros(len(x0))
+    if seen.shape[1] == 1 and not (steady and len(x0) == 1 and limit == np.inf):
+        for e, S in innovation_blocks(F, Q, H, R, u, x0, P0, z, seen, limit):
+            with np.errstate(invalid="ignore", divide="ignore"):
+                total -= 0.5 * (e**2 / S + np.log(S) + LOG_2PI).sum(0)
+        return total
+    for j in range(len(x0)):
+        F_j, Q_j, H_j, R_j, u_j, z_j = (a[:, [j % a.shape[1]]] for a in (F, Q, H, R, u, z))
+        start, P_pred, P, K, W, failed = covariance_pass(F_j, Q_j, H_j, R_j, P0[j], seen, steady)
+        if failed >= 0:
+            total[j] = np.nan
+            continue
+        x = mean_pass(F_j, u_j, H_j, start, K, x0[[j]], z_j)[:, 0]
+        one = StateSpace(F_j[:, 0], Q_j[:, 0], H_j[:, 0], R_j[:, 0], x0[j], P0[j], u_j[:, 0])
+        total[j] = Filtered(one, z_j[:, 0], x, Gains(len(z), start, P_pred, P, K, W)).log_likelihood
     return total
 
 
-def channel_changes(which: Flags) -> set[int]:
-    """Samples whose channels present (time, channel) are not those of the sample before."""
-    return set((1 + np.flatnonzero((which[1:] != which[:-1]).any(1))).tolist())
+def innovations(
+    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array, seen: Flags
+) -> Array:
+    """Whitened innovations (time, model) of models of one channel each: NaN where missing.
+
+    Not finite, too, where a model loses its sign to rounding.
+    """
+    white = np.full((len(z), len(x0)), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        blocks = [e / np.sqrt(S) for e, S in innovation_blocks(F, Q, H, R, u, x0, P0, z, seen, np.inf)]
+    white[seen[:, 0].astype(bool)] = np.concatenate(blocks)
+    return white
 
 
 def spans(start: Indices, time: int) -> list[tuple[int, int]]:
@@ -267,12 +209,8 @@ def spans(start: Indices, time: int) -> list[tuple[int, int]]:
 
 def of(a: Array, k: int) -> Array:
     """Matrix of sample or step k of one model."""
-    return np.asarray(a[k, 0] if len(a) > 1 else a[0, 0])
-
-
-def step_of(a: Array, k: int) -> Array:
-    """Matrices (model, ...) of sample or step k."""
-    return np.asarray(a[k] if len(a) > 1 else a[0])
+    matrix: Array = a[k, 0] if len(a) > 1 else a[0, 0]
+    return matrix
 
 
 def known_inputs(u: Array, first: int, stop: int) -> Array:

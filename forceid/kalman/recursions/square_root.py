@@ -13,7 +13,8 @@ from scipy.linalg import lapack, lu
 
 from forceid.kalman.covariance import is_positive_definite, square_root
 from forceid.kalman.recursions import passes
-from forceid.kalman.recursions.passes import Rest, Runs, channel_changes, of
+from forceid.kalman.recursions.passes import Runs, of
+from forceid.kalman.recursions.rest import Rest, channel_changes
 from forceid.records import Array, Flags, Indices
 
 
