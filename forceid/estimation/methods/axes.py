@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.special import expit
 
+from forceid.errors import EstimationError
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
 from forceid.estimation.methods.problem import Problem
@@ -63,7 +64,18 @@ def choose_axes(problem: Problem) -> Problem:
             between[:, LOADS[load], LOADS[load]] = one.share * one.off[:, :, None] * one.off[:, None]
     gained = {f"{load}_body_axes_evidence": one.gain for load, one in found.items()}
     problem = replace(problem, gained=gained, between=between if between.any() else None)
-    return along(problem, taken) if taken else problem
+    if not taken:
+        return problem
+    solved, before = along(problem, taken), np.isfinite(problem.state.wrench_cov)
+    if np.isfinite(solved.state.wrench_cov)[before].all():
+        return solved
+    if asked == "body":
+        raise EstimationError(
+            "loads along axes of the body leave covariances that rounding swamps",
+            "the recording",
+            'leave load_axes at "auto", which then keeps to the world',
+        )
+    return problem
 
 
 def tells_axes(problem: Problem) -> bool:

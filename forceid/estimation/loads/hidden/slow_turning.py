@@ -13,6 +13,7 @@ from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.tuning import LEAK
 from forceid.records import Array, Flags
 from forceid.significance import CHANCE, PATIENCE
 
@@ -33,11 +34,12 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
     edge = len(found.channel.time) // 8
     inner = slice(edge, len(found.channel.time) - edge)
     own, (load, var) = found.likelihood(prior), found.smoothed(prior)
+    least = LEAK * float(prior.kernel.std.max())
     for axis in np.flatnonzero(slow):
         tried = [(0.0, prior)]
         for cycles in CYCLES:
             before = -np.inf
-            for size in np.sqrt(claimed[axis]) * TIMES ** np.arange(SIZES):
+            for size in max(np.sqrt(claimed[axis]), least) * TIMES ** np.arange(SIZES):
                 other = of_axis(prior, int(axis), size, 2 * np.pi * cycles / span)
                 gain = found.likelihood(other) - own
                 tried.append((gain, other))
