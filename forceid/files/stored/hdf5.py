@@ -125,7 +125,8 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stor
         raise DataError(
             "is a variable, expected a group", f"{where}/{name}", "see the contract of motion files"
         )
-    wanted = [n for n in (*table, "node", "marker", "joint", "load_name", "known_load") if n in group]
+    named = ("node", "load_name", "known_load", *(("marker", "joint") if name == "body" else ()))
+    wanted = [n for n in (*table, *named) if n in group]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
     return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 

@@ -15,7 +15,7 @@ import numpy as np
 from forceid.records import Array, Flags
 from forceid.significance import WHOLE
 
-BLOCK = 1000  # samples whose matrices are made at once: a few megabytes of them
+SAMPLES_AT_ONCE = 1000  # samples whose matrices are made at once: a few megabytes of them
 
 
 def innovation_blocks(
@@ -35,7 +35,10 @@ def innovation_blocks(
     known[..., :-1], known[..., -1] = P0, x0
     moved, taken, gain = np.empty((models, n + 1, n + 1)), np.empty_like(both), np.empty((models, n + 1, 1))
     share = gain[:, 0, 0]
-    for first, stop in [(0, min(1, len(z))), *((k, min(k + BLOCK, len(z))) for k in range(1, len(z), BLOCK))]:
+    for first, stop in [
+        (0, min(1, len(z))),
+        *((k, min(k + SAMPLES_AT_ONCE, len(z))) for k in range(1, len(z), SAMPLES_AT_ONCE)),
+    ]:
         e, S = np.empty((2, stop - first, models, 1, 1))
         here = seen[first:stop, 0].astype(bool)
         samples = [a[first:stop] if len(a) > 1 else a for a in (R, H)]

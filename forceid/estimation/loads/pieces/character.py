@@ -113,11 +113,11 @@ def drawn_anew(f: Filtered, vectors: int) -> Array:
     run = np.repeat(np.arange(len(f.gains.start)), np.diff(f.gains.start, append=T))
     seen = np.asarray(np.isfinite(f.innovation).all(1))
     white, W, K = np.where(seen[:, None], f.innovation, 0.0), f.gains.W, f.gains.K
-    F = np.broadcast_to(model.F, (T - 1, n, n))
+    F, H = np.broadcast_to(model.F, (T - 1, n, n)), np.broadcast_to(model.H, (T, *model.H.shape[-2:]))[1:]
     # by the states before each step: what its sample shows of them, and what is left of them behind it
-    rows = (W @ model.H)[run[1:]] @ F
+    rows = W[run[1:]] @ H @ F
     rows[~seen[1:]] = 0.0
-    rest = np.where(seen[1:, None, None], F - K[run[1:]] @ (model.H @ F), F)
+    rest = np.where(seen[1:, None, None], F - K[run[1:]] @ (H @ F), F)
     slopes, bends = np.zeros((T, n)), np.zeros((T, n, n))
     slopes[:-1], bends[:-1] = (white[1:, None] @ rows)[:, 0], rows.mT @ rows
     for t in range(T - 2, -1, -1):
