@@ -53,7 +53,8 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
             if share > CHANCE / len(tried):
                 there, spread = found.smoothed(other)
                 mixed += share * float((spread + (there - load) ** 2)[inner, axis].mean())
-        growth[axis] = max(np.sqrt(mixed / float(var[inner, axis].mean())), 1.0)
+        ratio = mixed / float(var[inner, axis].mean())
+        growth[axis] = np.sqrt(ratio) if ratio > 1 else 1.0  # also where rounding swamps a variance
     return growth
 
 
