@@ -28,7 +28,8 @@ def square_root(P: Array) -> Array:
 
 def correlations(P: Array) -> tuple[Array, Array]:
     """Each of many P (..., state, state) in units of its diagonal, and these units (..., state, 1)."""
-    size = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))[..., None]
+    own = np.diagonal(P, axis1=-2, axis2=-1)
+    size = np.sqrt(np.where(own > 1e-300, own, 1.0))[..., None]  # of no variance, or none but rounding: one
     return np.asarray(P / (size * size.swapaxes(-1, -2))), np.asarray(size)
 
 
