@@ -62,10 +62,9 @@ def tune_loads(
     axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on its std, one
     for all axes that do not ask for their own. Of the orders, the smoothest that no rougher one beats by
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
-    constant; on all, unless one axis gains as much beside the odds that it is just this one. lines: that the
-    load is known to hold beside, with directions along the axes of z. engine: the fastest, if none is given.
-    near: a prior about where this one is, which has its order. color: of the noise, None for white; pieces:
-    in which the load comes, with their sizes.
+    constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
+    fastest, if none is given. near: a prior about where this one is, which has its order. color: of the
+    noise, None for white; pieces: in which the load comes, with their sizes.
     """
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
     edges = search_box(time, z, gain, 0)
@@ -164,9 +163,7 @@ def tune_loads(
     quiet = none, level, each[:, 1]
     if limits[1] > limits[0]:
         quiet = search(order, limits, same, quiet[:2], load=False)
-    # an axis pays for its load alone, and where three are looked at for one of them
-    paid = np.maximum(each[:, 0] - PATIENCE, each[:, 1]).sum()
-    if paid < quiet[2].sum() + np.log(axes):
+    if value.sum() - quiet[2].sum() < PATIENCE * axes:
         return tuned(order, *quiet[:2], float(quiet[2].sum()), np.ones(axes, bool))
     still = each[:, 0] - each[:, 1] < PATIENCE
     best = tuned(order, at, level, float(value.sum()), ~still if not still.all() else still)

@@ -175,35 +175,6 @@ def test_an_axis_without_a_varying_load_is_given_a_constant_one():
     np.testing.assert_allclose(tuned.kernel.std[:2], 0.01 * tuned.kernel.std[2])
 
 
-def recorded(seed, size):
-    """Time and three channels of noise, a wave of so many of its deviations in the first of them."""
-    rng = np.random.default_rng([7, seed])
-    samples, rate, noise = int(10 ** rng.uniform(2, 3)), rng.uniform(60, 400), 10 ** rng.uniform(-4, -3)
-    time = np.arange(samples) / rate
-    z = noise * rng.standard_normal((samples, 3))
-    wave = np.sin(2 * np.pi * rng.uniform(2, 8) * time / time[-1] + rng.uniform(0, 6))
-    z[:, 0] += size * noise * np.sqrt(2) * wave
-    return time, z, np.full((samples, 3), noise**2)
-
-
-def finds_a_load(time, z, noise_var):
-    """Whether the load tuned is larger than the least that the search looks at."""
-    kernel = tune_loads(time, z, 1.0, noise_var, np.zeros(3)).kernel
-    level, rate = search_box(time, z, 1.0, 0)[0]
-    at = np.log(kernel.std) + (kernel.order - 0.5) * np.log(kernel.rate)
-    return bool((at > level + kernel.order * rate + 1.0).any())
-
-
-def test_noise_alone_shows_no_load_and_one_axis_is_enough_to_show_one():
-    assert sum(finds_a_load(*recorded(seed, 0.0)) for seed in range(40)) == 0
-    assert sum(finds_a_load(*recorded(seed, 0.5)) for seed in range(40)) > 20  # 18 if all axes had to pay
-
-
-@pytest.mark.long
-def test_of_many_records_without_a_load_one_in_a_hundred_shows_one_at_most():
-    assert sum(finds_a_load(*recorded(seed, 0.0)) for seed in range(200)) <= 2
-
-
 def test_one_wild_sample_does_not_pass_for_a_rough_load():
     time, z, *_ = three_axes(seed=12, time=400)
     noise, still = np.full(z.shape, NOISE**2), np.zeros(3)

@@ -220,10 +220,10 @@ def required_gain(cycles: Array, samples: int, named: bool = False) -> Array:
     """Log-likelihood (frequency,) that a line has to gain to be found in half of the records.
 
     Of a frequency that nobody named it has to stand out of all ordinates, and pays for the frequency too. So
-    slow a load as is no line must be likelier than a constant on one axis of three.
+    slow a load as is no line must be likelier than a constant on every axis.
     """
     price = np.full(len(cycles), PATIENCE if named else 2 * PATIENCE)
-    price[cycles < 2] = PATIENCE + np.log(3)
+    price[cycles < 2] = 3 * PATIENCE
     gained = price
     for _ in range(20):  # two amplitudes that nobody knows cost the logarithm of what they gain
         gained = price + np.log1p(gained)
