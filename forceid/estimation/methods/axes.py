@@ -113,7 +113,12 @@ def along_body(problem: Problem, load: str) -> BodyAxes | None:
         best = best.moved(bfgs_maximum(lambda by: by_itself(problem, load, found.moved(by))[0], np.zeros(2)))
     best = as_on_modes(problem, best, np.sqrt(moved_by(problem, load, best)))
     (own, turned), (stated, still) = by_itself(problem, load, best), by_itself(problem, load, prior)
-    return BodyAxes(best, own - stated + PATIENCE * (len(prior.lines) - len(best.lines)), turned - still)
+    gain = own - stated + PATIENCE * (len(prior.lines) - len(best.lines))
+    claimed = np.nanmean(np.diagonal(problem.state.wrench_cov, axis1=1, axis2=2)[:, LOADS[load]], axis=0)
+    quiet = (prior.kernel.std**2).max() < claimed.min()
+    if quiet and gain <= PATIENCE and problem.settings.load_axes == "auto":
+        return None  # no load was found: one that turns has to be found as well
+    return BodyAxes(best, gain, turned - still)
 
 
 def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:
