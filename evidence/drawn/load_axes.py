@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicHermiteSpline
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import (
@@ -30,6 +28,7 @@ from evidence.drawn.records.scored import (
     stacked,
     told_whole,
 )
+from evidence.drawn.strict import matern_path
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Motion, Recording
 
@@ -72,18 +71,6 @@ def log_uniform(rng: np.random.Generator, span: tuple[float, float]) -> float:
     return float(np.exp(rng.uniform(*np.log(span))))
 
 
-def smooth_process(rate: float, time: Array, rng: np.random.Generator) -> CubicHermiteSpline:
-    """Three Matern 3/2 processes of unit deviation (time, 3), drawn exactly: stationary from the start."""
-    stationary = np.diag([1.0, rate**2])
-    F = expm(np.array([[0.0, 1.0], [-(rate**2), -2 * rate]]) * time[1])
-    root = np.linalg.cholesky(stationary - F @ stationary @ F.T)
-    x = np.empty((len(time), 2, 3))
-    x[0] = np.sqrt(stationary) @ rng.standard_normal((2, 3))
-    for k in range(len(time) - 1):
-        x[k + 1] = F @ x[k] + root @ rng.standard_normal((2, 3))
-    return CubicHermiteSpline(time, x[:, 0], x[:, 1])
-
-
 def draw_record(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRecord:
     """A record whose force and moment turn with the body, or do not."""
     markers, samples = int(rng.integers(*MARKERS)), int(log_uniform(rng, SAMPLES))
@@ -101,7 +88,7 @@ def draw_record(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRe
         forgets = log_uniform(rng, FORGETS) / span
         size = moved * forgets**2 * log_uniform(rng, SHOWN)
         axes = Rotation.random(random_state=rng).as_matrix() * (size * np.exp(rng.uniform(-1.5, 0.0, 3)))
-        loads.append((axes, smooth_process(forgets, fine, rng)))
+        loads.append((axes, matern_path(1.0, forgets, fine, rng)))
     spin = rng.standard_normal(3)
     spin *= min(log_uniform(rng, SPINS), TURN * rate) / np.linalg.norm(spin)
     start = Rotation.random(random_state=rng)

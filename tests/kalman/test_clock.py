@@ -54,3 +54,11 @@ def test_many_processes_over_many_steps_are_each_by_itself():
         F_one, Q_one = discretize_steps(one, step)
         np.testing.assert_allclose(F[:, k], F_one, rtol=1e-11, atol=1e-13 * np.abs(F_one).max())
         np.testing.assert_allclose(Q[:, k], Q_one, rtol=1e-11, atol=1e-13 * np.abs(Q_one).max())
+
+
+def test_steps_that_are_all_alike_are_the_one_step_they_are():
+    chain = integrate(integrate(matern(3, 2.0, 7.0), var=1.0), var=1.0)
+    F, Q = discretize_steps(chain, np.full(900, 0.004))
+    F_one, Q_one = discretize_steps(chain, np.array([0.004]))
+    np.testing.assert_allclose(F, np.broadcast_to(F_one, F.shape), rtol=1e-13)
+    np.testing.assert_allclose(Q, np.broadcast_to(Q_one, Q.shape), rtol=1e-13)

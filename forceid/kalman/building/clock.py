@@ -46,7 +46,8 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
         through = chebvander(at, count - 1).T * 2 / count
         through[0] /= 2
         nodes.append(middle + half * at)
-        shares.append((own, chebvander((step[own] - middle) / half, count - 1) @ through))
+        off = (step[own] - middle) / half if half > 0 else 0.0 * step[own]  # steps may all be alike
+        shares.append((own, chebvander(off, count - 1) @ through))
     found = exactly(np.concatenate(nodes))
     F, Q = (np.empty((len(step), *a.shape[1:]), a.dtype) for a in found)
     ends = np.cumsum([len(h) for h in nodes])
