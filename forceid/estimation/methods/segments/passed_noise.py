@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.estimation.methods.misplaced_mass import passed
+from forceid.estimation.methods.segments.misplaced_mass import passed
 from forceid.flight.channels import Channel, middle
 from forceid.flight.color import Color
 from forceid.flight.priors.protocol import LoadPrior

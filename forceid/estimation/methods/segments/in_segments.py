@@ -24,8 +24,8 @@ from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_alon
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.noise import noise_beyond_motion
 from forceid.estimation.loads.swept_momentum import swept_momentum
-from forceid.estimation.methods.misplaced_mass import widened_by_misplaced_mass
-from forceid.estimation.methods.passed_noise import with_passed_noise
+from forceid.estimation.methods.segments.misplaced_mass import widened_by_misplaced_mass
+from forceid.estimation.methods.segments.passed_noise import with_passed_noise
 from forceid.estimation.methods.solution import Solution, named
 from forceid.flight.channels import Channel
 from forceid.flight.color import Color
