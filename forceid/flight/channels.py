@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.flight.color import Color
-from forceid.flight.pieces import Pieces
+from forceid.flight.pieces import Pieces, drawn, split_in_a_row
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
@@ -107,36 +107,32 @@ def driven_in_pieces(
     chain: of a load of size one throughout, by a factor on its rate; order: states of its kernel; time
     (time,) s.
     """
-    cuts = [pieces.split(np.diff(time), float(time[0])) for pieces in tried]
-    steps, which = np.unique(np.round(np.concatenate([cut.step for cut in cuts]), 12), return_inverse=True)
-    hastes, hasty = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
-    each = [colored(chain(float(haste)), gain, noise_var, color) for haste in hastes]
-    at = np.arange(len(each[0][0].output))
-    mean, kernel = at == MEAN, (at > MEAN) & (at <= MEAN + order)
-    F, Q, own = (np.stack(a) for a in zip(*(over_steps(one, kernel, steps) for one, _ in each), strict=True))
+    cut = split_in_a_row(tried, np.diff(time), float(time[0]))
+    steps, length = np.unique(np.round(cut.step, 12), return_inverse=True)
+    hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
+    each = [colored(chain(float(one)), gain, noise_var, color) for one in hastes]
+    output, white = each[0][0].output, each[0][1]
+    at = np.arange(len(output))
+    states = at == MEAN, (at > MEAN) & (at <= MEAN + order)
+    size = np.repeat(np.concatenate([one.size for one in tried])[..., None], len(at), -1)
+    A, Qc, P0 = (np.stack([getattr(one, name) for one, _ in each]) for name in ("A", "Qc", "P0"))
+    F, Q, own = (a.swapaxes(0, 1) for a in over_steps(Process(A, Qc, P0, output), states[1], steps))
     Q[..., 0, 0] += drift * steps[:, None]
-    P0 = np.stack([one.P0 for one, _ in each])
-    places = np.split(which, np.cumsum([len(cut.step) for cut in cuts])[:-1])
-    fast = np.split(hasty, np.cumsum([len(one.haste) for one in tried])[:-1])
-    found = [
-        pieces.drawn(
-            (F, Q, own, P0), np.repeat(pieces.size[..., None], len(at), -1), (mean, kernel), cut, place, haste
-        )
-        for pieces, cut, place, haste in zip(tried, cuts, places, fast, strict=True)
-    ]
-    kinds = np.cumsum([0, *(len(one[0]) for one in found)])
-    kind = np.stack([one[2] + before for one, before in zip(found, kinds, strict=False)], 1)
-    F, Q = (np.concatenate([one[k] for one in found])[kind] for k in (0, 1))
-    F, Q = (a.reshape(len(a), -1, *a.shape[3:]) for a in (F, Q))
-    P0 = np.concatenate([one[3] for one in found])
-    R = np.tile(each[0][1], len(tried))[..., None, None]
-    return StateSpace(F, Q, gain * each[0][0].output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
+    F, Q, kind, P0 = drawn((F, Q, own, P0), size, states, cut, length, haste)
+    kind = kind.reshape(len(tried), -1).T
+    F, Q = (a[kind].reshape(len(kind), -1, *a.shape[2:]) for a in (F, Q))
+    P0 = P0.reshape(-1, *P0.shape[2:])
+    R = np.tile(white, len(tried))[..., None, None]
+    return StateSpace(F, Q, gain * output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
 
 
 def over_steps(chain: Process, kernel: Flags, steps: Array) -> tuple[Array, Array, Array]:
-    """F, Q (step, model, state, state) of chains over steps (step,) s, and what their kernels add to Q."""
+    """F, Q (step, ..., state, state) of chains over steps (step,) s, and what their kernels add to Q."""
+    F, Q = discretize_steps(chain, steps)
     alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
-    return *discretize_steps(chain, steps), discretize_steps(replace(chain, Qc=alone), steps)[1]
+    if np.array_equal(alone, chain.Qc):
+        return F, Q, Q.copy()
+    return F, Q, discretize_steps(replace(chain, Qc=alone), steps)[1]
 
 
 def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from forceid.flight.channels import Channel, Start, load_chain
 from forceid.flight.color import root_of
-from forceid.flight.pieces import WHOLE, Pieces
+from forceid.flight.pieces import WHOLE, Pieces, drawn
 from forceid.flight.priors.body_fixed import Turning, fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
@@ -199,8 +199,8 @@ class LoadPrior:
         else:
             at = np.arange(size)
             states = (at >= CONSTANT.start) & (at < KERNEL), (at >= KERNEL) & (at < n)
-            F, Q, kind, P0 = pieces.drawn((F, Q, Q, P0), pieces.size[:, at % 3], states, cut, which, hasty)
-            F, Q, unique, which = F[kind], Q[kind], step, np.arange(len(step))
+            F, Q, kind, P0 = drawn((F, Q, Q, P0), pieces.size[:, at % 3], states, cut, which, hasty)
+            F, Q, P0, unique, which = F[kind], Q[kind], P0[0], step, np.arange(len(step))
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
             if self.body_axes is not None:

@@ -3,8 +3,9 @@
 Markers show R J omega. With a momentum h inside, in body axes, that changes by -R (omega x h + h') more than
 any moment from outside does. The torque h' of what spins a wheel up is a moment like any other; a constant h
 leaves a pattern that the motion fixes, and the record is more or less likely with it. A wheel that would take
-the moment beyond its claim is said, unless the record excludes it; its moment is no part of the claim, which
-would say nothing of the rest then. A smaller one is in the claim. Source: principal equations 2.4.
+the moment beyond its claim is said, unless the record excludes it, and degrades the verdict where it is more
+likely than none; its moment is no part of the claim, which would say nothing of the rest then. A smaller one
+is in the claim. Source: principal equations 2.4.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
-from forceid.significance import PATIENCE, SIGMAS, TENTH
+from forceid.significance import SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
 STRONG = 10.0  # odds against it by which a record excludes a wheel (Jeffreys, Theory of Probability, app. B)
@@ -67,7 +68,7 @@ def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple
         return growth, ()
     first = max(beyond, key=lambda wheel: wheel.odds)
     wheel = note(
-        "inner-wheel" if odds > np.exp(PATIENCE) else "inner-wheel-possible",
+        "inner-wheel" if odds > total - odds else "inner-wheel-possible",
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],

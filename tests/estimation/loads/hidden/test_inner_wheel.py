@@ -82,8 +82,13 @@ def claimed(found):
 
 def test_a_body_that_hardly_turns_does_not_tell_a_wheel_from_a_moment_and_says_so():
     found = estimated(flown(0.2 * WHEEL, samples=120, spin=(0.6, 0.5, 0.3)))
-    assert found.verdict.level == "degraded"
     assert "inner-wheel-possible" in found.verdict.codes
+
+
+def test_a_wheel_degrades_the_verdict_where_it_is_likelier_than_none():
+    found = estimated(flown(0.5 * WHEEL, samples=120, spin=(0.6, 0.5, 0.3)))
+    assert "inner-wheel" in found.verdict.codes
+    assert found.verdict.level == "degraded"
 
 
 def test_a_wheel_that_a_larger_moment_hides_is_said_until_it_is_stated():
