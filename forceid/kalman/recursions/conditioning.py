@@ -19,10 +19,10 @@ from forceid.kalman.recursions import square_root as array_form
 from forceid.kalman.recursions.passes import Runs, of
 from forceid.kalman.recursions.rest import LAG
 from forceid.records import Array, Flags, Indices
-from forceid.rounding import HARMLESS
+from forceid.rounding import HARMLESS, SINGLE
 
 ALIKE = 1e5  # condition of S from which the array form is used
-START_UNKNOWN = 1e7  # condition of a predicted covariance from which it is
+START_UNKNOWN = SINGLE / np.finfo(float).eps  # condition of a predicted covariance that costs more digits
 
 
 def mended_covariance_pass(
