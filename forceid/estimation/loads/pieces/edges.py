@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from forceid.estimation.loads.pieces.evidence import Evidence, settled
+from forceid.estimation.loads.pieces.sizes import hiding
 from forceid.flight.channels import Channel
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
@@ -86,7 +87,7 @@ def spread_of(channel: Channel, prior: LoadPrior, engine: Engine) -> Spread | No
     # those that the record does not tell apart from the best count alike in what is claimed
     alike = [one for one, volume in each if volume > likely.max() - PATIENCE]
     apart = [np.concatenate([(one.mean - found - change)[None], one.apart]) for one in alike]
-    unseen = np.mean([one.unseen for one in alike], 0)
+    unseen = np.mean([one.unseen for one in alike], 0) + hiding(evidence, pieces)
     return Spread(change, np.concatenate(apart) / np.sqrt(len(alike)), unseen)
 
 
