@@ -77,8 +77,11 @@ def split_in_a_row(tried: Sequence[Pieces], step: Array, begin: float) -> Split:
     parts, pieces = (
         np.cumsum([0, *counts[:-1]]) for counts in ([len(c.step) for c in cuts], [len(t.size) for t in tried])
     )
-    each = [(c.step, c.owner + k * len(step), c.piece + pieces[k]) for k, c in enumerate(cuts)]
-    return Split(*(np.concatenate(a) for a in zip(*each, strict=True)), parts)
+    step, owner, piece = (
+        np.concatenate(a)
+        for a in zip(*((c.step, c.owner + k * len(step), c.piece + pieces[k]) for k, c in enumerate(cuts)))
+    )
+    return Split(step, owner, piece, parts)
 
 
 def drawn(

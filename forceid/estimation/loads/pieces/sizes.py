@@ -1,8 +1,8 @@
-"""What may hide in a piece: a load there as large as the record does not exclude, claimed beside what is found.
+"""What may hide in a piece: a load as large as the record does not exclude, claimed beside what is found.
 
 The likeliest size of a load that a piece hardly shows is next to nothing, and a claim made of it says that
 nothing acts there. The record excludes only sizes by which its likelihood falls; up to the one by which it
-falls by a standard error, the load may be as large. Source: the profile likelihood, with its limit of one half.
+falls by a standard error, the load may be as large. Source: profile likelihood, with its limit of one half.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def hiding(evidence: Evidence, pieces: Pieces) -> Array:
 
 
 def load_in(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array]:
-    """The load (time, 3) that a channel shows in pieces, world axes, and its variance along those of the prior."""
+    """The load (time, 3) that a channel shows in pieces, world axes, and its variance along the prior's."""
     channel, was = evidence.channel, evidence.prior
     prior: LoadPrior = replace(was, tuned=replace(was.tuned, pieces=pieces))
     found = evidence.engine.smooth(channel_model(channel, prior), channel.moved)
