@@ -65,8 +65,6 @@ ASKED = {
     "axis a2": (pseudorigid.jacobi, VALUES),
     "axes": (lambda x: pseudorigid.riemann_s(0.8, x), VALUES),
     "semi-axis": (lambda x: pseudorigid.index_symbols(1.0, 0.7, x), NUMBERS),
-    "spheroid": (pseudorigid.spheroid_oscillation, VALUES),
-    "shear": (lambda x: pseudorigid.held_shear(Body(1.0, RUBBER), x, 0.0, [0.0, 1.0]), VALUES),
     "a": (lambda x: MooneyRivlin(x, 0.25, 0.4, 3.0), VALUES),
     "d": (lambda x: MooneyRivlin(0.6, 0.25, 0.4, x), VALUES),
     "c": (lambda x: pseudorigid.NeoHookean(0.6, x, 3.0), VALUES),

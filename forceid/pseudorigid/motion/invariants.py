@@ -1,4 +1,4 @@
-"""What an affine body keeps: energy, angular momentum, circulation, Cauchy invariants, and which holds when.
+"""What an affine body keeps: energy, angular momentum, circulation, and which holds when.
 
 A body x = F(t) X has the second moment E = int rho X X^T, without a factor 1/2. All vectors are axial:
 w stands for the skew matrix of w x. Source: pseudo-rigid bodies, sections 0 and 1.
@@ -11,8 +11,6 @@ import numpy as np
 from forceid.pseudorigid.material.material_law import Material
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
-
-ISOTROPIC = 1e-13  # of E: what rounding leaves between the principal second moments of a ball
 
 
 def kinetic_energy(dF: Array, second_moment: Array) -> Array:
@@ -52,8 +50,10 @@ def angular_momentum(F: Array, dF: Array, second_moment: Array) -> Array:
 def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     """Circulation (..., 3), body axes, kg m^2/s: the axial vector of F^T F' E - E F'^T F.
 
-    Kept where E = mu I and W(F Q) = W(F). F, dF (..., 3, 3); second_moment (3, 3) kg m^2. Source:
-    pseudo-rigid bodies, section 1.
+    Kept where E = mu I and W(F Q) = W(F). With second_moment I these are Cauchy's invariants, 1/s: kept,
+    whatever E, where W knows only det F, or F E F^T, or both, as of gas, fluid and self-gravity; also with
+    det F held constant. F, dF (..., 3, 3); second_moment (3, 3) kg m^2.
+    Source: pseudo-rigid bodies, section 1.
 
     >>> spin = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
     >>> circulation(np.eye(3), spin, 2 * np.eye(3))
@@ -61,48 +61,6 @@ def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
     return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF @ E)
-
-
-def cauchy_invariants(F: Array, dF: Array) -> Array:
-    """Kelvin's circulation (..., 3), body axes, 1/s: the axial vector of F^T F' - F'^T F.
-
-    Kept, whatever E, where W knows only det F, or F E F^T, or both: gas, fluid, self-gravity; also with
-    det F held constant. F, dF (..., 3, 3). Source: pseudo-rigid bodies, section 1.
-
-    >>> cauchy_invariants(np.eye(3), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]))
-    array([0., 0., 2.])
-    """
-    F, dF = tensors(F), tensors(dF, "dF")
-    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF)
-
-
-def conserved(
-    second_moment: Array, frame_indifferent: bool = True, isotropic: bool = False, fluid: bool = False
-) -> tuple[str, ...]:
-    """Names of the invariants that a body keeps, each the name of a function here.
-
-    second_moment (3, 3) kg m^2. frame_indifferent: W(Q F) = W(F); isotropic: W(F Q) = W(F); fluid: W knows
-    only det F and F E F^T, with or without det F held constant. At E = mu I the circulation is mu times the
-    Cauchy invariants. Source: pseudo-rigid bodies, section 1.
-
-    >>> conserved(np.diag([1.0, 2, 3]), isotropic=True)
-    ('energy', 'angular_momentum')
-    >>> conserved(np.eye(3), isotropic=True)
-    ('energy', 'angular_momentum', 'circulation', 'cauchy_invariants')
-    """
-    ball = is_symmetric_body(second_moment)
-    return (
-        "energy",
-        *(("angular_momentum",) if frame_indifferent or fluid else ()),
-        *(("circulation",) if ball and (isotropic or fluid) else ()),
-        *(("cauchy_invariants",) if fluid or (ball and isotropic) else ()),
-    )
-
-
-def is_symmetric_body(second_moment: Array) -> bool:
-    """Whether E = mu I, to rounding. second_moment (3, 3) kg m^2."""
-    mu = np.trace(second_moment) / 3
-    return bool(np.abs(second_moment - mu * np.eye(3)).max() <= ISOTROPIC * abs(mu))
 
 
 def hat(w: Array) -> Array:

@@ -14,7 +14,7 @@ from scipy.linalg import eigh, null_space
 
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import cofactor
-from forceid.pseudorigid.material.material_law import check_finite, check_stable
+from forceid.pseudorigid.material.material_law import check_finite
 from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum, stiffness_matrix
 from forceid.pseudorigid.validation import deformation, validated_second_moment
 from forceid.records import Array
@@ -67,24 +67,6 @@ def natural_modes(
     K = stiffness_matrix(material, F, multiplier)
     squared, shape = eigh(free.T @ ((K + K.T) / 2) @ free, free.T @ M @ free)
     return NaturalModes(squared, np.asarray((free @ shape).T.reshape(-1, 3, 3)))
-
-
-def lame_frequencies(lam: float, mu: float, second_moment: Array) -> Array:
-    """Squared natural frequencies (9,) from small-strain constants, ascending: the closed form for any E.
-
-    Three zeros; mu (1/e_i + 1/e_j) for each pair of principal moments of E; and the three of
-    lam 1 1^T + 2 mu I against diag(e). Source: pseudo-rigid bodies, 12.6.
-
-    >>> print(lame_frequencies(2.6, 1.7, 1.7 * np.eye(3)).round(9))
-    [0.         0.         0.         2.         2.         2.
-     2.         2.         6.58823529]
-    """
-    check_stable("natural modes", lam, mu)
-    e = np.linalg.eigvalsh(validated_second_moment(second_moment))
-    pairs = [mu * (1 / e[i] + 1 / e[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    root = np.sqrt(e)
-    stretches = np.linalg.eigvalsh(lam / np.outer(root, root) + 2 * mu * np.diag(1 / e))
-    return np.sort(np.concatenate([np.zeros(3), pairs, stretches]))
 
 
 @dataclass(frozen=True)
