@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
-from forceid.pseudorigid.motion.constrained import RATTLE, check_volume
+from forceid.pseudorigid.motion.constrained import check_volume, rattle_steps
 from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
 from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
-from forceid.pseudorigid.motion.integrators import STEPPERS, Stepper
+from forceid.pseudorigid.motion.integrators import split_steps
 from forceid.pseudorigid.motion.reference import reference
+from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting
 from forceid.pseudorigid.motion.system import AffineSystem, State
 from forceid.pseudorigid.motion.trajectory import Trajectory, trajectory_of
 from forceid.pseudorigid.validation import (
@@ -33,10 +34,9 @@ from forceid.records import Array
 
 BODIES_TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
 REFERENCE = "dop853"
-METHODS = (*STEPPERS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
+METHODS = (*SPLITTINGS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
 PHASE = {  # rad a step of the fastest vibration, where no step is given
-    "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
-    "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
+    "verlet": 0.05, "suzuki_4": 0.3, "kahan_li_6": 0.6, "blanes_moan_6": 1.0, "kahan_li_8": 1.0,
 }  # fmt: skip
 UNSTABLE = 2.0  # rad a step, for Verlet
 
@@ -94,11 +94,10 @@ class Body:
     ) -> Trajectory:
         """Motion from F0, dF0 (..., 3, 3) at time[0] through the samples time (time,) s.
 
-        method: verlet (where none is given), suzuki_4, yoshida_6, kahan_li_6, kahan_li_8 (compositions; of
-        RATTLE where det F = 1), blanes_moan_4, blanes_moan_6, implicit_midpoint, energy (compressible only),
-        dop853 (the reference). step: the longest, s; samples are reached by equal steps. Without it, from the
-        fastest vibration at the start. Bodies of a batch share samples, step and loads, and move
-        independently.
+        method: verlet (where none is given), suzuki_4, kahan_li_6, kahan_li_8 (compositions; of RATTLE where
+        det F = 1), blanes_moan_6 (compressible only), dop853 (the reference). step: the longest, s; samples
+        are reached by equal steps. Without it, from the fastest vibration at the start. Bodies of a batch
+        share samples, step and loads, and move independently.
 
         A body is driven by any of: force (3,) N, without weight, and first_moment N = sum f X^T (3, 3) N m of
         applied forces f at X, rows in world, columns in body axes, about the mass center; each a constant, a
@@ -127,7 +126,7 @@ class Body:
         loads = (force, first_moment, weight, center, velocity)
         driven = bool(damping) or any(x is not None for x in loads)
         if driven and method not in (None, REFERENCE):
-            self._stepper(method)
+            self._table(method)
             raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
         if driven:
             drive = drive_of(force, first_moment, weight, damping, self.mass)
@@ -136,25 +135,24 @@ class Body:
         if method == REFERENCE:
             return self._referred(F, V, t, lead)
         method = "verlet" if method is None else method
-        stepper = self._stepper(method)
+        table = self._table(method)
         step = self._step(method, step, F, V, t)
         counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
         blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
-        parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
+        parts = [self._marched(table, F[b], V[b], t, counts) for b in blocks]
         path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
         kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
         longest = float((np.diff(t) / counts).max(initial=0.0))
         name = f"rattle_{method}" if self.constrained else method
         return trajectory_of(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
 
-    def _stepper(self, method: str) -> Stepper:
-        """The steps of a method by name."""
-        offered = RATTLE if self.constrained else STEPPERS
+    def _table(self, method: str) -> Splitting:
+        """The splitting of a method by name."""
+        offered = COMPOSITIONS if self.constrained else SPLITTINGS
         if method not in offered:
-            what = f"method {method!r} is unknown"
-            if method in STEPPERS:
-                what = f"method {method!r} does not keep det F = 1"
-            raise ConfigError(what, "simulate:", f"choose one of {', '.join([*offered, REFERENCE])}")
+            what = "does not keep det F = 1" if method in SPLITTINGS else "is unknown"
+            names = ", ".join([*offered, REFERENCE])
+            raise ConfigError(f"method {method!r} {what}", "simulate:", f"choose one of {names}")
         return offered[method]
 
     def _step(self, method: str, step: float | None, F: Array, V: Array, time: Array) -> float:
@@ -174,14 +172,14 @@ class Body:
             return found
         if step * vibration > UNSTABLE:
             what = f"is {step:g} s, beyond {UNSTABLE / vibration:.3g} s, where Verlet grows without bound"
-            raise DataError(what, "step", 'take a shorter one, or method="implicit_midpoint"')
+            raise DataError(what, "step", "take a shorter one, or none: then it follows from that rate")
         return step
 
     def _marched(
-        self, stepper: Stepper, F: Array, V: Array, time: Array, counts: Array
+        self, table: Splitting, F: Array, V: Array, time: Array, counts: Array
     ) -> tuple[Array, Array, EventKinds, Array]:
         """F, V (time, body, 3, 3), kinds and times of stops of one block of bodies."""
-        state = State(F, V)
+        state, steps = State(F, V), rattle_steps if self.constrained else split_steps
         # component first, as the state is: whole rows are written
         path, speed = (np.moveaxis(np.empty((len(time), 3, 3, len(F))), -1, 1) for _ in range(2))
         path[0], speed[0] = state.F, state.V
@@ -190,7 +188,7 @@ class Body:
         with np.errstate(all="ignore"):  # a body that leaves det F > 0 is stopped and told
             for k, n in enumerate(counts):
                 before = state.stopped.copy()
-                stepper(self.system, state, (time[k + 1] - time[k]) / n, int(n))
+                steps(self.system, state, (time[k + 1] - time[k]) / n, int(n), table)
                 path[k + 1], speed[k + 1] = state.F, state.V
                 for i in np.flatnonzero(state.stopped & ~before):
                     kind[i], when[i] = stop(path[k, i], speed[k, i], time[k], time[k + 1])

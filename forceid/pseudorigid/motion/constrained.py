@@ -6,14 +6,11 @@ equation, solved by Newton's method from zero. Source: pseudo-rigid bodies, sect
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import cofactor, determinant, inner, inverse, product, trace
-from forceid.pseudorigid.motion.integrators import Stepper
-from forceid.pseudorigid.motion.splittings import COMPOSITIONS, Splitting
+from forceid.pseudorigid.motion.splittings import Splitting
 from forceid.pseudorigid.motion.system import AffineSystem, State
 from forceid.records import Array
 
@@ -104,8 +101,3 @@ def check_volume(F: Array, V: Array) -> None:
         advice = f"subtract {worst / 3:.6g} F0 from dF0"
         what = f"has tr(F0^-1 dF0) = {worst:.6g}, expected 0: its volume changes"
         raise DataError(what, "incompressible body", advice)
-
-
-RATTLE: dict[str, Stepper] = {
-    name: partial(rattle_steps, table=table) for name, table in COMPOSITIONS.items()
-}

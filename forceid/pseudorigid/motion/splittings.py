@@ -2,9 +2,9 @@
 
 A step alternates kicks of the velocity, weights `kick`, and drifts of F, weights `drift`. A composition of
 Verlet (or RATTLE) steps of lengths gamma_i h has drift = gamma. Sources: M. Suzuki, Phys. Lett. A 146 (1990)
-319; H. Yoshida, Phys. Lett. A 150 (1990) 262 (solution A); W. Kahan and R.-C. Li, Math. Comp. 66 (1997) 1089
-(s9odr6a, s17odr8a); S. Blanes and P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313 (Nystrom methods S6, 4
-and S11, 6, for kicks that depend on F only). Pseudo-rigid bodies, section 9.
+319; W. Kahan and R.-C. Li, Math. Comp. 66 (1997) 1089 (s9odr6a, s17odr8a); S. Blanes and P. C. Moan,
+J. Comput. Appl. Math. 142 (2002) 313 (the Nystrom method S11, 6, for kicks that depend on F only).
+Pseudo-rigid bodies, section 9.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ SUZUKI = 1 / (4 - 4 ** (1 / 3))
 HALF_STEPS = {  # the first half of each symmetric table; the middle entry completes the sum to 1
     "verlet": (2, ()),
     "suzuki_4": (4, (SUZUKI, SUZUKI)),
-    "yoshida_6": (6, (0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)),
     "kahan_li_6": (
         6,
         (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.08221359629355080023),
@@ -28,46 +27,34 @@ HALF_STEPS = {  # the first half of each symmetric table; the middle entry compl
         ),
     ),
 }  # fmt: skip
-NYSTROM = {  # order, kicks and drifts of the first half
-    "blanes_moan_4": (
-        4,
-        (0.0829844064174052, 0.396309801498368, -0.0390563049223486),
-        (0.245298957184271, 0.604872665711080),
-    ),
-    "blanes_moan_6": (
-        6,
-        (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.0752539843015807, -0.0115113874206879),
-        (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928),
-    ),
-}
+BLANES_MOAN = (  # kicks and drifts of the first half; of each the last completes the sum
+    (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.0752539843015807, -0.0115113874206879),
+    (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928),
+)
 
 
 @dataclass(frozen=True)
 class Splitting:
     """Weights of one step, sums 1: kick (stage + 1,), drift (stage,); its order."""
 
-    name: str
     order: int
     kick: tuple[float, ...]
     drift: tuple[float, ...]
 
 
-def composition(name: str, order: int, half: tuple[float, ...]) -> Splitting:
+def composition(order: int, half: tuple[float, ...]) -> Splitting:
     """Verlet steps of the lengths half, the rest, half reversed."""
     gamma = (*half, 1.0 - 2 * sum(half), *half[::-1])
     ends = (0.0, *gamma, 0.0)
     kick = tuple(0.5 * (ends[i] + ends[i + 1]) for i in range(len(gamma) + 1))
-    return Splitting(name, order, kick, gamma)
+    return Splitting(order, kick, gamma)
 
 
-def nystrom(name: str, order: int, kick: tuple[float, ...], drift: tuple[float, ...]) -> Splitting:
-    """The symmetric table of which this is the first half, kicks first."""
-    if len(kick) > len(drift):  # an odd number of kicks in all, the middle one completes the sum
-        drift = (*drift, 0.5 - sum(drift))
-        return Splitting(name, order, (*kick, 1 - 2 * sum(kick), *kick[::-1]), (*drift, *drift[::-1]))
+def nystrom(order: int, kick: tuple[float, ...], drift: tuple[float, ...]) -> Splitting:
+    """The symmetric table of which this is the first half."""
     kick = (*kick, 0.5 - sum(kick))
-    return Splitting(name, order, (*kick, *kick[::-1]), (*drift, 1 - 2 * sum(drift), *drift[::-1]))
+    return Splitting(order, (*kick, *kick[::-1]), (*drift, 1 - 2 * sum(drift), *drift[::-1]))
 
 
-COMPOSITIONS = {name: composition(name, *table) for name, table in HALF_STEPS.items()}
-SPLITTINGS = COMPOSITIONS | {name: nystrom(name, *table) for name, table in NYSTROM.items()}
+COMPOSITIONS = {name: composition(*table) for name, table in HALF_STEPS.items()}
+SPLITTINGS = COMPOSITIONS | {"blanes_moan_6": nystrom(6, *BLANES_MOAN)}

@@ -43,18 +43,12 @@ class AffineSystem:
         """F'' = -dW/dF E^-1 (..., 3, 3), without the multiplier of a constraint."""
         return self.over_moment(-self.material.gradient(F))
 
-    def stiffness(self, F: Array) -> Array:
-        """Minus the derivative of the acceleration (..., 9, 9): [column of E^-1 d2W[H]] over directions H."""
-        F9, H9 = along_basis(F)
-        rows = self.over_moment(self.material.hessian(F9, H9))
-        return np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
-
     def vibration(self, F: Array) -> Array:
         """Largest frequency (...,) rad/s of small vibrations about F; 0 where none is stable."""
         value, vector = np.linalg.eigh(self.E)
         root = np.asarray((vector / np.sqrt(value)) @ vector.T)  # E^-1/2 on both sides: symmetric
-        F9, H9 = along_basis(F)
-        rows = self.material.hessian(F9, H9 @ root) @ root
+        H = np.broadcast_to((BASIS @ root).reshape(9, *(1,) * (F.ndim - 2), 3, 3), (9, *F.shape))
+        rows = self.material.hessian(np.broadcast_to(F, H.shape), H) @ root
         K = np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
         return np.asarray(np.sqrt(np.linalg.eigvalsh(K).max(-1).clip(0)))
 
@@ -63,12 +57,6 @@ class AffineSystem:
         root = np.linalg.cholesky(self.E)
         size = np.linalg.norm(F @ root, axis=(-2, -1))
         return np.asarray(np.linalg.norm(V @ root, axis=(-2, -1)) / size)
-
-
-def along_basis(F: Array) -> tuple[Array, Array]:
-    """F and the nine unit matrices, both (9, ..., 3, 3)."""
-    H = BASIS.reshape(9, *(1,) * (F.ndim - 2), 3, 3)
-    return np.broadcast_to(F, (9, *F.shape)), np.broadcast_to(H, (9, *F.shape))
 
 
 @dataclass
