@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from complex_steps import sensitivity
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
@@ -11,7 +12,6 @@ from forceid.kalman.building.process import (
     matern,
     random_walk,
     resonator,
-    sensitivity,
     superpose,
     with_mean,
 )

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from forceid.errors import EstimationError
-from forceid.kalman.engines import engine as engine_called
-from forceid.kalman.model import StateSpace, as_channels
-from forceid.kalman.tuning.gradient import NAMES, score_of
+from forceid.kalman.model import StateSpace
+from forceid.kalman.tuning.gradient import NAMES, score
 from forceid.records import Array, Flags
 from forceid.rounding import CENTRAL_STEP, COMPLEX_STEP
 from forceid.significance import PATIENCE, SIGMAS, THOUSANDTH
@@ -69,7 +68,6 @@ def tune(
     >>> bool(np.isclose(fit.covariance[0, 0], 1 / 800, rtol=1e-3))
     True
     """
-    z, passes = as_channels(z), engine_called(engine).filter
     first = np.asarray(theta, float)
     limits = np.tile([-np.inf, np.inf], (len(first), 1)) if bounds is None else np.asarray(bounds, float)
     count = 0
@@ -79,7 +77,7 @@ def tune(
         count += 1
         try:
             model = build(p)
-            found = score_of(model, z, passes(model, z))
+            found = score(model, z, engine)
         except (EstimationError, np.linalg.LinAlgError, FloatingPointError):
             return np.inf, np.zeros(len(p))
         slope = np.array([found.along(change) for change in model_derivatives(build, p)])
