@@ -61,9 +61,6 @@ from forceid.pseudorigid.steady.natural_modes import natural_modes as natural_mo
 from forceid.pseudorigid.steady.natural_modes import spinning_body as spinning_body
 from forceid.pseudorigid.steady.rigid_body import RigidMotion as RigidMotion
 from forceid.pseudorigid.steady.rigid_body import free_rotation as free_rotation
-from forceid.pseudorigid.steady.rigid_body import inertia as inertia
-from forceid.pseudorigid.steady.rigid_body import rigid_rates as rigid_rates
-from forceid.pseudorigid.steady.rigid_body import second_moment as second_moment
 from forceid.pseudorigid.steady.spectra import Spectrum as Spectrum
 from forceid.pseudorigid.steady.spectra import ellipsoid_spectrum as ellipsoid_spectrum
 from forceid.pseudorigid.steady.spectra import rotating_spectrum as rotating_spectrum

@@ -47,30 +47,6 @@ class EllipticTurn:
     m1: float
 
 
-def inertia(second_moment: Array) -> Array:
-    """Inertia tensor tr(E) I - E (3, 3) of second moment E (3, 3), kg m^2. Source: section 4.
-
-    >>> inertia(np.diag([1.0, 2, 3])).diagonal()
-    array([5., 4., 3.])
-    """
-    return np.asarray(np.trace(second_moment) * np.eye(3) - second_moment)
-
-
-def second_moment(inertia: Array) -> Array:
-    """Second moment tr(J)/2 I - J (3, 3) of inertia tensor J (3, 3), kg m^2. Source: section 4."""
-    return np.asarray(np.trace(inertia) / 2 * np.eye(3) - inertia)
-
-
-def rigid_rates(omega: Array, inertia: Array) -> Array:
-    """Rates w' (..., 3) rad/s^2 of J w' = J w x w. omega (..., 3) rad/s, body axes; inertia (3, 3).
-
-    >>> rigid_rates(np.array([1.0, 0, 1]), np.diag([2.0, 3, 4]))
-    array([0.        , 0.66666667, 0.        ])
-    """
-    momentum = omega @ inertia.T
-    return np.asarray(np.linalg.solve(inertia, vector_cross(momentum, omega)[..., None])[..., 0])
-
-
 def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None = None) -> RigidMotion:
     """Motion of a free rigid body in closed form.
 
