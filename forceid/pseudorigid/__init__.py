@@ -35,12 +35,12 @@ from forceid.pseudorigid.material.stress import viscous as viscous
 from forceid.pseudorigid.material.transverse import TransverselyIsotropic as TransverselyIsotropic
 from forceid.pseudorigid.motion.constrained import multiplier as multiplier
 from forceid.pseudorigid.motion.driven import AffineState as AffineState
-from forceid.pseudorigid.motion.events import Event as Event
 from forceid.pseudorigid.motion.invariants import angular_momentum as angular_momentum
 from forceid.pseudorigid.motion.invariants import circulation as circulation
 from forceid.pseudorigid.motion.invariants import energy as energy
 from forceid.pseudorigid.motion.invariants import kinetic_energy as kinetic_energy
 from forceid.pseudorigid.motion.splittings import SPLITTINGS as SPLITTINGS
+from forceid.pseudorigid.motion.trajectory import Event as Event
 from forceid.pseudorigid.motion.trajectory import Trajectory as Trajectory
 from forceid.pseudorigid.steady.ellipsoids import Ellipsoid as Ellipsoid
 from forceid.pseudorigid.steady.ellipsoids import dedekind as dedekind
@@ -49,7 +49,7 @@ from forceid.pseudorigid.steady.ellipsoids import jacobi as jacobi
 from forceid.pseudorigid.steady.ellipsoids import maclaurin as maclaurin
 from forceid.pseudorigid.steady.ellipsoids import riemann_s as riemann_s
 from forceid.pseudorigid.steady.ellipsoids import riemann_sequence as riemann_sequence
-from forceid.pseudorigid.steady.gas_cloud import GasCloud as GasCloud
+from forceid.pseudorigid.steady.gravity import GasCloud as GasCloud
 from forceid.pseudorigid.steady.gravity import SelfGravity as SelfGravity
 from forceid.pseudorigid.steady.gravity import ball_gravity as ball_gravity
 from forceid.pseudorigid.steady.gravity import gaussian_gravity as gaussian_gravity

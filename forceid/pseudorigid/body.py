@@ -16,12 +16,10 @@ from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
 from forceid.pseudorigid.motion.constrained import check_volume, rattle_steps
 from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
-from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
-from forceid.pseudorigid.motion.integrators import split_steps
 from forceid.pseudorigid.motion.reference import reference
-from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting
+from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting, split_steps
 from forceid.pseudorigid.motion.system import AffineSystem, State
-from forceid.pseudorigid.motion.trajectory import Trajectory, trajectory_of
+from forceid.pseudorigid.motion.trajectory import EVENT_DTYPE, EventKinds, Trajectory, stop_of, trajectory_of
 from forceid.pseudorigid.validation import (
     STEPS_AT_MOST,
     check_step,

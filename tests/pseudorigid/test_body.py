@@ -11,7 +11,7 @@ from forceid.pseudorigid.material.materials import (
     NeoHookean,
     StVenantKirchhoff,
 )
-from forceid.pseudorigid.motion import integrators
+from forceid.pseudorigid.motion import splittings
 from forceid.pseudorigid.motion.splittings import SPLITTINGS
 from forceid.pseudorigid.motion.system import AffineSystem
 from forceid.pseudorigid.steady.gravity import SelfGravity
@@ -186,7 +186,7 @@ def test_bodies_of_a_batch_move_as_they_do_alone():
             np.testing.assert_allclose(motion.energy[:, i, j], alone.energy, rtol=1e-13)
 
 
-@pytest.mark.skipif(integrators.compiled is None, reason="no compiler")
+@pytest.mark.skipif(splittings.compiled is None, reason="no compiler")
 @pytest.mark.parametrize(
     "body",
     [
@@ -200,9 +200,9 @@ def test_compiled_steps_are_those_of_numpy(body, monkeypatch):
     F = np.eye(3) + 0.1 * rng.standard_normal((11, 3, 3))
     V = 0.3 * rng.standard_normal((11, 3, 3))
     V[4] = np.diag([-12.0, 0.0, 0.0])  # jumps over the barrier
-    assert integrators.compiled_law(body.system) is not None
+    assert splittings.compiled_law(body.system) is not None
     fast = body.simulate(F, V, [0.0, 0.4, 2.0], "blanes_moan_6", 0.11)
-    monkeypatch.setattr(integrators, "compiled", None)
+    monkeypatch.setattr(splittings, "compiled", None)
     slow = body.simulate(F, V, [0.0, 0.4, 2.0], "blanes_moan_6", 0.11)
     np.testing.assert_allclose(fast.F, slow.F, rtol=0, atol=1e-13)
     np.testing.assert_allclose(fast.dF, slow.dF, rtol=0, atol=1e-13)
@@ -226,7 +226,7 @@ def test_a_material_derived_from_mooney_rivlin_is_asked_for_its_own_force():
 
 
 def test_numpy_alone_keeps_momentum_and_circulation_as_well(monkeypatch):
-    monkeypatch.setattr(integrators, "compiled", None)
+    monkeypatch.setattr(splittings, "compiled", None)
     motion = MOONEY.simulate(F0, V0, np.linspace(0, 200, 401), "verlet", 0.05)
     for kept in (motion.angular_momentum, motion.circulation):
         assert np.abs(kept - kept[0]).max() <= 3e-15

@@ -5,8 +5,7 @@ from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.material.materials import MooneyRivlin, NeoHookean, StVenantKirchhoff
 from forceid.pseudorigid.material.ogden import Ogden
 from forceid.pseudorigid.motion.splittings import SPLITTINGS
-from forceid.pseudorigid.steady.gas_cloud import GasCloud
-from forceid.pseudorigid.steady.gravity import SelfGravity
+from forceid.pseudorigid.steady.gravity import GasCloud, SelfGravity
 
 TIME = np.linspace(0, 3, 61)
 SOFT = Body(1.0, StVenantKirchhoff(1.3, 0.7))

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from turning_points import breathing, oscillation, spheroid_oscillation
 
 from forceid.errors import DataError
-from forceid.pseudorigid.steady.gas_cloud import GasCloud
+from forceid.pseudorigid.steady.gravity import GasCloud
 
 RNG = np.random.default_rng(72)
 F0 = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.15], [0.05, 0.0, 1.05]])

@@ -13,8 +13,7 @@ from turning_points import breathing
 
 from forceid.errors import DataError
 from forceid.pseudorigid.steady.ellipsoids import dedekind, irrotational, jacobi, maclaurin, riemann_s
-from forceid.pseudorigid.steady.gas_cloud import GasCloud
-from forceid.pseudorigid.steady.gravity import SelfGravity
+from forceid.pseudorigid.steady.gravity import GasCloud, SelfGravity
 from forceid.pseudorigid.steady.natural_modes import natural_modes, spinning_body
 from forceid.pseudorigid.steady.spectra import ellipsoid_spectrum, rotating_spectrum
 

@@ -43,7 +43,7 @@ def natural_modes(
     material: with `gradient(F)` and `hessian(F, H)`, F (3, 3). DataError where it is not at rest there.
     Source: pseudo-rigid bodies, 12.6.
 
-    >>> from forceid.pseudorigid.steady.gas_cloud import GasCloud
+    >>> from forceid.pseudorigid.steady.gravity import GasCloud
     >>> cloud = GasCloud(1.0, 1.4, trap=1.0)
     >>> print(natural_modes(cloud, np.eye(3)).squared.round(9) + 0.0)
     [0.  0.  0.  2.  2.  2.  2.  2.  3.2]
@@ -88,7 +88,7 @@ def spinning_body(
     rate 1/s. By Newton's method, with the rate raised in steps where one does not do. DataError where E is
     not diagonal, or where nothing holds the body together at this rate. Source: pseudo-rigid bodies, 12.6.
 
-    >>> from forceid.pseudorigid.steady.gas_cloud import GasCloud
+    >>> from forceid.pseudorigid.steady.gravity import GasCloud
     >>> found = spinning_body(GasCloud(1.0, 5 / 3, trap=1.0), np.eye(3), 0.6)
     >>> print(f"{found.stretch[0] / found.stretch[2]:.9f}")  # 1 / sqrt(1 - rate^2)
     1.250000000
