@@ -8,6 +8,7 @@ from __future__ import annotations
 from forceid.motion.derivative import Derivatives as Derivatives
 from forceid.motion.derivative import derivatives as derivatives
 from forceid.motion.frames import Frames as Frames
+from forceid.motion.frames import beyond_pose as beyond_pose
 from forceid.motion.frames import fit_frames as fit_frames
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN
 from forceid.motion.free_rotation import SUBSTEP as SUBSTEP
@@ -17,14 +18,14 @@ from forceid.motion.free_rotation import free_turn as free_turn
 from forceid.motion.free_rotation import largest_turn as largest_turn
 from forceid.motion.free_rotation import momentum_between as momentum_between
 from forceid.motion.free_rotation import rotation_vector_rate as rotation_vector_rate
-from forceid.motion.one_frame import FrameFit as FrameFit
-from forceid.motion.one_frame import fit_one as fit_one
-from forceid.motion.one_frame import frame_fit as frame_fit
+from forceid.motion.pose import FrameFit as FrameFit
 from forceid.motion.pose import Pose as Pose
 from forceid.motion.pose import body_axes as body_axes
 from forceid.motion.pose import exp as exp
+from forceid.motion.pose import fit_one as fit_one
 from forceid.motion.pose import fit_pose as fit_pose
 from forceid.motion.pose import fit_rotation as fit_rotation
+from forceid.motion.pose import frame_fit as frame_fit
 from forceid.motion.pose import frames_seen_alike as frames_seen_alike
 from forceid.motion.pose import log as log
 from forceid.motion.pose import pose_gain as pose_gain

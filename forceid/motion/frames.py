@@ -58,7 +58,7 @@ def fit_frames(
         gain = pose_gain(S, pattern, cov + more) if len(at) else None
         if gain is None:
             continue
-        K, C, V_inv = gain
+        K, C, _ = gain
         seen = np.repeat(pattern, 3)
 
         def left(at: Indices = at, pattern: Flags = pattern) -> Array:
@@ -69,14 +69,24 @@ def fit_frames(
         R[at] = R[at] @ exp(d[:, 3:])
         turn = np.zeros((len(at), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
-        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
+        off, shown, read = beyond_pose(gain, flat[seen], S[seen])
+        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ off
         if uneven is not None:
             out[at] += through_fit(K, R[at], uneven)
-        weighed = flat[seen].T @ V_inv
-        information = weighed @ (flat[seen] - S[seen] @ (K @ flat[seen]))
-        size, axes = np.linalg.eigh(0.5 * (information + information.T))
-        known = size > SOLVED * size.max(initial=0.0)
-        root = axes[:, known] / np.sqrt(size[known])
-        rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
-        observed[at, : known.sum()] = left() @ (weighed.T @ root)
+        rows[at, : len(shown)], observed[at, : len(shown)] = shown, left() @ read
     return Frames(center, R, out, leak, observed, rows)
+
+
+def beyond_pose(gain: tuple[Array, Array, Array], flat: Array, S: Array) -> tuple[Array, Array, Array]:
+    """Leak (6, mode) of amplitudes q into a pose, rows (shown, mode), and what reads rows q (channel, shown).
+
+    gain as of `pose_gain`; flat (channel, mode) shapes and S (channel, 6) rigid motions, as markers see them.
+    A residual behind the fit of the pose, times what reads, is rows q with noise of unit variance.
+    """
+    K, _, V_inv = gain
+    leak, weighed = K @ flat, flat.T @ V_inv
+    information = weighed @ (flat - S @ leak)
+    size, axes = np.linalg.eigh(0.5 * (information + information.T))
+    known = size > SOLVED * size.max(initial=0.0)
+    root = np.sqrt(size[known])
+    return leak, (axes[:, known] * root).T, weighed.T @ (axes[:, known] / root)

@@ -17,7 +17,8 @@ from scipy.special import digamma
 
 from forceid.estimation.body.tracks.loud_frames import loudness
 from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
-from forceid.records import Array, Flags
+from forceid.kalman.tuning.robust import runs
+from forceid.records import Array
 from forceid.significance import NUMBER, PATIENCE, SIGMAS, TENTH, WILD
 
 COLORS = (1, 2)  # orders of errors with a memory: walks
@@ -69,8 +70,9 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
 
     None where too few samples in a row show them.
     """
-    run = longest(np.asarray(np.isfinite(y).all(1)))
-    if not y.shape[1] or run.stop - run.start < SPECTRAL:
+    first, length = max(runs(np.asarray(np.isfinite(y).all(1))), key=lambda run: run[1], default=(0, 0))
+    run = slice(first, first + length)
+    if not y.shape[1] or length < SPECTRAL:
         return None
     y = y - np.median(y[run], 0)
     each = loudness(y)
@@ -174,13 +176,3 @@ def window(taper: Array) -> Array:
     """What a taper (time,) shows of covariances (lag,): the sums of its products at each lag."""
     n = len(taper)
     return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(taper, 2 * n)) ** 2, 2 * n)[:n])
-
-
-def longest(seen: Flags) -> slice:
-    """The longest run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
-    if not len(edges):
-        return slice(0, 0)
-    first, last = edges[::2], edges[1::2]
-    k = int((last - first).argmax())
-    return slice(int(first[k]), int(last[k]))
