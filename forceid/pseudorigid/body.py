@@ -6,8 +6,7 @@ without a chart and without a special case at equal stretches. Source: pseudo-ri
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,16 +14,15 @@ from numpy.typing import ArrayLike
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
 from forceid.pseudorigid.motion.constrained import check_volume, rattle_steps
-from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
+from forceid.pseudorigid.motion.driven import Load, drive_of
 from forceid.pseudorigid.motion.reference import reference
 from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting, split_steps
-from forceid.pseudorigid.motion.system import AffineSystem, State
-from forceid.pseudorigid.motion.trajectory import EVENT_DTYPE, EventKinds, Trajectory, stop_of, trajectory_of
+from forceid.pseudorigid.motion.system import EVENT_DTYPE, AffineSystem, Path, State, side_by_side
+from forceid.pseudorigid.motion.trajectory import Trajectory, stop_of, trajectory_of
 from forceid.pseudorigid.validation import (
     STEPS_AT_MOST,
     check_step,
     instants,
-    real_vector,
     validated_second_moment,
     validated_start,
 )
@@ -68,7 +66,7 @@ class Body:
         if self.mass is not None:
             check_above("Body", "mass", self.mass)
         object.__setattr__(self, "second_moment", E)
-        object.__setattr__(self, "system", AffineSystem(self.material, E))
+        object.__setattr__(self, "system", AffineSystem(self.material, E, self.constrained))
 
     @property
     def constrained(self) -> bool:
@@ -121,28 +119,23 @@ class Body:
             check_volume(F, V)
         lead = F.shape[:-2]
         F, V = F.reshape(-1, 3, 3), V.reshape(-1, 3, 3)
-        loads = (force, first_moment, weight, center, velocity)
-        driven = bool(damping) or any(x is not None for x in loads)
-        if driven and method not in (None, REFERENCE):
-            self._table(method)
-            raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
-        if driven:
-            drive = drive_of(force, first_moment, weight, damping, self.mass)
-            start = np.ravel([real_vector([0, 0, 0] if x is None else x, "center") for x in loads[3:]])
-            return self._referred(F, V, t, lead, drive, start)
-        if method == REFERENCE:
-            return self._referred(F, V, t, lead)
+        drive = None
+        if damping or any(x is not None for x in (force, first_moment, weight, center, velocity)):
+            if method not in (None, REFERENCE):
+                self._table(method)
+                raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
+            drive = drive_of(force, first_moment, weight, damping, self.mass, (center, velocity))
+        if drive is not None or method == REFERENCE:
+            each = [reference(self.system, f, v, t, drive=drive) for f, v in zip(F, V, strict=True)]
+            return trajectory_of(self.system, t, side_by_side(each), lead, REFERENCE, drive=drive)
         method = "verlet" if method is None else method
         table = self._table(method)
         step = self._step(method, step, F, V, t)
         counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
         blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
-        parts = [self._marched(table, F[b], V[b], t, counts) for b in blocks]
-        path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
-        kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
-        longest = float((np.diff(t) / counts).max(initial=0.0))
-        name = f"rattle_{method}" if self.constrained else method
-        return trajectory_of(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
+        path = side_by_side([self._marched(table, F[b], V[b], t, counts) for b in blocks])
+        name, longest = f"rattle_{method}" if self.constrained else method, np.diff(t) / counts
+        return trajectory_of(self.system, t, path, lead, name, float(longest.max(initial=0.0)))
 
     def _table(self, method: str) -> Splitting:
         """The splitting of a method by name."""
@@ -173,61 +166,23 @@ class Body:
             raise DataError(what, "step", "take a shorter one, or none: then it follows from that rate")
         return step
 
-    def _marched(
-        self, table: Splitting, F: Array, V: Array, time: Array, counts: Array
-    ) -> tuple[Array, Array, EventKinds, Array]:
-        """F, V (time, body, 3, 3), kinds and times of stops of one block of bodies."""
+    def _marched(self, table: Splitting, F: Array, V: Array, time: Array, counts: Array) -> Path:
+        """The path of one block of free bodies (body, 3, 3)."""
         state, steps = State(F, V), rattle_steps if self.constrained else split_steps
         # component first, as the state is: whole rows are written
         path, speed = (np.moveaxis(np.empty((len(time), 3, 3, len(F))), -1, 1) for _ in range(2))
         path[0], speed[0] = state.F, state.V
         kind, when = np.full(len(F), "", EVENT_DTYPE), np.full(len(F), np.nan)
-        stop = partial(stop_of, self.system, constrained=self.constrained)
         with np.errstate(all="ignore"):  # a body that leaves det F > 0 is stopped and told
             for k, n in enumerate(counts):
                 before = state.stopped.copy()
                 steps(self.system, state, (time[k + 1] - time[k]) / n, int(n), table)
                 path[k + 1], speed[k + 1] = state.F, state.V
                 for i in np.flatnonzero(state.stopped & ~before):
-                    kind[i], when[i] = stop(path[k, i], speed[k, i], time[k], time[k + 1])
+                    kind[i], when[i] = stop_of(self.system, path[k, i], speed[k, i], time[k], time[k + 1])
                 if state.stopped.any():
                     path[k + 1, state.stopped] = speed[k + 1, state.stopped] = np.nan
                     if state.stopped.all():
                         path[k + 1 :] = speed[k + 1 :] = np.nan
                         break
-        return path, speed, kind, when
-
-    def _referred(
-        self,
-        F: Array,
-        V: Array,
-        time: Array,
-        lead: tuple[int, ...],
-        drive: Drive | None = None,
-        start: Array | None = None,
-    ) -> Trajectory:
-        """Motion by the reference integrator, body by body; driven, with what drives it."""
-        found = [
-            reference(self.system, f, v, time, self.constrained, drive=drive, center=start)
-            for f, v in zip(F, V, strict=True)
-        ]
-        path = (
-            np.stack([p.F for p in found], 1),
-            np.stack([p.V for p in found], 1),
-            np.array([p.kind for p in found], EVENT_DTYPE),
-            np.array([p.stop for p in found]),
-        )
-        if drive is None:
-            return trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE)
-        rest = np.stack([p.center for p in found], 1)
-        center, velocity = rest[..., :3], rest[..., 3:]
-        force, N, pull = drive.sampled(time, *path[:2], center, velocity)
-        pull = self.system.over_moment(pull)
-        vectors, shape = (len(time), *lead, 3), (len(time), *lead, 3, 3)
-        return replace(
-            trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE, pull=pull),
-            center=center.reshape(vectors),
-            velocity=velocity.reshape(vectors),
-            force=force.reshape(vectors),
-            first_moment=N.reshape(shape),
-        )
+        return Path(path, speed, kind, when, np.zeros((len(time), len(F), 0)))

@@ -35,7 +35,7 @@ def truth(lam, loud=False):
     """F at the end: by DOP853, or beyond what that can, the constrained motion, 1/lambda off."""
     if lam > 1e4:
         return HELD.simulate(*start(), [0.0, END], "kahan_li_8", 0.02).F[-1]
-    return reference(stiff(lam).system, *start(loud), np.array([0.0, END]), rtol=1e-12).F[-1]
+    return reference(stiff(lam).system, *start(loud), np.array([0.0, END]), rtol=1e-12).F[-1, 0]
 
 
 def moved(lam, method, step, loud=False):

@@ -36,10 +36,17 @@ def multiplier(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0
     return np.asarray(free / trace(product(inv, system.over_moment(C))))
 
 
-def constrained_acceleration(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
-    """F'' (..., 3, 3) with the multiplier: index reduced, det F drifts with the errors of an integrator."""
-    push = multiplier(system, F, V, pull)[..., None, None] * system.over_moment(cofactor(F))
-    return np.asarray(system.acceleration(F) + pull + push)
+def driven_acceleration(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
+    """F'' (..., 3, 3) with what loads add and, where det F = 1 is imposed, the multiplier.
+
+    That is index reduced: det F drifts with the errors of an integrator.
+    """
+    free = system.acceleration(F) + pull
+    if not system.constrained:
+        return free
+    return np.asarray(
+        free + multiplier(system, F, V, pull)[..., None, None] * system.over_moment(cofactor(F))
+    )
 
 
 def rattle_steps(system: AffineSystem, state: State, h: float, n: int, table: Splitting) -> None:

@@ -41,7 +41,7 @@ class Drive:
     """What moves a body beside its elastic stress, the same for every body of a batch.
 
     force (3,) N and first_moment (3, 3) N m: functions of time and state; weight (3,) N; damping J s;
-    mass kg, infinite where none is needed.
+    mass kg, infinite where none is needed; start (6,): place m and velocity m/s of the mass center.
     """
 
     force: Callable[[float, AffineState], Array]
@@ -49,6 +49,7 @@ class Drive:
     weight: Array
     damping: float
     mass: float
+    start: Array
 
     def pull(self, t: float, state: AffineState) -> Array:
         """N less what damping takes (3, 3), N m: it adds to F'' E."""
@@ -76,8 +77,12 @@ def drive_of(
     weight: ArrayLike | None,
     damping: float,
     mass: float | None,
+    start: tuple[ArrayLike | None, ArrayLike | None],
 ) -> Drive:
-    """The drive of what a user gives. DataError for what is out of range, or has no mass to move."""
+    """The drive of what a user gives, start: center and velocity.
+
+    DataError for what is out of range, or has no mass to move.
+    """
     check_above("simulate", "damping", damping, itself=True)
     given = [name for name, load in (("force", force), ("weight", weight)) if load is not None]
     if given and mass is None:
@@ -88,6 +93,7 @@ def drive_of(
         np.zeros(3) if weight is None else real_vector(weight, "weight"),
         float(damping),
         np.inf if mass is None else mass,
+        np.ravel([real_vector([0, 0, 0] if x is None else x, "center") for x in start]),
     )
 
 

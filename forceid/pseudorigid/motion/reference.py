@@ -5,7 +5,6 @@ The reference for other integrators; nothing is kept exactly. Source: pseudo-rig
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
@@ -14,9 +13,9 @@ from scipy.integrate import solve_ivp
 
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import determinant
-from forceid.pseudorigid.motion.constrained import constrained_acceleration
+from forceid.pseudorigid.motion.constrained import driven_acceleration
 from forceid.pseudorigid.motion.driven import AffineState, Drive
-from forceid.pseudorigid.motion.system import AffineSystem
+from forceid.pseudorigid.motion.system import EVENT_DTYPE, AffineSystem, Path
 from forceid.records import Array
 
 REFERENCE_RTOL, REFERENCE_ATOL = 1e-13, 1e-14
@@ -28,32 +27,16 @@ class TooLongError(Exception):
     """More evaluations than allowed."""
 
 
-@dataclass(frozen=True)
-class ReferencePath:
-    """F and V (time, 3, 3), NaN after a stop; kind of stop ("", inversion, collapse) and its time.
-
-    center (time, 6): place and velocity of the mass center of a driven body, (time, 0) of a free one.
-    """
-
-    F: Array
-    V: Array
-    kind: str
-    stop: float
-    center: Array
-
-
 def reference(
     system: AffineSystem,
     F0: Array,
     V0: Array,
     time: Array,
-    constrained: bool = False,
     rtol: float = REFERENCE_RTOL,
     most: float = float("inf"),
     drive: Drive | None = None,
-    center: Array | None = None,
-) -> ReferencePath:
-    """One body from F0, V0 (3, 3) at time[0] through the samples `time`; driven, from center (6,) too.
+) -> Path:
+    """One body from F0, V0 (3, 3) at time[0] through the samples `time`, with what drives it.
 
     Ends at det F = 0 where forces are finite beyond (inversion); where they are not, at 1e-9 of its start, or
     where no step is short enough (collapse). TooLongError after `most` evaluations of the force.
@@ -71,12 +54,13 @@ def reference(
             if drive is not None:
                 state = AffineState(F, V, y[18:21], y[21:])
                 pull, lift = system.over_moment(drive.pull(t, state)), drive.lift(t, state)
-            a = constrained_acceleration(system, F, V, pull) if constrained else system.acceleration(F) + pull
+            a = driven_acceleration(system, F, V, pull)
         return np.concatenate([y[9:18], a.ravel(), y[21:], lift])
 
-    start = np.concatenate([F0.ravel(), V0.ravel(), [] if center is None else center])
+    start = np.concatenate([F0.ravel(), V0.ravel(), [] if drive is None else drive.start])
+    kind, stop = np.array([""], EVENT_DTYPE), np.array([np.nan])
     if len(time) == 1:
-        return ReferencePath(F0[None], V0[None], "", float("nan"), start[None, 18:])
+        return Path(F0[None, None], V0[None, None], kind, stop, start[None, None, 18:])
     accepted, calls = [float(time[0])], count()
     floor = 0.0 if regular(system, F0 @ REFLECTION) else COLLAPSED * float(determinant(F0))
 
@@ -98,13 +82,12 @@ def reference(
         found: Any = solve_ivp(rate, (float(time[0]), float(time[-1])), start, **options)
     y = np.full((len(time), len(start)), np.nan)
     y[: len(found.t)] = found.y.T
-    kind, stop = "", float("nan")
     if found.status == 1:
-        kind, stop = "collapse" if floor else "inversion", float(found.t_events[0][0])
+        kind[:], stop[:] = "collapse" if floor else "inversion", found.t_events[0][0]
     elif found.status < 0:
-        kind, stop = "collapse", accepted[-1]
-    F, V = y[:, :18].reshape(-1, 2, 3, 3).swapaxes(0, 1)
-    return ReferencePath(F, V, kind, stop, y[:, 18:])
+        kind[:], stop[:] = "collapse", accepted[-1]
+    F, V = y[:, None, :18].reshape(-1, 1, 2, 3, 3).transpose(2, 0, 1, 3, 4)
+    return Path(F, V, kind, stop, y[:, None, 18:])
 
 
 def regular(system: AffineSystem, F: Array) -> bool:

@@ -7,22 +7,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from forceid.pseudorigid.factors.cofactors import EYE, by_component, determinant, product
 from forceid.pseudorigid.material.material_law import Material
 from forceid.records import Array, Flags
 
 BASIS = np.eye(9).reshape(9, 3, 3)
+EventKinds = NDArray[np.str_]
+EVENT_DTYPE = "<U9"
 
 
 @dataclass(frozen=True)
 class AffineSystem:
-    """Material and second moment E (3, 3), symmetric positive definite."""
+    """Material and second moment E (3, 3), symmetric positive definite; constrained: det F = 1 is imposed."""
 
     material: Material
     E: Array
+    constrained: bool = False
 
     @cached_property
     def inverse(self) -> Array:
@@ -57,6 +62,26 @@ class AffineSystem:
         root = np.linalg.cholesky(self.E)
         size = np.linalg.norm(F @ root, axis=(-2, -1))
         return np.asarray(np.linalg.norm(V @ root, axis=(-2, -1)) / size)
+
+
+class Path(NamedTuple):
+    """F and V (time, body, 3, 3), NaN after a stop; kind of stop (body,), "" for none, and its time (body,).
+
+    center (time, body, 6): place and velocity of the mass center of driven bodies, (time, body, 0) of free
+    ones.
+    """
+
+    F: Array
+    V: Array
+    kind: EventKinds
+    stop: Array
+    center: Array
+
+
+def side_by_side(paths: list[Path]) -> Path:
+    """Paths of blocks of bodies as one."""
+    joined = [np.concatenate(part, 0 if part[0].ndim == 1 else 1) for part in zip(*paths, strict=True)]
+    return Path(*joined)
 
 
 @dataclass

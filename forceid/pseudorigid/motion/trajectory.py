@@ -12,20 +12,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from forceid.pseudorigid.factors.cofactors import EYE
 from forceid.pseudorigid.motion.constrained import multiplier
+from forceid.pseudorigid.motion.driven import Drive
 from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
 from forceid.pseudorigid.motion.invariants import energy as energy_of
 from forceid.pseudorigid.motion.reference import TooLongError, reference
-from forceid.pseudorigid.motion.system import AffineSystem
+from forceid.pseudorigid.motion.system import AffineSystem, EventKinds, Path
 from forceid.records import Array, Flags
 
-EventKinds = NDArray[np.str_]
-EVENT_DTYPE = "<U9"
 SEARCH = 20_000  # evaluations of the force spent on what stopped a body
 
 
@@ -63,27 +61,28 @@ class Trajectory:
 
 def trajectory_of(
     system: AffineSystem,
-    constrained: bool,
     time: Array,
-    path: tuple[Array, Array, EventKinds, Array],
+    path: Path,
     lead: tuple[int, ...],
     method: str,
     step: float = float("nan"),
-    pull: Array | None = None,
+    drive: Drive | None = None,
 ) -> Trajectory:
-    """Invariants, multiplier and events of bodies of the leading axes `lead`.
-
-    path: F and V (time, body, 3, 3), kinds and times of stops (body,); pull (time, body, 3, 3): what loads
-    add to F''.
-    """
-    F, V, kind, when = path
+    """Invariants, multiplier and events of bodies of the leading axes `lead`, and what drives them."""
+    F, V, kind, when, _ = path
+    pull, driven, shape = np.zeros_like(F), {}, (len(time), *lead)
+    if drive is not None:
+        center, velocity = path.center[..., :3], path.center[..., 3:]
+        force, N, pull = drive.sampled(time, F, V, center, velocity)
+        pull, vectors = system.over_moment(pull), {"center": center, "velocity": velocity, "force": force}
+        driven = {name: value.reshape(*shape, 3) for name, value in vectors.items()}
+        driven["first_moment"] = N.reshape(*shape, 3, 3)
     ended = np.isnan(F[..., 0, 0])
     known = F if not ended.any() else np.where(ended[..., None, None], EYE, F)
     energy = np.where(ended, np.nan, energy_of(known, V, system.E, system.material))
     pressure = None
     stopped = kind != ""
-    if constrained:
-        pull = np.zeros_like(F) if pull is None else pull
+    if system.constrained:
         pressure = np.where(ended, np.nan, multiplier(system, known, V, pull))
         tension = tension_times(time, F, V, pressure, system, pull)
         tense = ~np.isnan(tension) & ~stopped
@@ -91,7 +90,6 @@ def trajectory_of(
     event = None
     if (kind != "").any():
         event = Event(kind.reshape(lead), when.reshape(lead), stopped.reshape(lead))
-    shape = (len(time), *lead)
     return Trajectory(
         time,
         F.reshape(*shape, 3, 3),
@@ -103,6 +101,7 @@ def trajectory_of(
         event,
         method,
         step,
+        **driven,
     )
 
 
@@ -124,15 +123,13 @@ class Event:
         return ", ".join(f"{kind} at t = {time:.6g} s" for kind, time in pairs if kind)
 
 
-def stop_of(
-    system: AffineSystem, F: Array, V: Array, begin: float, end: float, constrained: bool
-) -> tuple[str, float]:
+def stop_of(system: AffineSystem, F: Array, V: Array, begin: float, end: float) -> tuple[str, float]:
     """Kind and time of what stopped one body after the sample F, V (3, 3) at `begin`, by `end`."""
     try:
-        found = reference(system, F, V, np.array([begin, end]), constrained, most=SEARCH)
+        found = reference(system, F, V, np.array([begin, end]), most=SEARCH)
     except TooLongError:
         return "step", begin
-    return ("step", begin) if found.kind == "" else (found.kind, found.stop)
+    return (found.kind[0], found.stop[0]) if found.kind[0] else ("step", begin)
 
 
 def tension_times(
