@@ -120,15 +120,3 @@ def test_momenta_of_a_ball_are_one_another_with_the_roles_of_space_and_body_exch
     F, dF = rng.standard_normal((2, 50, 3, 3))
     there = invariants.angular_momentum(F.swapaxes(1, 2), dF.swapaxes(1, 2), BALL)
     np.testing.assert_allclose(invariants.circulation(F, dF, BALL), -there, atol=1e-13)
-
-
-def test_axial_undoes_hat_and_sees_nothing_of_a_symmetric_matrix():
-    rng = np.random.default_rng(1)
-    w, v, A = (
-        rng.standard_normal((4, 5, 3)),
-        rng.standard_normal((4, 5, 3)),
-        rng.standard_normal((4, 5, 3, 3)),
-    )
-    np.testing.assert_array_equal(invariants.axial_vector(invariants.hat(w)), w)
-    np.testing.assert_allclose((invariants.hat(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
-    assert not invariants.axial_vector(A + A.swapaxes(-1, -2)).any()

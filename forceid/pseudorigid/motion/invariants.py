@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from forceid.principal import axial
 from forceid.pseudorigid.material.material_law import Material
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
@@ -44,7 +45,7 @@ def angular_momentum(F: Array, dF: Array, second_moment: Array) -> Array:
     array([0., 0., 3.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial_vector(dF @ E @ np.swapaxes(F, -1, -2))
+    return axial(F @ E @ np.swapaxes(dF, -1, -2))
 
 
 def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
@@ -60,22 +61,4 @@ def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     array([0., 0., 4.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF @ E)
-
-
-def hat(w: Array) -> Array:
-    """Skew matrix (..., 3, 3) of w x, from w (..., 3)."""
-    out = np.zeros((*w.shape, 3))
-    out[..., [2, 0, 1], [1, 2, 0]] = w
-    out[..., [1, 2, 0], [2, 0, 1]] = -w
-    return out
-
-
-def vector_cross(a: Array, b: Array) -> Array:
-    """Vector product a x b (..., 3): numpy's, at a quarter of its cost on a few vectors."""
-    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-
-
-def axial_vector(A: Array) -> Array:
-    """Axial vector (..., 3) of the skew part of A (..., 3, 3): hat(w) gives w, a symmetric matrix 0."""
-    return np.asarray(0.5 * (A[..., [2, 0, 1], [1, 2, 0]] - A[..., [1, 2, 0], [2, 0, 1]]))
+    return axial(E @ np.swapaxes(dF, -1, -2) @ F)

@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
+from forceid.principal import cross_matrix
 from forceid.pseudorigid.material.material_law import validated_constant
-from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols
 from forceid.pseudorigid.validation import real_values
 from forceid.records import Array
@@ -83,7 +83,7 @@ def steady_motion(axes: Array, w: Array, l: Array, time: ArrayLike) -> tuple[Arr
     turns = [Rotation.from_rotvec((t[..., None] * v).reshape(-1, 3)).as_matrix() for v in (w, l)]
     L, R = (turn.reshape(*np.broadcast_shapes(w.shape[:-1], t.shape), 3, 3) for turn in turns)
     F = (L * axes[..., None, :]) @ R
-    return F, hat(w) @ F + F @ hat(l)
+    return F, cross_matrix(w) @ F + F @ cross_matrix(l)
 
 
 def steady_ellipsoid(axes: Array, w: Array, l: Array) -> Ellipsoid:  # noqa: E741

@@ -1,6 +1,6 @@
 """The free rigid body, U = I: the limit of an affine body that does not stretch, in closed form.
 
-J = tr(E) I - E is the usual inertia tensor, J w' = J w x w, L' = L hat(w). The rates are Jacobi elliptic
+J = tr(E) I - E is the usual inertia tensor, J w' = J w x w, L' = L [w]x. The rates are Jacobi elliptic
 functions of time; the rotation needs one more angle, about the angular momentum, whose rate is a smooth
 function of dn. Source: pseudo-rigid bodies, sections 4 and 12.5.
 """
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkm1, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.motion.invariants import hat, vector_cross
+from forceid.principal import cross, cross_matrix
 from forceid.pseudorigid.validation import instants, matrix, real_vector, rotation_matrix
 from forceid.records import Array
 
@@ -171,7 +171,7 @@ def landen(tau: Array, m1: float) -> tuple[Array, Array, Array, Array]:
 def tilt(n: Array, sense: float) -> Array:
     """Shortest rotation (..., 3, 3) of sense e_3 to the unit vector n (..., 3), never opposite to it."""
     e = np.array([0.0, 0, sense])
-    turn = hat(vector_cross(e, n))
+    turn = cross_matrix(cross(e, n))
     return np.asarray(np.eye(3) + turn + turn @ turn / (1 + sense * n[..., 2])[..., None, None])
 
 

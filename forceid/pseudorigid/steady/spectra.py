@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import null_space
 
 from forceid.errors import DataError
+from forceid.principal import cross_matrix
 from forceid.pseudorigid.factors.cofactors import cofactor, tensor_cross
-from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.ellipsoids import Ellipsoid
 from forceid.pseudorigid.steady.gravity import SelfGravity
 from forceid.pseudorigid.validation import deformation, real_vector, validated_second_moment
@@ -69,7 +69,7 @@ def rotating_spectrum(
     lam: Array,
     incompressible: bool = False,
 ) -> Spectrum:
-    """Spectrum of an affine body about F = exp(W t) Phi exp(Lambda t), W = hat(omega), Lambda = hat(lam).
+    """Spectrum of an affine body about F = exp(W t) Phi exp(Lambda t), W = [omega]x, Lambda = [lam]x.
 
     material: with `gradient(F)` and `hessian(F, H)`, F (3, 3); second_moment E and equilibrium Phi (3, 3);
     omega, lam (3,) 1/s. lam other than zero asks for an isotropic material and an E that it leaves alone.
@@ -86,7 +86,7 @@ def rotating_spectrum(
     """
     E, phi = validated_second_moment(second_moment), deformation(equilibrium, "equilibrium")
     omega, lam = real_vector(omega, "omega"), real_vector(lam, "lam")
-    W, Q = hat(omega), hat(lam)
+    W, Q = cross_matrix(omega), cross_matrix(lam)
     if np.abs(Q @ E - E @ Q).max() > 1e-12 * max(np.abs(E).max() * np.abs(Q).max(), 1e-300):
         raise DataError(
             "turns the second moment", "lam", "give E = mu I, or lam along an axis of symmetry of E"
