@@ -227,7 +227,7 @@ STILL = np.zeros(3)
         (lambda: spinning_body(NEO_HOOKEAN, ANY_E, 0.3), "second_moment is not diagonal"),
         (
             lambda: natural_modes(Rubber(d=4.0), np.eye(3)),
-            "rest leaves the force 1, so the body is not at rest",
+            "of its forces unbalanced, so it is no equilibrium",
         ),
         (
             lambda: natural_modes(RUBBER, np.diag([1.0, 0.0, 1.0])),

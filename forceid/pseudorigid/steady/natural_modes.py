@@ -10,18 +10,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh, null_space
+from scipy.linalg import eigh
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import cofactor
 from forceid.pseudorigid.material.material_law import check_finite
-from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum, stiffness_matrix
-from forceid.pseudorigid.validation import deformation, validated_second_moment
+from forceid.pseudorigid.steady.spectra import Spectrum, linearized, rotating_spectrum
+from forceid.pseudorigid.validation import validated_second_moment
 from forceid.records import Array
 
 CONTINUED = (1, 8, 64)  # steps of the rate from rest to the one that is asked for
 NEWTON_SETTLED = 1e-14  # of the stretch, in the last step of Newton's method
-AT_REST = 1e-9  # of the stiffness, that the stress of a body at rest may be
 
 
 @dataclass(frozen=True)
@@ -48,24 +46,9 @@ def natural_modes(
     >>> print(natural_modes(cloud, np.eye(3)).squared.round(9) + 0.0)
     [0.  0.  0.  2.  2.  2.  2.  2.  3.2]
     """
-    E = validated_second_moment(second_moment)
-    F = np.eye(3) if rest is None else deformation(rest, "rest")
-    force = np.asarray(material.gradient(F))
-    C = cofactor(F)
-    multiplier = float((force * C).sum() / (C**2).sum()) if incompressible else 0.0
-    left = np.abs(force - multiplier * C).max()
-    if left > AT_REST * np.abs(stiffness_matrix(material, F)).max() * np.abs(F).max():
-        raise DataError(
-            f"leaves the force {left:.3g}, so the body is not at rest there",
-            "rest",
-            "take the natural constants of the material, or give F of its rest",
-        )
-    M = np.kron(np.eye(3), E)
-    free = np.eye(9)
-    if incompressible:
-        free = null_space(C.reshape(1, 9))
-    K = stiffness_matrix(material, F, multiplier)
-    squared, shape = eigh(free.T @ ((K + K.T) / 2) @ free, free.T @ M @ free)
+    still, F = np.zeros(3), np.eye(3) if rest is None else rest
+    (M, _, K), free, _ = linearized(material, second_moment, F, still, still, incompressible)
+    squared, shape = eigh((K + K.T) / 2, M)
     return NaturalModes(squared, np.asarray((free @ shape).T.reshape(-1, 3, 3)))
 
 
