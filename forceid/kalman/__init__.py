@@ -23,7 +23,6 @@ from forceid.kalman.building.process import matern as matern
 from forceid.kalman.building.process import random_walk as random_walk
 from forceid.kalman.building.process import resonator as resonator
 from forceid.kalman.building.process import superpose as superpose
-from forceid.kalman.building.process import with_mean as with_mean
 from forceid.kalman.building.sensors import colored as colored
 from forceid.kalman.building.sensors import sensor_rows as sensor_rows
 from forceid.kalman.building.sensors import specific_force as specific_force

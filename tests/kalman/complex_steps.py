@@ -1,12 +1,17 @@
-"""Derivatives by complex steps, as `kalman.tune` takes them: exact to rounding."""
+"""Loads about a mean, and derivatives by complex steps as `kalman.tune` takes them: exact to rounding."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
-from forceid.kalman import Process, discretize
+from forceid.kalman import Process, discretize, random_walk, superpose
 
 STEP = 1e-150  # so small that its square vanishes beside any number
+
+
+def with_mean(load, var):
+    """`load` about a constant mean of variance var (...), the first state."""
+    return superpose(random_walk(0.0, var), load)
 
 
 def sensitivity(process_of, theta, step):

@@ -2,7 +2,7 @@ from math import comb, factorial
 
 import numpy as np
 import pytest
-from complex_steps import sensitivity
+from complex_steps import sensitivity, with_mean
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad_vec
@@ -17,7 +17,6 @@ from forceid.kalman.building.process import (
     random_walk,
     resonator,
     superpose,
-    with_mean,
 )
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from complex_steps import sensitivity
+from complex_steps import sensitivity, with_mean
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
@@ -13,7 +13,6 @@ from forceid.kalman.building.process import (
     random_walk,
     resonator,
     superpose,
-    with_mean,
 )
 from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 

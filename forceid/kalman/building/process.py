@@ -155,11 +155,6 @@ def superpose(*loads: Process) -> Process:
     return Process(A, Qc, P0, np.concatenate([p.output for p in loads]))
 
 
-def with_mean(load: Process, var: ArrayLike) -> Process:
-    """`load` about a constant mean of variance var (...) at the start; the mean is the first state."""
-    return superpose(random_walk(0.0, var), load)
-
-
 def integrate(load: Process, var: ArrayLike) -> Process:
     """The integral of `load`, of variance var (...) at the start, as a new first state.
 

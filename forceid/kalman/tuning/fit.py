@@ -39,7 +39,6 @@ class Fit:
     flat: bool
     bimodal: bool
     rival: Array | None
-    evaluations: int
 
 
 def tune(
@@ -70,11 +69,8 @@ def tune(
     """
     first = np.asarray(theta, float)
     limits = np.tile([-np.inf, np.inf], (len(first), 1)) if bounds is None else np.asarray(bounds, float)
-    count = 0
 
     def minus(p: Array) -> tuple[float, Array]:
-        nonlocal count
-        count += 1
         try:
             model = build(p)
             found = score(model, z, engine)
@@ -99,7 +95,7 @@ def tune(
     at_bound = (best[:, None] - limits).__abs__().min(1) <= 1e-8 * width
     covariance, flat = observed_covariance(lambda p: minus(p)[1], best, limits, at_bound)
     rival = next((p for v, p in tops if v > value - PATIENCE and maxima_differ(p - best, covariance)), None)
-    return Fit(best, covariance, value, build(best), at_bound, flat, rival is not None, rival, count)
+    return Fit(best, covariance, value, build(best), at_bound, flat, rival is not None, rival)
 
 
 def model_derivatives(build: Build, theta: Array) -> list[StateSpace]:
