@@ -51,8 +51,6 @@ from forceid.pseudorigid.steady.ellipsoids import riemann_s as riemann_s
 from forceid.pseudorigid.steady.ellipsoids import riemann_sequence as riemann_sequence
 from forceid.pseudorigid.steady.gravity import GasCloud as GasCloud
 from forceid.pseudorigid.steady.gravity import SelfGravity as SelfGravity
-from forceid.pseudorigid.steady.gravity import ball_gravity as ball_gravity
-from forceid.pseudorigid.steady.gravity import gaussian_gravity as gaussian_gravity
 from forceid.pseudorigid.steady.index_symbols import index_symbols as index_symbols
 from forceid.pseudorigid.steady.index_symbols import pair_symbols as pair_symbols
 from forceid.pseudorigid.steady.natural_modes import NaturalModes as NaturalModes

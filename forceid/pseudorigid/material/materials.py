@@ -24,7 +24,7 @@ from forceid.pseudorigid.factors.cofactors import (
 from forceid.pseudorigid.material.material_law import (
     Lame,
     check_above,
-    check_stable,
+    check_finite,
     check_volumetric,
     validated_determinant,
 )
@@ -189,7 +189,9 @@ class StVenantKirchhoff:
     incompressible = False
 
     def __post_init__(self) -> None:
-        check_stable("StVenantKirchhoff", self.lam, self.mu)
+        check_finite("StVenantKirchhoff", lam=self.lam)
+        check_above("StVenantKirchhoff", "mu", self.mu)
+        check_above("StVenantKirchhoff", "3 lam + 2 mu", 3 * self.lam + 2 * self.mu)
 
     def lame(self) -> Lame:
         """The constants themselves."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi, sqrt
 
 import numpy as np
 
@@ -27,8 +26,11 @@ MONATOMIC = 5 / 3
 class SelfGravity:
     """Stored energy of a body's own gravity: pi_G_rho = pi G rho in 1/s^2 at det F = 1, and mu of E = mu I.
 
-    Energies have the unit of mu over s^2. Defined for every F of rank 3, smooth where axes are equal.
-    DataError where a constant is not positive and finite. Source: pseudo-rigid bodies, section 8.
+    Energies have the unit of mu over s^2. Defined for every F of rank 3, smooth where axes are equal. A
+    homogeneous ball of mass m and radius r has rho = 3 m / (4 pi r^3) and mu = m r^2 / 5. The law is that of
+    every density that is constant on similar ellipsoids: a Gaussian cloud of standard deviation s has
+    mu = m s^2 and pi G rho = G m / (8 sqrt(pi) s^3). DataError where a constant is not positive and finite.
+    Source: pseudo-rigid bodies, section 8.
 
     >>> print(f"{SelfGravity(pi_G_rho=1.0).energy(np.eye(3)):.1f}")
     -4.0
@@ -75,33 +77,6 @@ class SelfGravity:
         dA = -A_pair * dB * (1 - eye) - on_axis[..., None] * eye
         change = dA * a[..., None, :] + A[..., None] * h
         return np.asarray(2 * self.mu * self.pi_G_rho * L @ (change / a.prod(-1)[..., None, None]) @ R)
-
-
-def ball_gravity(G: float, mass: float, radius: float) -> SelfGravity:
-    """Self-gravity of a homogeneous ball of mass and radius at F = I: mu = mass radius^2 / 5.
-
-    >>> ball = ball_gravity(1.0, 5.0, 1.0)
-    >>> print(f"{ball.energy(np.eye(3)):.1f}")  # -(3/5) G m^2 / r
-    -15.0
-    """
-    for name, value in (("G", G), ("mass", mass), ("radius", radius)):
-        check_above("ball_gravity", name, value)
-    return SelfGravity(pi_G_rho=0.75 * G * mass / radius**3, mu=mass * radius**2 / 5)
-
-
-def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
-    """Self-gravity of a Gaussian cloud of mass and standard deviation sigma at F = I: mu = mass sigma^2.
-
-    W = -G m^2 / (2 sqrt(pi) sigma) R_F(a^2): the law of every density that is constant on similar ellipsoids.
-
-    >>> cloud = gaussian_gravity(1.0, 1.0, 1.0)
-    >>> print(f"{cloud.energy(np.eye(3)) * 2 * np.sqrt(np.pi):.1f}")
-    -1.0
-    """
-    for name, value in (("G", G), ("mass", mass), ("sigma", sigma)):
-        check_above("gaussian_gravity", name, value)
-    mu = mass * sigma**2
-    return SelfGravity(pi_G_rho=G * mass**2 / (8 * sqrt(pi) * sigma * mu), mu=mu)
 
 
 @dataclass(frozen=True)
