@@ -34,11 +34,11 @@ from forceid.pseudorigid.material.stress import piola as piola
 from forceid.pseudorigid.material.stress import viscous as viscous
 from forceid.pseudorigid.material.transverse import TransverselyIsotropic as TransverselyIsotropic
 from forceid.pseudorigid.motion.constrained import multiplier as multiplier
-from forceid.pseudorigid.motion.driven import AffineState as AffineState
 from forceid.pseudorigid.motion.invariants import angular_momentum as angular_momentum
 from forceid.pseudorigid.motion.invariants import circulation as circulation
 from forceid.pseudorigid.motion.invariants import energy as energy
 from forceid.pseudorigid.motion.invariants import kinetic_energy as kinetic_energy
+from forceid.pseudorigid.motion.reference import AffineState as AffineState
 from forceid.pseudorigid.motion.splittings import SPLITTINGS as SPLITTINGS
 from forceid.pseudorigid.motion.trajectory import Event as Event
 from forceid.pseudorigid.motion.trajectory import Trajectory as Trajectory

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
 from forceid.pseudorigid.motion.constrained import check_volume, rattle_steps
-from forceid.pseudorigid.motion.driven import Load, drive_of
-from forceid.pseudorigid.motion.reference import reference
+from forceid.pseudorigid.motion.reference import Load, drive_of, reference
 from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting, split_steps
 from forceid.pseudorigid.motion.system import EVENT_DTYPE, AffineSystem, Path, State, side_by_side
 from forceid.pseudorigid.motion.trajectory import Trajectory, stop_of, trajectory_of

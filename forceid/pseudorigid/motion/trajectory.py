@@ -17,10 +17,9 @@ from scipy.optimize import brentq
 
 from forceid.pseudorigid.factors.cofactors import EYE
 from forceid.pseudorigid.motion.constrained import multiplier
-from forceid.pseudorigid.motion.driven import Drive
 from forceid.pseudorigid.motion.invariants import angular_momentum, circulation
 from forceid.pseudorigid.motion.invariants import energy as energy_of
-from forceid.pseudorigid.motion.reference import TooLongError, reference
+from forceid.pseudorigid.motion.reference import Drive, TooLongError, reference
 from forceid.pseudorigid.motion.system import AffineSystem, EventKinds, Path
 from forceid.records import Array, Flags
 
