@@ -7,7 +7,7 @@ from scipy.special import ellipj
 
 from evidence.subjects.affine.reduced.quaternions import quaternion, quaternion_rates, rotation
 from forceid.errors import DataError
-from forceid.principal import cross_matrix
+from forceid.principal import cross_matrix, mass_properties
 from forceid.pseudorigid.body import Body
 from forceid.pseudorigid.material.materials import MooneyRivlin
 from forceid.pseudorigid.steady.rigid_body import free_rotation
@@ -26,7 +26,7 @@ def any_axes(J):
 
 
 def integrated(J, w0, L0, t):
-    """Euler's equations and L' = L cross_matrix(w), rows of L crossed with w."""
+    """Euler's equations and L' = L [w]x, rows of L crossed with w."""
 
     def rates(_, y):
         w, L = y[:3], y[3:].reshape(3, 3)
@@ -35,6 +35,14 @@ def integrated(J, w0, L0, t):
     start = np.concatenate([w0, L0.ravel()])
     run = solve_ivp(rates, (t[0], t[-1]), start, "DOP853", t, rtol=3e-14, atol=1e-15)
     return run.y[:3].T, run.y[3:].T.reshape(-1, 3, 3)
+
+
+def test_inertia_of_points_is_the_trace_of_their_second_moment_less_that_and_has_no_half():
+    rng = np.random.default_rng(3)
+    m, X = rng.uniform(0.1, 1.0, 9), rng.standard_normal((9, 3))
+    X -= m @ X / m.sum()
+    second_moment = (m[:, None] * X).T @ X
+    np.testing.assert_allclose(mass_properties(m, X).inertia, inertia(second_moment), atol=1e-14)
 
 
 def test_printed_motion_of_section_12_5_comes_out_to_the_last_digit():
