@@ -8,8 +8,10 @@ from __future__ import annotations
 from forceid.motion.derivative import Derivatives as Derivatives
 from forceid.motion.derivative import derivatives as derivatives
 from forceid.motion.frames import Frames as Frames
+from forceid.motion.frames import Pose as Pose
 from forceid.motion.frames import beyond_pose as beyond_pose
 from forceid.motion.frames import fit_frames as fit_frames
+from forceid.motion.frames import fit_pose as fit_pose
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN
 from forceid.motion.free_rotation import SUBSTEP as SUBSTEP
 from forceid.motion.free_rotation import WIDE_STEP as WIDE_STEP
@@ -19,11 +21,9 @@ from forceid.motion.free_rotation import largest_turn as largest_turn
 from forceid.motion.free_rotation import momentum_between as momentum_between
 from forceid.motion.free_rotation import rotation_vector_rate as rotation_vector_rate
 from forceid.motion.pose import FrameFit as FrameFit
-from forceid.motion.pose import Pose as Pose
 from forceid.motion.pose import body_axes as body_axes
 from forceid.motion.pose import exp as exp
 from forceid.motion.pose import fit_one as fit_one
-from forceid.motion.pose import fit_pose as fit_pose
 from forceid.motion.pose import fit_rotation as fit_rotation
 from forceid.motion.pose import frame_fit as frame_fit
 from forceid.motion.pose import frames_seen_alike as frames_seen_alike
