@@ -15,7 +15,6 @@ from forceid.estimation.affine.first_moments import given_stress, observed_first
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
-from forceid.estimation.body.deforming.modes import gauge_weight
 from forceid.estimation.body.deforming.node_rotations import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
@@ -375,15 +374,18 @@ def in_gauge(
 ) -> tuple[Array, Array]:
     """Rotation (time, 3, 3) and deformation (time, node, 3) under the complement that `gauge` names.
 
-    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees. polar: the
-    rotation of F = R U, which is that of an affine body in the mass gauge.
+    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees: euclidean to
+    all nodes alike, sensor to those that carry a marker, which is no mean motion. polar: the rotation of
+    F = R U, which is that of an affine body in the mass gauge. Source: principal equations 2.5.
     """
     mean = kin.shape
     if gauge == "mass" and polar is not None:
         return polar, np.einsum("tba,tbc,tnc->tna", polar, rotation, shape, optimize=True) - mean
     if gauge == "mass" or not len(mean):
         return rotation, shape - mean
-    _, turned = fit_rotation(shape, mean, gauge_weight(gauge, kin.inertia.weight, kin.seen))
+    _, turned = fit_rotation(
+        shape, mean, np.ones(len(mean)) if gauge == "euclidean" else kin.seen.astype(float)
+    )
     return rotation @ turned, np.einsum("tba,tnb->tna", turned, shape) - mean
 
 

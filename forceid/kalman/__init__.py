@@ -12,9 +12,7 @@
 from __future__ import annotations
 
 from forceid.kalman.bounds import Steady as Steady
-from forceid.kalman.bounds import constant_acceleration_bound as constant_acceleration_bound
 from forceid.kalman.bounds import driven_load_bound as driven_load_bound
-from forceid.kalman.bounds import integrated_wiener_bound as integrated_wiener_bound
 from forceid.kalman.bounds import steady as steady
 from forceid.kalman.building.lines import Line as Line
 from forceid.kalman.building.process import Process as Process
@@ -24,10 +22,7 @@ from forceid.kalman.building.process import integrated_wiener as integrated_wien
 from forceid.kalman.building.process import matern as matern
 from forceid.kalman.building.process import random_walk as random_walk
 from forceid.kalman.building.process import resonator as resonator
-from forceid.kalman.building.process import sensitivity as sensitivity
 from forceid.kalman.building.process import superpose as superpose
-from forceid.kalman.building.process import with_mean as with_mean
-from forceid.kalman.building.sensors import biased as biased
 from forceid.kalman.building.sensors import colored as colored
 from forceid.kalman.building.sensors import sensor_rows as sensor_rows
 from forceid.kalman.building.sensors import specific_force as specific_force

@@ -103,20 +103,6 @@ def settle(F: Array, Q: Array, H: Array, R: Array, P0: Array) -> tuple[Array, Ar
     )
 
 
-def integrated_wiener_bound(n: int, k: int, density: float, r: float) -> float:
-    """Smoother variance of derivative k = 0 ... n - 1 of n-fold integrated white noise.
-
-    density: of the white noise; r: of the measurement noise, sigma^2 dt. Interior of a long record, samples
-    close to each other against 1/w, w = (density / r)^(1 / 2n). Within 1 % of the sampled bound for
-    w dt < 0.05. Source: the integral of w^2k S R / (S + R) over frequency.
-
-    >>> [round(integrated_wiener_bound(n, k=2, density=1.0, r=1.0), 4) for n in (3, 4)]
-    [0.3333, 0.1353]
-    """
-    w, power = (density / r) ** (1 / (2 * n)), 2 * k + 1
-    return float(r * w**power / (2 * n * np.sin(np.pi * power / (2 * n))))
-
-
 def driven_load_bound(p: int, Q: float, mass: float, r: float) -> float:
     """Smoother variance of a load on a mass whose position is measured; load spectrum Q / w^2p.
 
@@ -128,15 +114,3 @@ def driven_load_bound(p: int, Q: float, mass: float, r: float) -> float:
     """
     a, power = Q / (mass**2 * r), 2 * p + 4
     return float(Q * a ** (-(2 * p - 1) / power) / (power * np.sin(5 * np.pi / power)))
-
-
-def constant_acceleration_bound(sigma: float, N: int, T: float) -> float:
-    """Standard deviation of a constant acceleration from N >= 3 even position samples over a time T.
-
-    sigma: of one sample. Nothing is known of position and velocity: a parabola is fitted. For many samples
-    sqrt(720 / N) sigma / T^2.
-
-    >>> [round(N * constant_acceleration_bound(1.0, N, 1.0) ** 2) for N in (10, 50, 200, 1000)]
-    [497, 665, 706, 717]
-    """
-    return float(sigma * (N - 1) ** 2 / T**2 * np.sqrt(720 / (N * (N**2 - 1.0) * (N**2 - 4.0))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -64,15 +64,7 @@ def engine(name: str = "auto") -> Engine:
             lambda model, z: (module.filter(model, z), module.smooth_states(model, z)),
             partial(linear.innovations, import_module(MODULES["numpy"])),
         )  # fmt: skip
-    return Engine(
-        name,
-        partial(linear.filter, module),
-        partial(linear.smooth, module),
-        partial(linear.smooth_states, module),
-        partial(linear.log_likelihood, module),
-        partial(linear.filter_and_smooth_states, module),
-        partial(linear.innovations, module),
-    )
+    return Engine(name, *(partial(getattr(linear, work.name), module) for work in fields(Engine)[1:]))
 
 
 def for_tuning(chosen: Engine | None) -> Engine:

@@ -11,7 +11,7 @@ from scipy.linalg import eigvals, matrix_balance, null_space
 from forceid.kalman.covariance import root
 from forceid.kalman.engines import engine
 from forceid.kalman.model import StateSpace
-from forceid.kalman.recursions.scan import ROWS
+from forceid.kalman.recursions.rest import ROWS
 from forceid.records import Array, Flags
 from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import WHOLE

@@ -1,4 +1,4 @@
-"""What the markers of every frame say of pose and deformation together, in 6 + m numbers."""
+"""Pose of every frame, with covariance, from the markers seen in it; and of pose and deformation together."""
 
 from __future__ import annotations
 
@@ -6,10 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.motion.pose import Pose, body_axes, exp, frames_seen_alike, pose_gain, through_fit
+from forceid.motion.pose import body_axes, exp, fitted, frame_fit, frames_seen_alike, pose_gain
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import SOLVED
+
+
+@dataclass(frozen=True)
+class Pose:
+    """center (time, 3) m and rotation (time, 3, 3), body to world; NaN where the markers do not fix them.
+
+    cov (time, 6, 6): center, then rotation as an error on the left (rad), world axes. residual (time,
+    node, 3) m, body axes: what is left of the markers. chi_square (time,): its square in units of the
+    covariance the fit was given, with dof (time,) degrees of freedom.
+    """
+
+    center: Array
+    rotation: Array
+    cov: Array
+    residual: Array
+    chi_square: Array
+    dof: Array
 
 
 @dataclass(frozen=True)
@@ -28,6 +45,43 @@ class Frames:
     leak: Array
     observed: Array
     rows: Array
+
+
+def fit_pose(
+    position: Array,
+    shape: Array,
+    weight: Array,
+    cov: Array,
+    own: Array | None = None,
+    uneven: Array | None = None,
+) -> Pose:
+    """Pose of every frame by generalized least squares from the markers seen in it.
+
+    position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
+    rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
+    deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
+    neither center nor rotation. own (time, node) m2: variance that single readings have beside.
+    uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
+    fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
+    """
+    T = len(position)
+    center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
+    out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
+    for pattern, more, at in frames_seen_alike(position, own):
+        fit = frame_fit(shape, weight, pattern, cov + more)
+        if fit is None:
+            continue
+        found = fitted(fit, position, at)
+        if uneven is not None:
+            found = (*found[:2], found[2] + through_fit(fit.gain[0], found[1], uneven), *found[3:])
+        dof = np.full(len(at), 3.0 * pattern.sum() - 6)
+        if len(at) == T:
+            return Pose(*found, dof)
+        for whole, part in zip(
+            (center, R, cov6, out.residual, out.chi_square, out.dof), (*found, dof), strict=True
+        ):
+            whole[at] = part
+    return out
 
 
 def fit_frames(
@@ -58,7 +112,7 @@ def fit_frames(
         gain = pose_gain(S, pattern, cov + more) if len(at) else None
         if gain is None:
             continue
-        K, C, V_inv = gain
+        K, C, _ = gain
         seen = np.repeat(pattern, 3)
 
         def left(at: Indices = at, pattern: Flags = pattern) -> Array:
@@ -69,14 +123,38 @@ def fit_frames(
         R[at] = R[at] @ exp(d[:, 3:])
         turn = np.zeros((len(at), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R[at]
-        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ (K @ flat[seen])
+        off, shown, read = beyond_pose(gain, flat[seen], S[seen])
+        out[at], leak[at] = turn @ C @ turn.swapaxes(1, 2), turn @ off
         if uneven is not None:
             out[at] += through_fit(K, R[at], uneven)
-        weighed = flat[seen].T @ V_inv
-        information = weighed @ (flat[seen] - S[seen] @ (K @ flat[seen]))
-        size, axes = np.linalg.eigh(0.5 * (information + information.T))
-        known = size > SOLVED * size.max(initial=0.0)
-        root = axes[:, known] / np.sqrt(size[known])
-        rows[at, : known.sum()] = axes[:, known].T * np.sqrt(size[known])[:, None]
-        observed[at, : known.sum()] = left() @ (weighed.T @ root)
+        rows[at, : len(shown)], observed[at, : len(shown)] = shown, left() @ read
     return Frames(center, R, out, leak, observed, rows)
+
+
+def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
+    """Covariance (time, 6, 6), world axes, of poses under noise of markers with noise_cov (3, 3), world axes.
+
+    gain (6, channel): of the fit, body axes; rotation (time, 3, 3).
+    """
+    each = gain.reshape(6, -1, 3).swapaxes(0, 1)
+    seen = rotation.swapaxes(1, 2) @ noise_cov @ rotation
+    made = np.einsum("nia,njb->ijab", each, each)
+    body = np.einsum("ijab,tab->tij", made, seen)
+    turn = np.zeros((len(rotation), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation
+    return np.asarray(turn @ body @ turn.swapaxes(1, 2))
+
+
+def beyond_pose(gain: tuple[Array, Array, Array], flat: Array, S: Array) -> tuple[Array, Array, Array]:
+    """Leak (6, mode) of amplitudes q into a pose, rows (shown, mode), and what reads rows q (channel, shown).
+
+    gain as of `pose_gain`; flat (channel, mode) shapes and S (channel, 6) rigid motions, as markers see them.
+    A residual behind the fit of the pose, times what reads, is rows q with noise of unit variance.
+    """
+    K, _, V_inv = gain
+    leak, weighed = K @ flat, flat.T @ V_inv
+    information = weighed @ (flat - S @ leak)
+    size, axes = np.linalg.eigh(0.5 * (information + information.T))
+    known = size > SOLVED * size.max(initial=0.0)
+    root = np.sqrt(size[known])
+    return leak, (axes[:, known] * root).T, weighed.T @ (axes[:, known] / root)

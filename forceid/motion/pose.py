@@ -1,4 +1,4 @@
-"""Mean rotation and mass center of every frame, with covariance, from the markers seen in that frame."""
+"""Mean rotation and mass center of frames that see the same markers, with covariance."""
 
 from __future__ import annotations
 
@@ -14,22 +14,7 @@ from forceid.records import Array, Flags, Indices
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import THOUSANDTH
 
-
-@dataclass(frozen=True)
-class Pose:
-    """center (time, 3) m and rotation (time, 3, 3), body to world; NaN where the markers do not fix them.
-
-    cov (time, 6, 6): center, then rotation as an error on the left (rad), world axes. residual (time,
-    node, 3) m, body axes: what is left of the markers. chi_square (time,): its square in units of the
-    covariance the fit was given, with dof (time,) degrees of freedom.
-    """
-
-    center: Array
-    rotation: Array
-    cov: Array
-    residual: Array
-    chi_square: Array
-    dof: Array
+ONLY = np.zeros(1, np.intp)  # the frame in a stack of one
 
 
 def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
@@ -55,45 +40,6 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
     U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R = U @ Vt
     return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
-
-
-def fit_pose(
-    position: Array,
-    shape: Array,
-    weight: Array,
-    cov: Array,
-    own: Array | None = None,
-    uneven: Array | None = None,
-) -> Pose:
-    """Pose of every frame by generalized least squares from the markers seen in it.
-
-    position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
-    rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
-    deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
-    neither center nor rotation. own (time, node) m2: variance that single readings have beside.
-    uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
-    fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
-    """
-    # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
-    start = weight + weight.max()
-    T, S = len(position), summation_operator(shape)
-    center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
-    out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
-    for pattern, more, at in frames_seen_alike(position, own):
-        gain = pose_gain(S, pattern, cov + more)
-        if gain is None:
-            continue
-        found = fitted(position, at, pattern, shape, start, gain)
-        if uneven is not None:
-            found = (*found[:2], found[2] + through_fit(gain[0], found[1], uneven), *found[3:])
-        dof = np.full(len(at), 3.0 * pattern.sum() - 6)
-        if len(at) == T:
-            return Pose(*found, dof)
-        for whole, part in zip(
-            (center, R, cov6, out.residual, out.chi_square, out.dof), (*found, dof), strict=True
-        ):
-            whole[at] = part
-    return out
 
 
 def frames_seen_alike(
@@ -126,37 +72,74 @@ def seen_together(position: Array) -> tuple[Flags, Indices]:
     return seen[first], which
 
 
-def fitted(
-    position: Array, at: Indices, pattern: Flags, shape: Array, start: Array, gain: tuple[Array, Array, Array]
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Poses of the frames `at`, which see the same markers: center, rotation, cov, residual, chi_square.
+@dataclass(frozen=True)
+class FrameFit:
+    """What the pose of frames takes that see the markers of `pattern` (node,): prepared once for all of them.
 
-    start: weights of the rotation fit that begins; gain as of `pose_gain`. Compiled where a compiler was.
+    shape (node, 3) m about the mass center; start (node,): weights of the rotation fit that begins; gain:
+    gain (6, channel), covariance (6, 6) of the pose in body axes, and weight of the channels; nodes: of the
+    pattern; diagonal: the weight as the compiled fit takes it.
+    """
+
+    pattern: Flags
+    shape: Array
+    start: Array
+    gain: tuple[Array, Array, Array]
+    nodes: Indices
+    diagonal: Array
+
+    @property
+    def cov(self) -> Array:
+        """Covariance (6, 6) of the pose, body axes, rotation as a right error."""
+        return self.gain[1]
+
+
+def frame_fit(shape: Array, weight: Array, pattern: Flags, cov: Array) -> FrameFit | None:
+    """The fit of frames that see the markers of a pattern; None where they do not fix a rotation.
+
+    weight (node,) of the rotation fit that begins; cov (3 node, 3 node), body axes, as for `fit_pose`.
+
+    >>> fit = frame_fit(np.eye(3), np.ones(3), np.ones(3, bool), np.eye(9))
+    >>> fit_one(fit, np.eye(3) + 2.0)[0].round(9).tolist()
+    [2.0, 2.0, 2.0]
+    """
+    gain = pose_gain(summation_operator(shape), pattern, cov)
+    if gain is None:
+        return None
+    V = np.diagonal(gain[2])
+    V = gain[2] if (gain[2] != np.diag(V)).any() else np.ascontiguousarray(V)
+    # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
+    return FrameFit(pattern, shape, weight + weight.max(), gain, np.flatnonzero(pattern), V)
+
+
+def fit_one(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
+    """Center (3,), rotation (3, 3) and residual (node, 3), body axes, of one frame (node, 3)."""
+    center, R, _, residual, _ = fitted(fit, position[None], ONLY)
+    return center[0], R[0], residual[0]
+
+
+def fitted(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array, Array]:
+    """Poses of frames `at` that see the pattern of the fit: center, rotation, cov, residual, chi_square.
+
+    Compiled where a compiler was.
     """
     if compiled is None:
-        return fitted_in_numpy(position[at], pattern, shape, start, gain)
-    A, C, V_inv = gain
-    V = np.diagonal(V_inv)
-    V = V_inv if (V_inv != np.diag(V)).any() else np.ascontiguousarray(V)
-    nodes = np.flatnonzero(pattern)
+        return fitted_in_numpy(fit, position[at])
+    A, C, _ = fit.gain
     center, R, cov, chi_square, residual, arrived = compiled.fitted(
-        position, at, nodes, shape, start[nodes], A, C, V
+        position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C, fit.diagonal
     )
     found = center, R, cov, residual, chi_square
     if len(hard := np.flatnonzero(arrived != 1)):
-        for whole, part in zip(
-            found, fitted_in_numpy(position[at[hard]], pattern, shape, start, gain), strict=True
-        ):
+        for whole, part in zip(found, fitted_in_numpy(fit, position[at[hard]]), strict=True):
             whole[hard] = part
     return found
 
 
-def fitted_in_numpy(
-    position: Array, pattern: Flags, shape: Array, start: Array, gain: tuple[Array, Array, Array]
-) -> tuple[Array, Array, Array, Array, Array]:
+def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array, Array]:
     """`fitted`, of all frames at once."""
-    A, C, V_inv = gain
-    center, R = fit_rotation(position, shape, start)
+    pattern, shape, (A, C, V_inv) = fit.pattern, fit.shape, fit.gain
+    center, R = fit_rotation(position, shape, fit.start)
     levers = A.reshape(6, -1, 3)
     moving = np.arange(len(position))
     for step in range(ITERATIONS):  # Newton: a body that is strained turns about the shape that it has
@@ -202,20 +185,6 @@ def pose_rank(S: Array) -> int:
     scaled = np.concatenate([blocks[..., :3], lever / size if size > 0 else lever], -1).reshape(-1, 6)
     s = np.linalg.svd(scaled, compute_uv=False)
     return int((s > SINGLE * s[0]).sum())
-
-
-def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
-    """Covariance (time, 6, 6), world axes, of poses under noise of markers with noise_cov (3, 3), world axes.
-
-    gain (6, channel): of the fit, body axes; rotation (time, 3, 3).
-    """
-    each = gain.reshape(6, -1, 3).swapaxes(0, 1)
-    seen = rotation.swapaxes(1, 2) @ noise_cov @ rotation
-    made = np.einsum("nia,njb->ijab", each, each)
-    body = np.einsum("ijab,tab->tij", made, seen)
-    turn = np.zeros((len(rotation), 6, 6))
-    turn[:, :3, :3] = turn[:, 3:, 3:] = rotation
-    return np.asarray(turn @ body @ turn.swapaxes(1, 2))
 
 
 def body_axes(position: Array, center: Array, R: Array) -> Array:

@@ -6,26 +6,22 @@ without a chart and without a special case at equal stretches. Source: pseudo-ri
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, DataError
 from forceid.pseudorigid.material.material_law import Material, check_above, check_material_of
-from forceid.pseudorigid.motion.constrained import RATTLE, check_volume
-from forceid.pseudorigid.motion.driven import Drive, Load, drive_of
-from forceid.pseudorigid.motion.events import EVENT_DTYPE, EventKinds, stop_of
-from forceid.pseudorigid.motion.integrators import STEPPERS, Stepper
-from forceid.pseudorigid.motion.reference import reference
-from forceid.pseudorigid.motion.system import AffineSystem, State
-from forceid.pseudorigid.motion.trajectory import Trajectory, trajectory_of
+from forceid.pseudorigid.motion.constrained import check_volume, rattle_steps
+from forceid.pseudorigid.motion.reference import Load, drive_of, reference
+from forceid.pseudorigid.motion.splittings import COMPOSITIONS, SPLITTINGS, Splitting, split_steps
+from forceid.pseudorigid.motion.system import EVENT_DTYPE, AffineSystem, Path, State, side_by_side
+from forceid.pseudorigid.motion.trajectory import Trajectory, stop_of, trajectory_of
 from forceid.pseudorigid.validation import (
     STEPS_AT_MOST,
     check_step,
     instants,
-    real_vector,
     validated_second_moment,
     validated_start,
 )
@@ -33,10 +29,9 @@ from forceid.records import Array
 
 BODIES_TOGETHER = 1024  # bodies whose arrays stay in the cache of a processor
 REFERENCE = "dop853"
-METHODS = (*STEPPERS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
+METHODS = (*SPLITTINGS, REFERENCE)  # of `simulate`; where det F = 1, the compositions and the reference
 PHASE = {  # rad a step of the fastest vibration, where no step is given
-    "verlet": 0.05, "suzuki_4": 0.3, "blanes_moan_4": 0.4, "yoshida_6": 0.4, "kahan_li_6": 0.6,
-    "blanes_moan_6": 1.0, "kahan_li_8": 1.0, "implicit_midpoint": 0.05, "energy": 0.05,
+    "verlet": 0.05, "suzuki_4": 0.3, "kahan_li_6": 0.6, "blanes_moan_6": 1.0, "kahan_li_8": 1.0,
 }  # fmt: skip
 UNSTABLE = 2.0  # rad a step, for Verlet
 
@@ -70,7 +65,7 @@ class Body:
         if self.mass is not None:
             check_above("Body", "mass", self.mass)
         object.__setattr__(self, "second_moment", E)
-        object.__setattr__(self, "system", AffineSystem(self.material, E))
+        object.__setattr__(self, "system", AffineSystem(self.material, E, self.constrained))
 
     @property
     def constrained(self) -> bool:
@@ -94,11 +89,10 @@ class Body:
     ) -> Trajectory:
         """Motion from F0, dF0 (..., 3, 3) at time[0] through the samples time (time,) s.
 
-        method: verlet (where none is given), suzuki_4, yoshida_6, kahan_li_6, kahan_li_8 (compositions; of
-        RATTLE where det F = 1), blanes_moan_4, blanes_moan_6, implicit_midpoint, energy (compressible only),
-        dop853 (the reference). step: the longest, s; samples are reached by equal steps. Without it, from the
-        fastest vibration at the start. Bodies of a batch share samples, step and loads, and move
-        independently.
+        method: verlet (where none is given), suzuki_4, kahan_li_6, kahan_li_8 (compositions; of RATTLE where
+        det F = 1), blanes_moan_6 (compressible only), dop853 (the reference). step: the longest, s; samples
+        are reached by equal steps. Without it, from the fastest vibration at the start. Bodies of a batch
+        share samples, step and loads, and move independently.
 
         A body is driven by any of: force (3,) N, without weight, and first_moment N = sum f X^T (3, 3) N m of
         applied forces f at X, rows in world, columns in body axes, about the mass center; each a constant, a
@@ -124,37 +118,31 @@ class Body:
             check_volume(F, V)
         lead = F.shape[:-2]
         F, V = F.reshape(-1, 3, 3), V.reshape(-1, 3, 3)
-        loads = (force, first_moment, weight, center, velocity)
-        driven = bool(damping) or any(x is not None for x in loads)
-        if driven and method not in (None, REFERENCE):
-            self._stepper(method)
-            raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
-        if driven:
-            drive = drive_of(force, first_moment, weight, damping, self.mass)
-            start = np.ravel([real_vector([0, 0, 0] if x is None else x, "center") for x in loads[3:]])
-            return self._referred(F, V, t, lead, drive, start)
-        if method == REFERENCE:
-            return self._referred(F, V, t, lead)
+        drive = None
+        if damping or any(x is not None for x in (force, first_moment, weight, center, velocity)):
+            if method not in (None, REFERENCE):
+                self._table(method)
+                raise ConfigError(f"method {method!r} moves free bodies", "simulate:", f"take {REFERENCE}")
+            drive = drive_of(force, first_moment, weight, damping, self.mass, (center, velocity))
+        if drive is not None or method == REFERENCE:
+            each = [reference(self.system, f, v, t, drive=drive) for f, v in zip(F, V, strict=True)]
+            return trajectory_of(self.system, t, side_by_side(each), lead, REFERENCE, drive=drive)
         method = "verlet" if method is None else method
-        stepper = self._stepper(method)
+        table = self._table(method)
         step = self._step(method, step, F, V, t)
         counts = np.maximum(1, np.ceil(np.diff(t) / step - 1e-9)).astype(int)
         blocks = [slice(i, i + BODIES_TOGETHER) for i in range(0, len(F), BODIES_TOGETHER)]
-        parts = [self._marched(stepper, F[b], V[b], t, counts) for b in blocks]
-        path, speed = (np.concatenate([p[i] for p in parts], 1) for i in (0, 1))
-        kind, when = (np.concatenate([p[i] for p in parts]) for i in (2, 3))
-        longest = float((np.diff(t) / counts).max(initial=0.0))
-        name = f"rattle_{method}" if self.constrained else method
-        return trajectory_of(self.system, self.constrained, t, (path, speed, kind, when), lead, name, longest)
+        path = side_by_side([self._marched(table, F[b], V[b], t, counts) for b in blocks])
+        name, longest = f"rattle_{method}" if self.constrained else method, np.diff(t) / counts
+        return trajectory_of(self.system, t, path, lead, name, float(longest.max(initial=0.0)))
 
-    def _stepper(self, method: str) -> Stepper:
-        """The steps of a method by name."""
-        offered = RATTLE if self.constrained else STEPPERS
+    def _table(self, method: str) -> Splitting:
+        """The splitting of a method by name."""
+        offered = COMPOSITIONS if self.constrained else SPLITTINGS
         if method not in offered:
-            what = f"method {method!r} is unknown"
-            if method in STEPPERS:
-                what = f"method {method!r} does not keep det F = 1"
-            raise ConfigError(what, "simulate:", f"choose one of {', '.join([*offered, REFERENCE])}")
+            what = "does not keep det F = 1" if method in SPLITTINGS else "is unknown"
+            names = ", ".join([*offered, REFERENCE])
+            raise ConfigError(f"method {method!r} {what}", "simulate:", f"choose one of {names}")
         return offered[method]
 
     def _step(self, method: str, step: float | None, F: Array, V: Array, time: Array) -> float:
@@ -174,64 +162,26 @@ class Body:
             return found
         if step * vibration > UNSTABLE:
             what = f"is {step:g} s, beyond {UNSTABLE / vibration:.3g} s, where Verlet grows without bound"
-            raise DataError(what, "step", 'take a shorter one, or method="implicit_midpoint"')
+            raise DataError(what, "step", "take a shorter one, or none: then it follows from that rate")
         return step
 
-    def _marched(
-        self, stepper: Stepper, F: Array, V: Array, time: Array, counts: Array
-    ) -> tuple[Array, Array, EventKinds, Array]:
-        """F, V (time, body, 3, 3), kinds and times of stops of one block of bodies."""
-        state = State(F, V)
+    def _marched(self, table: Splitting, F: Array, V: Array, time: Array, counts: Array) -> Path:
+        """The path of one block of free bodies (body, 3, 3)."""
+        state, steps = State(F, V), rattle_steps if self.constrained else split_steps
         # component first, as the state is: whole rows are written
         path, speed = (np.moveaxis(np.empty((len(time), 3, 3, len(F))), -1, 1) for _ in range(2))
         path[0], speed[0] = state.F, state.V
         kind, when = np.full(len(F), "", EVENT_DTYPE), np.full(len(F), np.nan)
-        stop = partial(stop_of, self.system, constrained=self.constrained)
         with np.errstate(all="ignore"):  # a body that leaves det F > 0 is stopped and told
             for k, n in enumerate(counts):
                 before = state.stopped.copy()
-                stepper(self.system, state, (time[k + 1] - time[k]) / n, int(n))
+                steps(self.system, state, (time[k + 1] - time[k]) / n, int(n), table)
                 path[k + 1], speed[k + 1] = state.F, state.V
                 for i in np.flatnonzero(state.stopped & ~before):
-                    kind[i], when[i] = stop(path[k, i], speed[k, i], time[k], time[k + 1])
+                    kind[i], when[i] = stop_of(self.system, path[k, i], speed[k, i], time[k], time[k + 1])
                 if state.stopped.any():
                     path[k + 1, state.stopped] = speed[k + 1, state.stopped] = np.nan
                     if state.stopped.all():
                         path[k + 1 :] = speed[k + 1 :] = np.nan
                         break
-        return path, speed, kind, when
-
-    def _referred(
-        self,
-        F: Array,
-        V: Array,
-        time: Array,
-        lead: tuple[int, ...],
-        drive: Drive | None = None,
-        start: Array | None = None,
-    ) -> Trajectory:
-        """Motion by the reference integrator, body by body; driven, with what drives it."""
-        found = [
-            reference(self.system, f, v, time, self.constrained, drive=drive, center=start)
-            for f, v in zip(F, V, strict=True)
-        ]
-        path = (
-            np.stack([p.F for p in found], 1),
-            np.stack([p.V for p in found], 1),
-            np.array([p.kind for p in found], EVENT_DTYPE),
-            np.array([p.stop for p in found]),
-        )
-        if drive is None:
-            return trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE)
-        rest = np.stack([p.center for p in found], 1)
-        center, velocity = rest[..., :3], rest[..., 3:]
-        force, N, pull = drive.sampled(time, *path[:2], center, velocity)
-        pull = self.system.over_moment(pull)
-        vectors, shape = (len(time), *lead, 3), (len(time), *lead, 3, 3)
-        return replace(
-            trajectory_of(self.system, self.constrained, time, path, lead, REFERENCE, pull=pull),
-            center=center.reshape(vectors),
-            velocity=velocity.reshape(vectors),
-            force=force.reshape(vectors),
-            first_moment=N.reshape(shape),
-        )
+        return Path(path, speed, kind, when, np.zeros((len(time), len(F), 0)))

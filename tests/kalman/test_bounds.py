@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from closed_bounds import constant_acceleration_bound, integrated_wiener_bound
 
 from forceid import kalman
 from forceid.errors import ConfigError, EstimationError
@@ -109,7 +110,7 @@ def test_derivatives_of_integrated_white_noise_have_the_closed_form_error(n, k, 
     r = noise**2 * step
     q = r * (wdt / step) ** (2 * n)
     _, found = settled(integrated_white(n, q), step, noise, np.eye(n)[k])
-    assert found == pytest.approx(bounds.integrated_wiener_bound(n, k, q, r), rel=0.01)
+    assert found == pytest.approx(integrated_wiener_bound(n, k, q, r), rel=0.01)
 
 
 @pytest.mark.parametrize(("n", "k"), [(n, k) for n in (1, 2, 3, 4) for k in range(n)])
@@ -129,7 +130,7 @@ def test_causal_derivatives_of_integrated_white_noise_have_the_closed_form_error
 def test_the_causal_filter_pays_its_known_price_for_the_acceleration(n, worse):
     causal, smoothed = settled(integrated_white(n, q=2.0), 0.01, 1.0, np.eye(n)[2])
     assert causal / smoothed == pytest.approx(worse, rel=0.02)
-    exact = [f(n, 2, 1.0, 1.0) for f in (filter_bound, bounds.integrated_wiener_bound)]
+    exact = [f(n, 2, 1.0, 1.0) for f in (filter_bound, integrated_wiener_bound)]
     assert round(exact[0] / exact[1]) == worse
 
 
@@ -138,7 +139,7 @@ def test_constant_acceleration_has_the_error_of_a_parabola_fit(count):
     """std(a) = sigma sqrt(720 / N) / T^2 for many samples over T, nothing known before; exact for few."""
     noise, step = 1e-3, 0.01
     span = (count - 1) * step
-    expected = bounds.constant_acceleration_bound(noise, count, span)
+    expected = constant_acceleration_bound(noise, count, span)
     t = np.linspace(0, span, count)
     fit = np.linalg.pinv(np.stack([np.ones(count), t, t**2 / 2], 1))[2]
     assert expected == pytest.approx(noise * np.linalg.norm(fit), rel=1e-10)

@@ -301,7 +301,7 @@ def test_many_models_of_many_channels_are_each_model_by_itself(engine):
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_variances_stay_positive_after_a_start_as_good_as_unknown(order, engine):
     """A micrometer of noise, and a start known to ten meters: thirteen decades of variance."""
-    prior = kalman.with_mean(kalman.matern(order, std=1.0, rate=10.0), var=1e4)
+    prior = kalman.superpose(kalman.random_walk(0.0, 1e4), kalman.matern(order, std=1.0, rate=10.0))
     chain = kalman.integrate(kalman.integrate(prior, var=1e2), var=1e2)
     F, Q = kalman.discretize(chain, 1e-3)
     model = kalman.StateSpace(F, Q, 10 * chain.output[None], np.array([[1e-12]]), np.zeros(len(F)), chain.P0)

@@ -2,6 +2,7 @@ from math import comb, factorial
 
 import numpy as np
 import pytest
+from complex_steps import sensitivity, with_mean
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad_vec
@@ -15,9 +16,7 @@ from forceid.kalman.building.process import (
     matern,
     random_walk,
     resonator,
-    sensitivity,
     superpose,
-    with_mean,
 )
 
 

@@ -11,7 +11,7 @@ from forceid import kalman
 from forceid.errors import ConfigError
 from forceid.kalman import StateSpace
 from forceid.kalman.building.process import discretize, integrated_wiener, matern, random_walk, resonator
-from forceid.kalman.building.sensors import biased, colored, sensor_rows, specific_force, state_space
+from forceid.kalman.building.sensors import colored, sensor_rows, specific_force, state_space
 from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 
 ELEMENT = 0.4  # m
@@ -219,7 +219,7 @@ def accelerometer():
 
 def test_a_constant_bias_is_found_to_within_the_sigma_it_is_claimed_with():
     model, rng = accelerometer(), np.random.default_rng(12)
-    wide, error, T = biased(model, [1], var=0.5**2), [], 150
+    wide, error, T = colored(model, [None, random_walk(0.0, 0.5**2)], 0.01), [], 150
     for _ in range(30):
         bias = 0.5 * rng.standard_normal()
         _, z = draw(model, T, rng)
@@ -237,7 +237,7 @@ def test_a_wandering_bias_grows_by_its_density_on_any_clock():
     particle = drive(Structure([0.0], [0.0], [[2.0]]), [random_walk(1.0, 1.0)], 1.0, 1.0)
     step = np.array([0.1, 0.5, 0.1])
     model = state_space(particle, step, np.eye(3), np.eye(3))
-    wide = biased(model, [0, 2], var=[1.0, 4.0], density=[0.0, 3.0], step=step)
+    wide = colored(model, [random_walk(0.0, 1.0), None, random_walk(3.0, 4.0)], step)
     assert np.array_equal(wide.H[:, 3:], [[1, 0], [0, 0], [0, 1]])
     assert np.array_equal(wide.P0[3:, 3:], np.diag([1.0, 4.0]))
     np.testing.assert_allclose(wide.Q[:, 4, 4], 3.0 * step, rtol=1e-14)
@@ -301,7 +301,7 @@ def test_many_models_with_colored_noise_and_biases_are_each_by_itself():
     def model(rate, color):
         load = matern(2, 1.0, rate)
         plain = state_space(load, step, np.eye(1, 2), 0.1 * np.eye(1))
-        return biased(colored(plain, matern(1, 0.3, color), step), [0], 2.0)
+        return colored(colored(plain, matern(1, 0.3, color), step), random_walk(0.0, 2.0), step)
 
     def each(models):
         return [float(kalman.log_likelihood(m, z)) for m in models]
@@ -322,7 +322,5 @@ def test_what_is_wrong_with_sensors_noise_or_clock_is_said():
         sensor_rows(particle, [[1.0, 2.0]], 1)
     with pytest.raises(ConfigError, match="noise processes number 1, expected 2"):
         colored(model, [None], 0.1)
-    with pytest.raises(ConfigError, match="wandering bias needs the time between samples"):
-        biased(model, [0], 1.0, density=1.0)
     with pytest.raises(ConfigError, match=r"step holds -0\.1 s"):
         state_space(particle, [0.1, -0.1], np.eye(2, 3), np.eye(2))

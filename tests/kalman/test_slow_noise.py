@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from forceid.kalman import StateSpace, discretize, smooth
 from forceid.kalman.building.process import integrate, matern
-from forceid.kalman.tuning.slow_noise import RATES, slow_noise_cov
+from forceid.kalman.tuning.calibration import RATES, slow_noise_cov
 
 STEP, COUNT, NOISE = 0.01, 201, 1e-3
 TIME = STEP * np.arange(COUNT)

@@ -3,6 +3,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from beam import beam
+from closed_bounds import constant_acceleration_bound
 from hypothesis import given
 from hypothesis import strategies as st
 from linear_models import draw, hard_case, random_cov
@@ -10,7 +11,6 @@ from white_input import with_white_input
 
 from forceid import kalman
 from forceid.errors import EstimationError
-from forceid.kalman.bounds import constant_acceleration_bound
 from forceid.kalman.covariance import combine
 from forceid.kalman.inputs.input_smoothing import input_smoother
 from forceid.kalman.recursions import conditioning, linear, passes, square_root

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from complex_steps import sensitivity, with_mean
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
@@ -11,9 +12,7 @@ from forceid.kalman.building.process import (
     matern,
     random_walk,
     resonator,
-    sensitivity,
     superpose,
-    with_mean,
 )
 from forceid.kalman.building.structure import Structure, discretize_input, drive, modal, state_matrices
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from forceid.kalman import StateSpace
-from forceid.kalman.inputs.input_system import uncorrelated
+from forceid.kalman.inputs.unknown_input import uncorrelated
 from forceid.kalman.recursions.square_root import squared
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.motion.frames import fit_frames
-from forceid.motion.pose import fit_pose, log
+from forceid.motion.frames import fit_frames, fit_pose
+from forceid.motion.pose import log
 from forceid.principal.operator import summation_operator
 
 SIGMA = 1e-4

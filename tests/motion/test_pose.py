@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.motion import pose as pose_module
-from forceid.motion.pose import exp, fit_pose, fit_rotation, log, pose_rank
+from forceid.motion.frames import fit_pose
+from forceid.motion.pose import exp, fit_rotation, log, pose_rank
 from forceid.principal.operator import summation_operator
 
 free = settings(deadline=None, derandomize=True, max_examples=60)

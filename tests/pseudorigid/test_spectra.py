@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
+from second_harmonics import maclaurin_modes, spheroid_of_excess
+from small_strains import lame_frequencies
+from turning_points import breathing
 
 from forceid.errors import DataError
 from forceid.pseudorigid.steady.ellipsoids import dedekind, irrotational, jacobi, maclaurin, riemann_s
-from forceid.pseudorigid.steady.gas_cloud import GasCloud
-from forceid.pseudorigid.steady.gravity import SelfGravity
-from forceid.pseudorigid.steady.maclaurin_modes import dynamical_instability, maclaurin_modes
-from forceid.pseudorigid.steady.natural_modes import lame_frequencies, natural_modes, spinning_body
-from forceid.pseudorigid.steady.oscillation import breathing
+from forceid.pseudorigid.steady.gravity import GasCloud, SelfGravity
+from forceid.pseudorigid.steady.natural_modes import natural_modes, spinning_body
 from forceid.pseudorigid.steady.spectra import ellipsoid_spectrum, rotating_spectrum
 
 
@@ -62,7 +62,7 @@ def test_a_spheroid_has_the_second_harmonics_of_the_closed_forms(e):
 def test_a_spheroid_past_the_dynamical_instability_grows_at_the_rate_of_the_closed_form():
     found = ellipsoid_spectrum(maclaurin(0.98))
     np.testing.assert_allclose(found.growth, maclaurin_modes(0.98).toroidal.imag.max(), rtol=1e-12)
-    e = np.sqrt(1 - dynamical_instability().axes[2] ** 2)
+    e = np.sqrt(1 - spheroid_of_excess(4.0).axes[2] ** 2)
     assert ellipsoid_spectrum(maclaurin(e - 1e-4)).growth == 0.0
     assert ellipsoid_spectrum(maclaurin(e + 1e-4)).growth > 1e-3
 
@@ -227,13 +227,12 @@ STILL = np.zeros(3)
         (lambda: spinning_body(NEO_HOOKEAN, ANY_E, 0.3), "second_moment is not diagonal"),
         (
             lambda: natural_modes(Rubber(d=4.0), np.eye(3)),
-            "rest leaves the force 1, so the body is not at rest",
+            "of its forces unbalanced, so it is no equilibrium",
         ),
         (
             lambda: natural_modes(RUBBER, np.diag([1.0, 0.0, 1.0])),
             "has the eigenvalue 0 beside 1",
         ),
-        (lambda: lame_frequencies(2.6, -1.0, np.eye(3)), "mu = -1, expected > 0"),
         (lambda: ellipsoid_spectrum(jacobi([0.5, 0.6])), r"ellipsoid holds \(2,\) ellipsoids, expected one"),
         (
             lambda: rotating_spectrum(RUBBER, np.eye(3), np.diag([1.2, 1.0, 1.0]), STILL, STILL),

@@ -6,6 +6,9 @@ differences of the master system, all with 24 to 40 digits: no formula of it is 
 
 import numpy as np
 import pytest
+from second_harmonics import maclaurin_modes
+from small_strains import lame_frequencies
+from turning_points import breathing
 
 from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from forceid import pseudorigid as pr
@@ -77,7 +80,7 @@ def test_pair_symbols_are_the_integrals():
 )
 def test_maclaurin_spheroids_between_those_printed(e, expected):
     m = pr.maclaurin(e)
-    found = [m.omega_squared, m.energy_ratio, m.angular_momentum, pr.maclaurin_modes(e).discriminant]
+    found = [m.omega_squared, m.energy_ratio, m.angular_momentum, maclaurin_modes(e).discriminant]
     np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
@@ -339,7 +342,7 @@ def test_natural_frequencies_of_a_full_second_moment():
         1.9635438125213910,
     ]
     agree(pr.natural_modes(W, moment).squared, expected)
-    agree(pr.lame_frequencies(W.lame().lam, W.lame().mu, moment), expected)
+    agree(lame_frequencies(W.lame().lam, W.lame().mu, moment), expected)
 
 
 def test_left_reduced_rates_are_those_along_the_master_motion():
@@ -468,7 +471,7 @@ def test_free_rotation_of_a_random_body():
 
 
 def test_breathing_of_rubber_at_large_amplitude():
-    found = pr.breathing(RUBBER, 1.37, 1.2)
+    found = breathing(RUBBER, 1.37, 1.2)
     np.testing.assert_allclose(
         [found.other, found.period], [0.40030014668905037, 2.2633249246400649], rtol=1e-13
     )

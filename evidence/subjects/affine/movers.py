@@ -176,12 +176,11 @@ SCIPY = ("RK45", "DOP853", "Radau")
 PEERS = tuple(at_once(f"scipy {m}", partial(integrated_ode, m), kind="peer") for m in SCIPY)
 STEPS = (
     at_once("Verlet", partial(stepped, "verlet")),
-    at_once("midpoint", partial(stepped, "implicit_midpoint")),
-    at_once("energy", partial(stepped, "energy")),
-)  # fmt: skip
-FREE = (*STEPS, at_once("Blanes-Moan 6", partial(stepped, "blanes_moan_6")), *PEERS)
+    at_once("Blanes-Moan 6", partial(stepped, "blanes_moan_6")),
+)
+FREE = (*STEPS, *PEERS)
 COLLAPSING = (
-    *STEPS[:2], at_once("reference", referred),
+    *STEPS, at_once("reference", referred),
     at_once("left-reduced", partial(by_reduced_form, left_reduced)), *PEERS,
 )  # fmt: skip
 STIFF = (*STEPS, at_once("RATTLE", rattled), *PEERS)

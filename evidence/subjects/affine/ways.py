@@ -24,12 +24,11 @@ TOLERANCES = (1e-3, 1e-6, 1e-9)
 STEPS: dict[str, dict[str, Sequence[float]]] = {  # s, by kind of case and method
     "body": {
         "verlet": (0.1, 0.02, 0.004), "suzuki_4": (0.2, 0.1, 0.02), "blanes_moan_6": (0.4, 0.2, 0.1),
-        "kahan_li_8": (0.5, 0.25), "implicit_midpoint": (0.1, 0.02), "energy": (0.1, 0.05),
+        "kahan_li_8": (0.5, 0.25),
     },
     "bodies": {"verlet": (0.1, 0.02, 0.004), "blanes_moan_6": (0.4, 0.2, 0.1)},
     "stiff": {
         "verlet": (0.008, 0.002, 0.0005), "blanes_moan_6": (0.02, 0.01, 0.005),
-        "implicit_midpoint": (0.02, 0.005), "energy": (0.02,),
     },
     "held": {"verlet": (0.05, 0.01, 0.002), "suzuki_4": (0.1, 0.05), "kahan_li_8": (0.4, 0.2)},
 }  # fmt: skip

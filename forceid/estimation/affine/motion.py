@@ -21,7 +21,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deforming.affine_maps import AffineShapes, affine_shapes_of
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.smoother import FlightState
-from forceid.principal import cross, cross_matrix
+from forceid.principal import axial, cross, cross_matrix
 from forceid.pseudorigid import polar, polar_rates
 from forceid.records import Array
 from forceid.rounding import COMPLEX_STEP, SOLVED
@@ -49,7 +49,7 @@ class AffineMotion:
     @property
     def moment(self) -> Array:
         """Moment (time, 3) N m about the mass center: what is antisymmetric in the first moments."""
-        return moment_of(self.first_moment)
+        return axial(self.first_moment.mT)
 
     @property
     def moment_cov(self) -> Array:
@@ -133,9 +133,9 @@ def first_moments(G: Array, dG: Array, ddG: Array, E: Array, H: Array, T: Array)
     def turning(v: Array, M: Array) -> Array:
         return cross(v[..., None, :], M.mT).mT
 
-    omega = rate(H - moment_of(dG @ weighed))
+    omega = rate(H - axial((dG @ weighed).mT))
     second = ddG + 2 * turning(omega, dG) + turning(omega, turning(omega, G))
-    return (second + turning(rate(T - moment_of(second @ weighed)), G)) @ weighed
+    return (second + turning(rate(T - axial((second @ weighed).mT)), G)) @ weighed
 
 
 def turned(M: Array) -> Array:
@@ -144,15 +144,5 @@ def turned(M: Array) -> Array:
     return np.asarray(each.reshape(len(M), 3, 9).mT)
 
 
-MOMENT = np.zeros((3, 9))  # takes first moments, row by row, to the moment: r x f, of f r^T
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    MOMENT[_i, 3 * _k + _j], MOMENT[_i, 3 * _j + _k] = 1.0, -1.0
-
-
-def moment_of(first_moment: Array) -> Array:
-    """Moment (..., 3) N m of first moments (..., 3, 3), f r^T: r x f.
-
-    >>> moment_of(np.outer([0.0, 2.0, 0.0], [0.5, 0.0, 0.0])).tolist()
-    [0.0, 0.0, 1.0]
-    """
-    return np.asarray(first_moment.reshape(*first_moment.shape[:-2], 9) @ MOMENT.T)
+# takes first moments, row by row, to the moment: r x f, of f r^T
+MOMENT = axial(np.eye(9).reshape(9, 3, 3).mT).T

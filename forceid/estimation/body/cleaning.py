@@ -10,8 +10,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
-from forceid.estimation.body.tracks.clipping import clipped
-from forceid.estimation.body.tracks.spikes import spikes
+from forceid.estimation.body.tracks.spikes import clipped, spikes
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap

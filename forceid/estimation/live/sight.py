@@ -10,10 +10,9 @@ import numpy as np
 
 from forceid.estimation.live.model import LiveModel
 from forceid.flight.attitude import turned
-from forceid.motion import FrameFit, fit_one, frame_fit
+from forceid.motion import FrameFit, beyond_pose, fit_one, frame_fit
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
-from forceid.rounding import SOLVED
 
 ONE = np.ones(1)  # the amplitude of the mean shape
 PATTERNS = 256  # sets of markers that are remembered: what a frame with another one costs is paid again
@@ -69,18 +68,12 @@ def sight(model: LiveModel, pattern: bytes) -> Sight | None:
     if swings is not None:
         channels, m = np.repeat(flags, 3), len(swings.shapes)
         flat = swings.shapes.reshape(m, -1).T[channels]
-        K, _, V_inv = fit.gain
-        leak, weighed = K @ flat, flat.T @ V_inv
-        information = weighed @ (flat - summation_operator(model.shape)[channels] @ leak)
-        size, axes = np.linalg.eigh(0.5 * (information + information.T))
-        known = size > SOLVED * size.max(initial=0.0)
-        root = np.sqrt(size[known])
-        rows, raw = (axes[:, known] * root).T, (axes[:, known] / root).T @ weighed
+        leak, rows, read = beyond_pose(fit.gain, flat, summation_operator(model.shape)[channels])
         PH = swings.P[:, :: swings.each] @ rows.T
         K_q = np.linalg.solve(rows @ PH[:: swings.each] + np.eye(len(rows)), PH.T).T
         back, wide = np.zeros((6, len(swings.F))), np.zeros((len(rows), len(swings.F)))
         back[:, :: swings.each], wide[:, :: swings.each] = -leak, rows
-        onward, gain = swings.F - K_q @ (wide @ swings.F), K_q @ raw
+        onward, gain = swings.F - K_q @ (wide @ swings.F), K_q @ read.T
         spread = leak * np.sqrt(swings.lasting)
         cov = cov + spread @ spread.T
     if share is not None:

@@ -23,7 +23,7 @@ from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
-from forceid.kalman.tuning.slow_noise import slow_noise_cov
+from forceid.kalman.tuning.calibration import slow_noise_cov
 from forceid.records import Array, Finding
 from forceid.significance import PATIENCE
 

@@ -90,6 +90,7 @@ def cut(record: Any, first: int, last: int, frames: int) -> Any:
 
 
 RECORDS = ("loads", "witness")  # records in an estimate that have samples of their own
+STANDING = ("null_space", "estimable")  # what is true of loads whatever a stretch shows
 
 
 def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
@@ -137,7 +138,7 @@ def farthest(pieces: Sequence[Estimate]) -> Witness | None:
     known = next((p.witness for p in pieces if p.witness is not None), None)
     if known is None:
         return None
-    each = [p.witness or cut_off(known, len(p.time)) for p in pieces]
+    each = [p.witness or emptied(known, len(p.time)) for p in pieces]
     numbers = {}
     for load in ("force", "moment"):
         off = [getattr(w, f"difference_{load}") / getattr(w, f"limit_{load}") for w in each]
@@ -146,13 +147,6 @@ def farthest(pieces: Sequence[Estimate]) -> Witness | None:
             numbers[name] = np.array([getattr(w, name) for w in each])[at, np.arange(3)]
     whole: Witness = chained(each)
     return replace(whole, **numbers)
-
-
-def cut_off(witness: Witness, frames: int) -> Witness:
-    """A witness of as many frames that saw nothing."""
-    gone = {f.name: np.full(3, np.nan) for f in fields(witness)}
-    series = {name: np.full((frames, 3), np.nan) for name in ("force", "moment", "force_std", "moment_std")}
-    return replace(witness, **(gone | series))
 
 
 def chained(records: Sequence[Any]) -> Any:
@@ -175,12 +169,15 @@ def chained(records: Sequence[Any]) -> Any:
     return replace(records[0], **joint)
 
 
-def emptied(loads: Loads, frames: int) -> Loads:
-    """The same loads, of which a stretch that is refused knows nothing."""
-    names = len(loads.name)
-    shapes: dict[str, tuple[int, ...]] = {"load": (names,), "load_cov": (names, names), "chi_square": ()}
-    empty: dict[str, Any] = {key: np.full((frames, *shape), np.nan) for key, shape in shapes.items()}
-    return replace(loads, **empty)
+def emptied(record: Any, frames: int) -> Any:
+    """A record of another stretch as that of one which is refused, of so many frames: all numbers NaN."""
+    samples, gone = len(samples_of(record)), {}
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if isinstance(value, np.ndarray) and f.name not in STANDING:
+            shape = (frames, *value.shape[1:]) if len(value) == samples else value.shape
+            gone[f.name] = np.full(shape, np.nan)
+    return replace(record, **gone)
 
 
 def samples_of(record: Any) -> Any:

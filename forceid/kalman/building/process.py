@@ -7,18 +7,17 @@ rounding, since no difference is taken (Squire and Trapp 1998). So nothing here 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb, factorial
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.compiled import engine as compiled
 from forceid.records import Array
-from forceid.rounding import COMPLEX_STEP, ITERATIONS
+from forceid.rounding import ITERATIONS
 
 
 class Diffusion(Protocol):
@@ -156,11 +155,6 @@ def superpose(*loads: Process) -> Process:
     return Process(A, Qc, P0, np.concatenate([p.output for p in loads]))
 
 
-def with_mean(load: Process, var: ArrayLike) -> Process:
-    """`load` about a constant mean of variance var (...) at the start; the mean is the first state."""
-    return superpose(random_walk(0.0, var), load)
-
-
 def integrate(load: Process, var: ArrayLike) -> Process:
     """The integral of `load`, of variance var (...) at the start, as a new first state.
 
@@ -203,43 +197,6 @@ def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
         more = doublings > k
         F, Q = np.where(more, F @ F, F), np.where(more, Q + F @ Q @ F.swapaxes(-1, -2), Q)
     return F, 0.5 * (Q + Q.swapaxes(-1, -2))
-
-
-class Sensitivity(NamedTuple):
-    """F, Q, P0 (..., state, state) of a step, and their derivatives (parameter, ..., state, state)."""
-
-    F: Array
-    Q: Array
-    P0: Array
-    dF: Array
-    dQ: Array
-    dP0: Array
-
-
-def sensitivity(process_of: Callable[[Array], Diffusion], theta: ArrayLike, step: ArrayLike) -> Sensitivity:
-    """F, Q and P0 of the process with parameters theta, and their derivatives, exact to rounding.
-
-    process_of(theta) must take complex theta (parameter, ...), as everything in this module and a structure
-    under such loads do; step (...) s. By complex step (Squire and Trapp 1998), one process a parameter.
-
-    >>> s = sensitivity(lambda theta: matern(1, *theta), theta=[2.0, 3.0], step=0.1)
-    >>> bool(np.isclose(s.dF[1, 0, 0], -0.1 * np.exp(-0.3))), bool(np.isclose(s.dP0[0, 0, 0], 4.0))
-    (True, True)
-    """
-    theta, step = np.asarray(theta, float), np.asarray(step, float)
-    each = []
-    for i in range(len(theta)):
-        nudged = theta.astype(complex)
-        nudged[i] += 1j * COMPLEX_STEP
-        each.append(process_of(nudged))
-    A, Qc, P0 = (np.stack([getattr(p, name) for p in each]) for name in ("A", "Qc", "P0"))
-    # the axis of parameters before those of the step
-    lead = (len(theta), *[1] * (step.ndim - A.ndim + 3))
-    A, Qc = (a.reshape(*lead, *a.shape[1:]) for a in (A, Qc))
-    F, Q = discretize(Process(A, Qc, P0, np.zeros(A.shape[-1])), step)
-    return Sensitivity(
-        F[0].real, Q[0].real, P0[0].real, F.imag / COMPLEX_STEP, Q.imag / COMPLEX_STEP, P0.imag / COMPLEX_STEP
-    )
 
 
 def block_diagonal(*blocks: Array) -> Array:

@@ -3,7 +3,7 @@
 Loads are states, so an accelerometer's feedthrough of force is part of its row: z = H x + offset + n.
 
 >>> import numpy as np
->>> from forceid.kalman.building.process import matern
+>>> from forceid.kalman.building.process import matern, random_walk
 >>> from forceid.kalman.building.structure import Structure, drive
 >>> particle = Structure(frequency=[0.0], damping=[0.0], participation=[[1 / 0.5]])  # 0.5 kg
 >>> system = drive(particle, [matern(2, std=1.0, rate=30.0)], var_q=1.0, var_rate=1.0)
@@ -11,7 +11,7 @@ Loads are states, so an accelerometer's feedthrough of force is part of its row:
 >>> H.tolist()
 [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]]
 >>> model = state_space(system, step=1e-3, H=H, R=np.diag([1e-4, 5e-2]) ** 2)
->>> biased(model, channels=[1], var=0.1).H[1].tolist()
+>>> colored(model, [None, random_walk(0.0, var=0.1)], step=1e-3).H[1].tolist()  # a bias
 [0.0, 0.0, 2.0, 0.0, 1.0]
 """
 
@@ -29,7 +29,6 @@ from forceid.kalman.building.process import (
     Process,
     block_diagonal,
     discretize,
-    random_walk,
     superpose,
 )
 from forceid.kalman.building.structure import System
@@ -97,8 +96,9 @@ def colored(model: StateSpace, noise: Process | Sequence[Process | None], step: 
     """`model` with noise that has a memory added to its channels: the states of `noise` follow its own.
 
     noise: of every channel alike, independent, or one a channel with None where there is none; any process,
-    mostly a matern. step: that of the model, s, one number or (time - 1,). R stays, as the white part, and
-    may be 0 on channels whose noise is not. Raises ConfigError where noise and channels differ in number.
+    mostly a matern, or a random_walk, which is a bias. step: that of the model, s, one number or (time - 1,).
+    R stays, as the white part, and may be 0 on channels whose noise is not. Raises ConfigError where noise
+    and channels differ in number. Source: principal equations 4d.
 
     >>> from forceid.kalman.building.process import matern
     >>> level = StateSpace(*np.ones((4, 1, 1)), x0=np.zeros(1), P0=np.eye(1))
@@ -118,28 +118,6 @@ def colored(model: StateSpace, noise: Process | Sequence[Process | None], step: 
     channel = np.repeat([k for k, _ in rows], [len(p.output) for _, p in rows])
     C = np.where(np.arange(channels)[:, None] == channel, joint.output, 0.0)
     return append(model, joint, C, step)
-
-
-def biased(
-    model: StateSpace,
-    channels: Sequence[int],
-    var: ArrayLike,
-    density: ArrayLike = 0.0,
-    step: ArrayLike | None = None,
-) -> StateSpace:
-    """`model` with a bias on each of `channels` as further states: constant, or wandering where density > 0.
-
-    var: variance before the first sample; density: its growth a second; scalar or one a channel. step: that
-    of the model, s, needed only where the biases wander. Raises ConfigError where it is missing. Source:
-    principal equations 4d, b' = w.
-    """
-    if step is None and np.any(density):
-        raise ConfigError("needs the time between samples", "a wandering bias", "give `step` in seconds")
-    P0, Qc = (np.broadcast_to(np.asarray(a, float), len(channels)) for a in (var, density))
-    noise: list[Process | None] = [None] * model.R.shape[-1]
-    for k, v, q in zip(channels, P0, Qc, strict=True):
-        noise[k] = random_walk(q, v)
-    return colored(model, noise, 1.0 if step is None else step)
 
 
 def append(model: StateSpace, further: Process, C: Array, step: ArrayLike) -> StateSpace:

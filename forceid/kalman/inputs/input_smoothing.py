@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from forceid.kalman.covariance import root
 from forceid.kalman.inputs.diffuse import any_row, diffuse_rows, learn, least_squares, mask_lost
-from forceid.kalman.inputs.input_system import uncorrelated, validated_system, with_prior
-from forceid.kalman.inputs.unknown_input import forward
+from forceid.kalman.inputs.unknown_input import forward, uncorrelated, validated_system, with_prior
 from forceid.kalman.model import as_channels
 from forceid.kalman.recursions.square_root import squared, triangle
 from forceid.records import Array

@@ -1,6 +1,7 @@
 """State and input of a linear system filtered at once, without any prior on the input.
 
-Gillijns and De Moor (2007); what is unknown is carried as directions of infinite variance.
+x_{k+1} = A x_k + B u_k + w_k, z_k = C x_k + D u_k + v_k, cov w = Q, cov v = R, E[w v^T] = S. Gillijns and
+De Moor (2007); what is unknown is carried as directions of infinite variance.
 """
 
 from __future__ import annotations
@@ -8,17 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from forceid.errors import EstimationError
+from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.covariance import root, square_root
 from forceid.kalman.inputs.diffuse import any_row, diffuse_rows, independent, learn, least_squares, mask_lost
-from forceid.kalman.inputs.input_system import SystemMatrices, uncorrelated, validated_system
 from forceid.kalman.model import as_channels
 from forceid.kalman.recursions.square_root import squared, triangle
-from forceid.records import Array
+from forceid.records import Array, Flags
 
 # of a state: its mean, a factor of its covariance, and the directions that no sample has shown yet
 Known = tuple[Array, Array, Array]
+SystemMatrices = tuple[Array, Array, Array, Array, Array, Array, Array]  # A, B, C, D, Q, R, S
 
 
 @dataclass(frozen=True)
@@ -140,3 +142,44 @@ def combination(v: Array) -> str:
         size = "" if np.isclose(abs(v[i]), 1.0) else f"{abs(v[i]):.4g} "
         words += (" - " if v[i] < 0 else " + ") + f"{size}input {i}"
     return words[3:]
+
+
+def validated_system(
+    A: Array, B: Array, C: Array, D: Array, Q: Array, R: Array, S: Array, z: Array
+) -> SystemMatrices:
+    """The matrices as arrays of numbers, if their shapes fit each other and the channels of z."""
+    states, channels, inputs = len(A), z.shape[1], np.shape(B)[-1]
+    shapes = {
+        "A": (states, states), "B": (states, inputs), "C": (channels, states), "D": (channels, inputs),
+        "Q": (states, states), "R": (channels, channels), "S": (states, channels),
+    }  # fmt: skip
+    for (name, shape), matrix in zip(shapes.items(), (A, B, C, D, Q, R, S), strict=True):
+        if np.shape(matrix) != shape:
+            raise ConfigError(
+                f"has shape {np.shape(matrix)}, expected {shape}",
+                f"{name} of the model",
+                f"A says {states} states, z {channels} channels, B {inputs} inputs",
+            )
+    A, B, C, D, Q, R, S = (np.asarray(a, float) for a in (A, B, C, D, Q, R, S))
+    return A, B, C, D, Q, R, S
+
+
+def uncorrelated(system: SystemMatrices, seen: Flags) -> tuple[Array, Array, Array, Array]:
+    """A, B, gain of the sample and factor of Q of a step whose noise has nothing in common with its sample.
+
+    x_{k+1} = A x + B u + w + G (z - C x - D u - v), G = S R^-1: w - G v is independent of v.
+    """
+    A, B, C, D, Q, R, S = system
+    G = np.linalg.solve(R[np.ix_(seen, seen)], S[:, seen].T).T
+    return A - G @ C[seen], B - G @ D[seen], np.asarray(G, float), square_root(Q - G @ S[:, seen].T)
+
+
+def with_prior(system: SystemMatrices, z: Array, var: ArrayLike) -> tuple[SystemMatrices, Array]:
+    """The system with one more channel for each input, which measures it as zero, with variance `var`."""
+    A, B, C, D, Q, R, S = system
+    n, inputs = B.shape
+    C, D = np.vstack([C, np.zeros((inputs, n))]), np.vstack([D, np.eye(inputs)])
+    S, z = np.hstack([S, np.zeros((n, inputs))]), np.hstack([z, np.zeros((len(z), inputs))])
+    R = np.pad(R, [(0, inputs)] * 2)
+    R[-inputs:, -inputs:] = np.diag(np.broadcast_to(np.asarray(var, float), inputs))
+    return (A, B, C, D, Q, R, S), z

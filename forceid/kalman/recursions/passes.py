@@ -15,8 +15,7 @@ from scipy.linalg import lapack
 
 from forceid.kalman.covariance import combine as combine
 from forceid.kalman.model import LOG_2PI, Filtered, Gains, StateSpace
-from forceid.kalman.recursions.rest import Rest, channel_changes
-from forceid.kalman.recursions.scan import scan
+from forceid.kalman.recursions.rest import Rest, channel_changes, scan
 from forceid.kalman.recursions.single_channel import innovation_blocks, joseph
 from forceid.records import Array, Flags, Indices
 from forceid.significance import WHOLE

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from forceid.errors import EstimationError
-from forceid.kalman.engines import engine as engine_called
-from forceid.kalman.model import StateSpace, as_channels
-from forceid.kalman.tuning.gradient import NAMES, score_of
+from forceid.kalman.model import StateSpace
+from forceid.kalman.tuning.gradient import NAMES, score
 from forceid.records import Array, Flags
 from forceid.rounding import CENTRAL_STEP, COMPLEX_STEP
 from forceid.significance import PATIENCE, SIGMAS, THOUSANDTH
@@ -40,7 +39,6 @@ class Fit:
     flat: bool
     bimodal: bool
     rival: Array | None
-    evaluations: int
 
 
 def tune(
@@ -69,17 +67,13 @@ def tune(
     >>> bool(np.isclose(fit.covariance[0, 0], 1 / 800, rtol=1e-3))
     True
     """
-    z, passes = as_channels(z), engine_called(engine).filter
     first = np.asarray(theta, float)
     limits = np.tile([-np.inf, np.inf], (len(first), 1)) if bounds is None else np.asarray(bounds, float)
-    count = 0
 
     def minus(p: Array) -> tuple[float, Array]:
-        nonlocal count
-        count += 1
         try:
             model = build(p)
-            found = score_of(model, z, passes(model, z))
+            found = score(model, z, engine)
         except (EstimationError, np.linalg.LinAlgError, FloatingPointError):
             return np.inf, np.zeros(len(p))
         slope = np.array([found.along(change) for change in model_derivatives(build, p)])
@@ -101,7 +95,7 @@ def tune(
     at_bound = (best[:, None] - limits).__abs__().min(1) <= 1e-8 * width
     covariance, flat = observed_covariance(lambda p: minus(p)[1], best, limits, at_bound)
     rival = next((p for v, p in tops if v > value - PATIENCE and maxima_differ(p - best, covariance)), None)
-    return Fit(best, covariance, value, build(best), at_bound, flat, rival is not None, rival, count)
+    return Fit(best, covariance, value, build(best), at_bound, flat, rival is not None, rival)
 
 
 def model_derivatives(build: Build, theta: Array) -> list[StateSpace]:

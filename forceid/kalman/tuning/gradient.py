@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.kalman.engines import engine as engine_called
-from forceid.kalman.model import Filtered, StateSpace, as_channels
+from forceid.kalman.model import StateSpace, as_channels
 from forceid.records import Array
 
 NAMES = ("F", "Q", "H", "R", "x0", "P0", "u")
@@ -56,11 +56,7 @@ def score(model: StateSpace, z: Array, engine: str = "auto") -> Score:
     True
     """
     z = as_channels(z)
-    return score_of(model, z, engine_called(engine).filter(model, z))
-
-
-def score_of(model: StateSpace, z: Array, filtered: Filtered) -> Score:
-    """The score, where the filter has passed already."""
+    filtered = engine_called(engine).filter(model, z)
     T, n = len(z), len(model.x0)
     seen = np.isfinite(z)
     # a channel that is missing: seen by nothing, with noise of its own

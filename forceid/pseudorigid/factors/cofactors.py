@@ -31,11 +31,6 @@ def product(A: Array, B: Array) -> Array:
     return np.asarray(out)
 
 
-def transpose(A: Array) -> Array:
-    """A^T of matrices (..., 3, 3), a view."""
-    return np.swapaxes(A, -1, -2)
-
-
 def trace(A: Array) -> Array:
     """Trace (...,) of matrices (..., 3, 3)."""
     return np.asarray(A[..., 0, 0] + A[..., 1, 1] + A[..., 2, 2])
@@ -86,7 +81,7 @@ def determinant(F: Array) -> Array:
 def inverse(F: Array) -> Array:
     """F^-1 of matrices (..., 3, 3) through cofactors."""
     C = cofactor(F)
-    return np.asarray(transpose(C) / determinant(F)[..., None, None])
+    return np.asarray(C.mT / determinant(F)[..., None, None])
 
 
 def scaled(factor: Array, A: Array) -> Array:

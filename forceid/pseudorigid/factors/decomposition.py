@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from forceid.compiled import engine as compiled
 from forceid.errors import DataError
+from forceid.principal import axial
 from forceid.pseudorigid.factors import twofold
-from forceid.pseudorigid.motion.invariants import axial_vector
 from forceid.pseudorigid.validation import matrices, tensors
 from forceid.records import Array, Flags
 
@@ -125,7 +125,7 @@ def polar_rates(F: ArrayLike, dF: ArrayLike) -> PolarRates:
     V = rate_of(L, dF)
     A = L.swapaxes(-1, -2) @ V
     inertia = np.trace(U, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - U
-    omega = np.linalg.solve(inertia, 2 * axial_vector(A)[..., None])[..., 0]
+    omega = np.linalg.solve(inertia, axial(A.swapaxes(-1, -2))[..., None])[..., 0]
     dU = A - np.cross(omega[..., None], U, axis=-2)
     sums = np.linalg.eigvalsh(inertia)  # of two stretches; the least may be rounding itself
     rounding = (

@@ -72,12 +72,9 @@ def _nearest_pair(G: Array, single: int) -> Array:
 
 
 def multiplied_up(number: Indices, first: Flags) -> Indices:
-    """Running products, from each `first` on, of signed permutations by numbers (n,), by doubling."""
-    number, closed = number.copy(), first.copy()
-    reach = 1
-    while reach < len(number):
-        taken = np.where(closed[reach:], number[reach:], TABLE[number[:-reach], number[reach:]])
-        shut = closed[reach:] | closed[:-reach]
-        number[reach:], closed[reach:] = taken, shut
-        reach *= 2
-    return number
+    """Running products, from each `first` on, of signed permutations by numbers (n,)."""
+    table, product, out = TABLE.tolist(), 0, []
+    for own, begins in zip(number.tolist(), first.tolist(), strict=True):
+        product = own if begins else table[product][own]
+        out.append(product)
+    return np.array(out, np.intp)

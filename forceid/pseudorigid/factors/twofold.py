@@ -8,6 +8,7 @@ The arithmetic is that of polar.hpp. Source: pseudo-rigid bodies 2.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from forceid.records import Array
 
@@ -34,7 +35,7 @@ def exact_factors(F: Array) -> tuple[Array, Array, Array, Array]:
 
 def improved(F: Array, Q: Array) -> Array:
     """The polar rotation of F (n, 3, 3), from rotations near it, by Newton's rule on its quaternion."""
-    q = quaternion_scalar_first(Q)
+    q = Rotation.from_matrix(Q).as_quat(scalar_first=True)
     moving = np.arange(len(F))
     for _ in range(JACOBI_ROUNDS):
         w, x, y, z = q[moving].T
@@ -47,7 +48,7 @@ def improved(F: Array, Q: Array) -> Array:
         moving = moving[a * a + b * b + c * c > ARRIVED**2]
         if not len(moving):
             break
-    return rotation_scalar_first(q)
+    return np.asarray(Rotation.from_quat(q, scalar_first=True).as_matrix())
 
 
 def exact_determinant(F: Array) -> Array:
@@ -92,35 +93,6 @@ def rotation_of_length(q: Array) -> list[Twofold]:
         twice(xy, wz), diagonal(yy, xx, zz), twice(yz, negative(wx)),
         twice(xz, negative(wy)), twice(yz, wx), diagonal(zz, xx, yy),
     ]  # fmt: skip
-
-
-def quaternion_scalar_first(Q: Array) -> Array:
-    """Quaternions (n, 4) as (w, x, y, z), of some length, of rotations Q: the longest row of 4 q q^T."""
-    a, b, c = Q[:, 2, 1] - Q[:, 1, 2], Q[:, 0, 2] - Q[:, 2, 0], Q[:, 1, 0] - Q[:, 0, 1]
-    d, e, f = Q[:, 0, 1] + Q[:, 1, 0], Q[:, 0, 2] + Q[:, 2, 0], Q[:, 1, 2] + Q[:, 2, 1]
-    x, y, z = Q[:, 0, 0], Q[:, 1, 1], Q[:, 2, 2]
-    rows = np.array(
-        [
-            [1 + x + y + z, a, b, c],
-            [a, 1 + x - y - z, d, e],
-            [b, d, 1 - x + y - z, f],
-            [c, e, f, 1 - x - y + z],
-        ]
-    )
-    longest = np.argmax(np.einsum("iin->in", rows), axis=0)
-    return np.asarray(rows[longest, :, np.arange(len(Q))])
-
-
-def rotation_scalar_first(q: Array) -> Array:
-    """Rotations (n, 3, 3) of quaternions (n, 4) of any length."""
-    w, x, y, z = q.T
-    s = 2.0 / (q * q).sum(1)
-    rows = [
-        1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-        s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x),
-        s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y),
-    ]  # fmt: skip
-    return np.stack(rows, 1).reshape(-1, 3, 3)
 
 
 def two_product(a: Array, b: Array) -> Twofold:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import EYE, determinant, inner, product, transpose
+from forceid.pseudorigid.factors.cofactors import EYE, determinant, inner, product
 from forceid.pseudorigid.material.material_law import Material
 from forceid.records import Array
 
@@ -93,8 +93,8 @@ def check_material(material: Material, rng: np.random.Generator, samples: int = 
         hessian=float(np.abs(S - dP).max() / stiff),
         symmetry=float(np.abs(inner(S, K) - inner(SK, H)).max() / stiff),
         frame=float(left),
-        torque=float(asymmetry(product(P, transpose(F))) / force),
-        isotropy=float(max(right, asymmetry(product(transpose(F), P)) / force)),
+        torque=float(asymmetry(product(P, F.mT)) / force),
+        isotropy=float(max(right, asymmetry(product(F.mT, P)) / force)),
         stress=float(np.abs(stress).max() / max(stiffness, 1e-300)),
     )
 
@@ -128,4 +128,4 @@ def differenced(material: Material, name: str, F: Array, H: Array) -> Array:
 
 def asymmetry(A: Array) -> float:
     """Largest entry of A - A^T."""
-    return float(np.abs(A - transpose(A)).max())
+    return float(np.abs(A - A.mT).max())

@@ -65,13 +65,6 @@ def check_finite(material: str, **values: Any) -> None:
         check_range(material, name, validated_constant(material, name, value), True, "finite")
 
 
-def check_stable(material: str, lam: Any, mu: Any) -> None:
-    """DataError where small-strain constants are not those of a material that resists every strain."""
-    check_finite(material, lam=lam)
-    check_above(material, "mu", mu)
-    check_above(material, "3 lam + 2 mu", 3 * lam + 2 * mu)
-
-
 def check_material_of(body: str, material: Any) -> None:
     """DataError where a material lacks one of the functions of `Material`."""
     missing = [n for n in ("energy", "gradient", "hessian") if not callable(getattr(material, n, None))]

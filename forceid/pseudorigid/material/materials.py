@@ -20,12 +20,11 @@ from forceid.pseudorigid.factors.cofactors import (
     scaled,
     tensor_cross,
     trace,
-    transpose,
 )
 from forceid.pseudorigid.material.material_law import (
     Lame,
     check_above,
-    check_stable,
+    check_finite,
     check_volumetric,
     validated_determinant,
 )
@@ -81,7 +80,7 @@ class MooneyRivlin:
         """dW/dF (..., 3, 3): 2 (a + b I1 - b F F^T) F + Gamma'(J) cof F."""
         F = tensors(F)
         if self.b:
-            B = product(F, transpose(F))
+            B = product(F, F.mT)
             first = 2 * self.a + 2 * self.b * trace(B)
             B *= -2 * self.b
             for i in range(3):
@@ -190,7 +189,9 @@ class StVenantKirchhoff:
     incompressible = False
 
     def __post_init__(self) -> None:
-        check_stable("StVenantKirchhoff", self.lam, self.mu)
+        check_finite("StVenantKirchhoff", lam=self.lam)
+        check_above("StVenantKirchhoff", "mu", self.mu)
+        check_above("StVenantKirchhoff", "3 lam + 2 mu", 3 * self.lam + 2 * self.mu)
 
     def lame(self) -> Lame:
         """The constants themselves."""
@@ -212,8 +213,8 @@ class StVenantKirchhoff:
         """d2W[H] (..., 3, 3)."""
         F, H = tensors(F), tensors(H, "H")
         G = green(F)
-        dG = product(transpose(F), H)
-        dG = 0.5 * (dG + transpose(dG))
+        dG = product(F.mT, H)
+        dG = 0.5 * (dG + dG.mT)
         turned = scaled(self.lam * trace(G), H) + 2 * self.mu * product(H, G)
         return np.asarray(turned + scaled(self.lam * trace(dG), F) + 2 * self.mu * product(F, dG))
 
@@ -226,4 +227,4 @@ def inner_rows(F: Array, C: Array) -> Array:
 
 def green(F: Array) -> Array:
     """Strain G = (F^T F - I)/2 (..., 3, 3)."""
-    return np.asarray(0.5 * (product(transpose(F), F) - EYE))
+    return np.asarray(0.5 * (product(F.mT, F) - EYE))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import EYE, determinant, transpose
+from forceid.pseudorigid.factors.cofactors import EYE, determinant
 from forceid.pseudorigid.material.material_law import (
     Lame,
     check_above,
@@ -126,11 +126,11 @@ class Ogden:
         validated_determinant("Ogden", determinant(F))
         L, a, R = np.linalg.svd(F)
         g, diagonal, mixed = self._derivatives(a)
-        h = transpose(L) @ H @ transpose(R)
+        h = L.mT @ H @ R.mT
         W2 = mixed + diagonal[..., None] * EYE
         # split into symmetric and skew parts: divided differences of g, and of g continued to -a
-        even = 0.5 * (h + transpose(h)) * self._difference(a)
-        odd = 0.5 * (h - transpose(h)) * (g[..., :, None] + g[..., None, :])
+        even = 0.5 * (h + h.mT) * self._difference(a)
+        odd = 0.5 * (h - h.mT) * (g[..., :, None] + g[..., None, :])
         odd = odd / (a[..., :, None] + a[..., None, :])
         out = (even + odd) * (1 - EYE)
         own = np.einsum("...ij,...jj->...i", W2, h)

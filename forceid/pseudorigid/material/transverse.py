@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import EYE, inner, product, scaled, trace, transpose
+from forceid.pseudorigid.factors.cofactors import EYE, inner, product, scaled, trace
 from forceid.pseudorigid.material.material_law import Material, check_finite, check_material_of
 from forceid.pseudorigid.material.materials import green
 from forceid.pseudorigid.validation import real_vector, tensors
@@ -85,8 +85,8 @@ class TransverselyIsotropic:
     def hessian(self, F: Array, H: Array) -> Array:
         """d2W[H] (..., 3, 3): of the base, and H S(G) + F S(dG)."""
         F, H = tensors(F), tensors(H, "H")
-        half = 0.5 * product(transpose(F), H)
-        bent = product(H, self._pull(green(F))) + product(F, self._pull(half + transpose(half)))
+        half = 0.5 * product(F.mT, H)
+        bent = product(H, self._pull(green(F))) + product(F, self._pull(half + half.mT))
         return np.asarray(self.base.hessian(F, H) + bent)
 
     def _pull(self, G: Array) -> Array:
@@ -95,4 +95,4 @@ class TransverselyIsotropic:
         A, Ga = np.outer(a, a), G @ a
         along, turned = Ga @ a, Ga[..., :, None] * a
         out = scaled(self.alpha * trace(G) + self.beta * along, A) + scaled(self.alpha * along, EYE)
-        return np.asarray(out + 2 * self.shear * (turned + transpose(turned)))
+        return np.asarray(out + 2 * self.shear * (turned + turned.mT))

@@ -6,14 +6,11 @@ equation, solved by Newton's method from zero. Source: pseudo-rigid bodies, sect
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from forceid.errors import DataError
 from forceid.pseudorigid.factors.cofactors import cofactor, determinant, inner, inverse, product, trace
-from forceid.pseudorigid.motion.integrators import Stepper
-from forceid.pseudorigid.motion.splittings import COMPOSITIONS, Splitting
+from forceid.pseudorigid.motion.splittings import Splitting
 from forceid.pseudorigid.motion.system import AffineSystem, State
 from forceid.records import Array
 
@@ -39,10 +36,17 @@ def multiplier(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0
     return np.asarray(free / trace(product(inv, system.over_moment(C))))
 
 
-def constrained_acceleration(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
-    """F'' (..., 3, 3) with the multiplier: index reduced, det F drifts with the errors of an integrator."""
-    push = multiplier(system, F, V, pull)[..., None, None] * system.over_moment(cofactor(F))
-    return np.asarray(system.acceleration(F) + pull + push)
+def driven_acceleration(system: AffineSystem, F: Array, V: Array, pull: Array | float = 0.0) -> Array:
+    """F'' (..., 3, 3) with what loads add and, where det F = 1 is imposed, the multiplier.
+
+    That is index reduced: det F drifts with the errors of an integrator.
+    """
+    free = system.acceleration(F) + pull
+    if not system.constrained:
+        return free
+    return np.asarray(
+        free + multiplier(system, F, V, pull)[..., None, None] * system.over_moment(cofactor(F))
+    )
 
 
 def rattle_steps(system: AffineSystem, state: State, h: float, n: int, table: Splitting) -> None:
@@ -104,8 +108,3 @@ def check_volume(F: Array, V: Array) -> None:
         advice = f"subtract {worst / 3:.6g} F0 from dF0"
         what = f"has tr(F0^-1 dF0) = {worst:.6g}, expected 0: its volume changes"
         raise DataError(what, "incompressible body", advice)
-
-
-RATTLE: dict[str, Stepper] = {
-    name: partial(rattle_steps, table=table) for name, table in COMPOSITIONS.items()
-}

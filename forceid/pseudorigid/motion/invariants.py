@@ -1,4 +1,4 @@
-"""What an affine body keeps: energy, angular momentum, circulation, Cauchy invariants, and which holds when.
+"""What an affine body keeps: energy, angular momentum, circulation, and which holds when.
 
 A body x = F(t) X has the second moment E = int rho X X^T, without a factor 1/2. All vectors are axial:
 w stands for the skew matrix of w x. Source: pseudo-rigid bodies, sections 0 and 1.
@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from forceid.principal import axial
 from forceid.pseudorigid.material.material_law import Material
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
-
-ISOTROPIC = 1e-13  # of E: what rounding leaves between the principal second moments of a ball
 
 
 def kinetic_energy(dF: Array, second_moment: Array) -> Array:
@@ -46,78 +45,20 @@ def angular_momentum(F: Array, dF: Array, second_moment: Array) -> Array:
     array([0., 0., 3.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial_vector(dF @ E @ np.swapaxes(F, -1, -2))
+    return axial(F @ E @ np.swapaxes(dF, -1, -2))
 
 
 def circulation(F: Array, dF: Array, second_moment: Array) -> Array:
     """Circulation (..., 3), body axes, kg m^2/s: the axial vector of F^T F' E - E F'^T F.
 
-    Kept where E = mu I and W(F Q) = W(F). F, dF (..., 3, 3); second_moment (3, 3) kg m^2. Source:
-    pseudo-rigid bodies, section 1.
+    Kept where E = mu I and W(F Q) = W(F). With second_moment I these are Cauchy's invariants, 1/s: kept,
+    whatever E, where W knows only det F, or F E F^T, or both, as of gas, fluid and self-gravity; also with
+    det F held constant. F, dF (..., 3, 3); second_moment (3, 3) kg m^2.
+    Source: pseudo-rigid bodies, section 1.
 
     >>> spin = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
     >>> circulation(np.eye(3), spin, 2 * np.eye(3))
     array([0., 0., 4.])
     """
     F, dF, E = tensors(F), tensors(dF, "dF"), tensors(second_moment, "second_moment")
-    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF @ E)
-
-
-def cauchy_invariants(F: Array, dF: Array) -> Array:
-    """Kelvin's circulation (..., 3), body axes, 1/s: the axial vector of F^T F' - F'^T F.
-
-    Kept, whatever E, where W knows only det F, or F E F^T, or both: gas, fluid, self-gravity; also with
-    det F held constant. F, dF (..., 3, 3). Source: pseudo-rigid bodies, section 1.
-
-    >>> cauchy_invariants(np.eye(3), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]))
-    array([0., 0., 2.])
-    """
-    F, dF = tensors(F), tensors(dF, "dF")
-    return 2 * axial_vector(np.swapaxes(F, -1, -2) @ dF)
-
-
-def conserved(
-    second_moment: Array, frame_indifferent: bool = True, isotropic: bool = False, fluid: bool = False
-) -> tuple[str, ...]:
-    """Names of the invariants that a body keeps, each the name of a function here.
-
-    second_moment (3, 3) kg m^2. frame_indifferent: W(Q F) = W(F); isotropic: W(F Q) = W(F); fluid: W knows
-    only det F and F E F^T, with or without det F held constant. At E = mu I the circulation is mu times the
-    Cauchy invariants. Source: pseudo-rigid bodies, section 1.
-
-    >>> conserved(np.diag([1.0, 2, 3]), isotropic=True)
-    ('energy', 'angular_momentum')
-    >>> conserved(np.eye(3), isotropic=True)
-    ('energy', 'angular_momentum', 'circulation', 'cauchy_invariants')
-    """
-    ball = is_symmetric_body(second_moment)
-    return (
-        "energy",
-        *(("angular_momentum",) if frame_indifferent or fluid else ()),
-        *(("circulation",) if ball and (isotropic or fluid) else ()),
-        *(("cauchy_invariants",) if fluid or (ball and isotropic) else ()),
-    )
-
-
-def is_symmetric_body(second_moment: Array) -> bool:
-    """Whether E = mu I, to rounding. second_moment (3, 3) kg m^2."""
-    mu = np.trace(second_moment) / 3
-    return bool(np.abs(second_moment - mu * np.eye(3)).max() <= ISOTROPIC * abs(mu))
-
-
-def hat(w: Array) -> Array:
-    """Skew matrix (..., 3, 3) of w x, from w (..., 3)."""
-    out = np.zeros((*w.shape, 3))
-    out[..., [2, 0, 1], [1, 2, 0]] = w
-    out[..., [1, 2, 0], [2, 0, 1]] = -w
-    return out
-
-
-def vector_cross(a: Array, b: Array) -> Array:
-    """Vector product a x b (..., 3): numpy's, at a quarter of its cost on a few vectors."""
-    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-
-
-def axial_vector(A: Array) -> Array:
-    """Axial vector (..., 3) of the skew part of A (..., 3, 3): hat(w) gives w, a symmetric matrix 0."""
-    return np.asarray(0.5 * (A[..., [2, 0, 1], [1, 2, 0]] - A[..., [1, 2, 0], [2, 0, 1]]))
+    return axial(E @ np.swapaxes(dF, -1, -2) @ F)

@@ -7,22 +7,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from forceid.pseudorigid.factors.cofactors import EYE, by_component, determinant, product
 from forceid.pseudorigid.material.material_law import Material
 from forceid.records import Array, Flags
 
 BASIS = np.eye(9).reshape(9, 3, 3)
+EventKinds = NDArray[np.str_]
+EVENT_DTYPE = "<U9"
 
 
 @dataclass(frozen=True)
 class AffineSystem:
-    """Material and second moment E (3, 3), symmetric positive definite."""
+    """Material and second moment E (3, 3), symmetric positive definite; constrained: det F = 1 is imposed."""
 
     material: Material
     E: Array
+    constrained: bool = False
 
     @cached_property
     def inverse(self) -> Array:
@@ -43,18 +48,12 @@ class AffineSystem:
         """F'' = -dW/dF E^-1 (..., 3, 3), without the multiplier of a constraint."""
         return self.over_moment(-self.material.gradient(F))
 
-    def stiffness(self, F: Array) -> Array:
-        """Minus the derivative of the acceleration (..., 9, 9): [column of E^-1 d2W[H]] over directions H."""
-        F9, H9 = along_basis(F)
-        rows = self.over_moment(self.material.hessian(F9, H9))
-        return np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
-
     def vibration(self, F: Array) -> Array:
         """Largest frequency (...,) rad/s of small vibrations about F; 0 where none is stable."""
         value, vector = np.linalg.eigh(self.E)
         root = np.asarray((vector / np.sqrt(value)) @ vector.T)  # E^-1/2 on both sides: symmetric
-        F9, H9 = along_basis(F)
-        rows = self.material.hessian(F9, H9 @ root) @ root
+        H = np.broadcast_to((BASIS @ root).reshape(9, *(1,) * (F.ndim - 2), 3, 3), (9, *F.shape))
+        rows = self.material.hessian(np.broadcast_to(F, H.shape), H) @ root
         K = np.moveaxis(rows.reshape(9, *F.shape[:-2], 9), 0, -1)
         return np.asarray(np.sqrt(np.linalg.eigvalsh(K).max(-1).clip(0)))
 
@@ -65,10 +64,24 @@ class AffineSystem:
         return np.asarray(np.linalg.norm(V @ root, axis=(-2, -1)) / size)
 
 
-def along_basis(F: Array) -> tuple[Array, Array]:
-    """F and the nine unit matrices, both (9, ..., 3, 3)."""
-    H = BASIS.reshape(9, *(1,) * (F.ndim - 2), 3, 3)
-    return np.broadcast_to(F, (9, *F.shape)), np.broadcast_to(H, (9, *F.shape))
+class Path(NamedTuple):
+    """F and V (time, body, 3, 3), NaN after a stop; kind of stop (body,), "" for none, and its time (body,).
+
+    center (time, body, 6): place and velocity of the mass center of driven bodies, (time, body, 0) of free
+    ones.
+    """
+
+    F: Array
+    V: Array
+    kind: EventKinds
+    stop: Array
+    center: Array
+
+
+def side_by_side(paths: list[Path]) -> Path:
+    """Paths of blocks of bodies as one."""
+    joined = [np.concatenate(part, 0 if part[0].ndim == 1 else 1) for part in zip(*paths, strict=True)]
+    return Path(*joined)
 
 
 @dataclass

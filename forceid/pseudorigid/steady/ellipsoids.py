@@ -16,10 +16,9 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
+from forceid.principal import cross_matrix
 from forceid.pseudorigid.material.material_law import validated_constant
-from forceid.pseudorigid.motion.invariants import hat
-from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols
-from forceid.pseudorigid.validation import real_values
+from forceid.pseudorigid.steady.index_symbols import LONGEST_AXIS, index_symbols, inside, pair_symbols
 from forceid.records import Array
 
 SPIN_ROUNDING = 1e-13  # of w^2 + l^2: what rounding takes from w^2 + l^2 >= 2 |w l| where w = l or w = -l
@@ -83,7 +82,7 @@ def steady_motion(axes: Array, w: Array, l: Array, time: ArrayLike) -> tuple[Arr
     turns = [Rotation.from_rotvec((t[..., None] * v).reshape(-1, 3)).as_matrix() for v in (w, l)]
     L, R = (turn.reshape(*np.broadcast_shapes(w.shape[:-1], t.shape), 3, 3) for turn in turns)
     F = (L * axes[..., None, :]) @ R
-    return F, hat(w) @ F + F @ hat(l)
+    return F, cross_matrix(w) @ F + F @ cross_matrix(l)
 
 
 def steady_ellipsoid(axes: Array, w: Array, l: Array) -> Ellipsoid:  # noqa: E741
@@ -130,7 +129,7 @@ def riemann_s(a2: ArrayLike, a3: ArrayLike, adjoint: bool = False) -> Ellipsoid:
     >>> print(f"{found.w:.9f} {found.l:.9f}")
     0.597858492 0.017304361
     """
-    b, c = np.broadcast_arrays(inside(a2, "a2", 1.0), inside(a3, "a3", np.inf))
+    b, c = np.broadcast_arrays(inside(a2, "a2", 1.0), inside(a3, "a3", LONGEST_AXIS))
     s, twice = conditions(b, c)
     bad = s * (1 + SPIN_ROUNDING) < np.abs(twice)
     if bad.any():
@@ -226,16 +225,3 @@ def irrotational(a2: ArrayLike) -> Ellipsoid:
     0.632524186 0.515733323 -0.412586658
     """
     return riemann_sequence(a2, -2.0)
-
-
-def inside(given: ArrayLike, name: str, highest: float, whole: bool = True) -> Array:
-    """The numbers as an array, above 0 and up to `highest`, that included if whole. DataError otherwise."""
-    x = real_values(given, name)
-    bad = ~(np.isfinite(x) & (x > 0) & ((x <= highest) if whole else (x < highest)))
-    if bad.any():
-        expected = (
-            "a positive length" if highest == np.inf else f"inside (0, {highest:g}{']' if whole else ')'}"
-        )
-        advice = "order the axes so that a1 = 1 is not below a2" if name == "a2" else f"give another {name}"
-        raise DataError(f"is {x[bad].flat[0]:g}, expected {expected}", name, advice)
-    return x

@@ -1,28 +1,36 @@
-"""Self-gravity of an ellipsoidal body as a stored energy of its deformation.
+"""Self-gravity of an ellipsoidal body as a stored energy of its deformation, and gas clouds that it holds.
 
 The reference body is a ball, E = mu I, and its density falls as 1/J: W = -4 mu pi G rho R_F(a_1^2, a_2^2,
-a_3^2) with rho at J = 1 and a_i the singular values of F. Source: pseudo-rigid bodies, section 8.
+a_3^2) with rho at J = 1 and a_i the singular values of F. A cloud of a perfect gas of uniform temperature
+adds K J^(1 - gamma) / (gamma - 1), and in a harmonic trap mu omega_0^2 tr(F^T F) / 2.
+Source: pseudo-rigid bodies, sections 7 and 8.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from functools import cached_property
 
 import numpy as np
 
-from forceid.pseudorigid.material.material_law import check_above
+from forceid.pseudorigid.material.formless import PerfectGas
+from forceid.pseudorigid.material.material_law import Material, check_above
 from forceid.pseudorigid.steady.index_symbols import index_symbols, pair_symbols, potential_integral
 from forceid.pseudorigid.validation import tensors
 from forceid.records import Array
+
+MONATOMIC = 5 / 3
 
 
 @dataclass(frozen=True)
 class SelfGravity:
     """Stored energy of a body's own gravity: pi_G_rho = pi G rho in 1/s^2 at det F = 1, and mu of E = mu I.
 
-    Energies have the unit of mu over s^2. Defined for every F of rank 3, smooth where axes are equal.
-    DataError where a constant is not positive and finite. Source: pseudo-rigid bodies, section 8.
+    Energies have the unit of mu over s^2. Defined for every F of rank 3, smooth where axes are equal. A
+    homogeneous ball of mass m and radius r has rho = 3 m / (4 pi r^3) and mu = m r^2 / 5. The law is that of
+    every density that is constant on similar ellipsoids: a Gaussian cloud of standard deviation s has
+    mu = m s^2 and pi G rho = G m / (8 sqrt(pi) s^3). DataError where a constant is not positive and finite.
+    Source: pseudo-rigid bodies, section 8.
 
     >>> print(f"{SelfGravity(pi_G_rho=1.0).energy(np.eye(3)):.1f}")
     -4.0
@@ -71,28 +79,49 @@ class SelfGravity:
         return np.asarray(2 * self.mu * self.pi_G_rho * L @ (change / a.prod(-1)[..., None, None]) @ R)
 
 
-def ball_gravity(G: float, mass: float, radius: float) -> SelfGravity:
-    """Self-gravity of a homogeneous ball of mass and radius at F = I: mu = mass radius^2 / 5.
+@dataclass(frozen=True)
+class GasCloud:
+    """Stored energy of a gas cloud: K and gamma of the gas, and what holds it together.
 
-    >>> ball = ball_gravity(1.0, 5.0, 1.0)
-    >>> print(f"{ball.energy(np.eye(3)):.1f}")  # -(3/5) G m^2 / r
-    -15.0
+    K: pressure times volume at J = 1, an energy; gamma > 1; trap: omega_0 of the harmonic trap, 1/s;
+    pi_G_rho: of its own gravity at J = 1, 1/s^2, as in `SelfGravity`; mu of E = mu I. Without trap and
+    pi_G_rho, a free cloud. DataError where a constant is out of range, and of an energy where det F <= 0.
+    Source: pseudo-rigid bodies, section 7.
+
+    >>> print(f"{GasCloud(1.0, 1.5, trap=2.0).energy(np.eye(3)):.1f}")
+    8.0
     """
-    for name, value in (("G", G), ("mass", mass), ("radius", radius)):
-        check_above("ball_gravity", name, value)
-    return SelfGravity(pi_G_rho=0.75 * G * mass / radius**3, mu=mass * radius**2 / 5)
 
+    K: float
+    gamma: float = MONATOMIC
+    trap: float = 0.0
+    pi_G_rho: float = 0.0
+    mu: float = 1.0
 
-def gaussian_gravity(G: float, mass: float, sigma: float) -> SelfGravity:
-    """Self-gravity of a Gaussian cloud of mass and standard deviation sigma at F = I: mu = mass sigma^2.
+    def __post_init__(self) -> None:
+        for name, least in (("K", 0.0), ("gamma", 1.0), ("mu", 0.0)):
+            check_above("GasCloud", name, getattr(self, name), least)
+        for name in ("trap", "pi_G_rho"):
+            check_above("GasCloud", name, getattr(self, name), itself=True)
 
-    W = -G m^2 / (2 sqrt(pi) sigma) R_F(a^2): the law of every density that is constant on similar ellipsoids.
+    @cached_property
+    def parts(self) -> tuple[Material, ...]:
+        """The gas, and its own gravity where it has one."""
+        gas = PerfectGas(self.K, self.gamma)
+        return (gas, SelfGravity(self.pi_G_rho, self.mu)) if self.pi_G_rho else (gas,)
 
-    >>> cloud = gaussian_gravity(1.0, 1.0, 1.0)
-    >>> print(f"{cloud.energy(np.eye(3)) * 2 * np.sqrt(np.pi):.1f}")
-    -1.0
-    """
-    for name, value in (("G", G), ("mass", mass), ("sigma", sigma)):
-        check_above("gaussian_gravity", name, value)
-    mu = mass * sigma**2
-    return SelfGravity(pi_G_rho=G * mass**2 / (8 * sqrt(pi) * sigma * mu), mu=mu)
+    def energy(self, F: Array) -> Array:
+        """W(F) (...,) of F (..., 3, 3)."""
+        F = tensors(F)
+        held = 0.5 * self.mu * self.trap**2 * (F * F).sum((-2, -1))
+        return np.asarray(held + sum(part.energy(F) for part in self.parts))
+
+    def gradient(self, F: Array) -> Array:
+        """dW/dF (..., 3, 3): of gas and gravity, and mu omega_0^2 F."""
+        F = tensors(F)
+        return np.asarray(self.mu * self.trap**2 * F + sum(part.gradient(F) for part in self.parts))
+
+    def hessian(self, F: Array, H: Array) -> Array:
+        """d2W[H] (..., 3, 3) along H (..., 3, 3)."""
+        F, H = tensors(F), tensors(H, "H")
+        return np.asarray(self.mu * self.trap**2 * H + sum(part.hessian(F, H) for part in self.parts))

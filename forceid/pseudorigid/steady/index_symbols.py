@@ -23,21 +23,21 @@ SHORTEST_AXIS, LONGEST_AXIS = 1e-75, 1e75  # of semi-axes, whose fourth powers a
 FAR_ENDS = 3.8  # beyond the logarithms of the squared axes, where the integrand is below 1e-17 of its largest
 
 
-def checked_axes(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> tuple[Array, Array, Array]:
+def inside(given: ArrayLike, name: str, highest: float, whole: bool = True) -> Array:
+    """The numbers as an array, above 0 and up to `highest`, that included if whole. DataError otherwise."""
+    x = real_values(given, name)
+    bad = ~((x > SHORTEST_AXIS) & ((x <= highest) if whole else (x < highest)))
+    if bad.any():
+        length, end = highest == LONGEST_AXIS, "]" if whole else ")"
+        expected = "a positive length" if length else f"inside (0, {highest:g}{end}"
+        advice = "order the axes so that a1 = 1 is not below a2" if name == "a2" else f"give another {name}"
+        raise DataError(f"is {x[bad].flat[0]:g}, expected {expected}", name, advice)
+    return x
+
+
+def checked_axes(*axes: ArrayLike) -> tuple[Array, ...]:
     """Semi-axes broadcast against each other. DataError where one is not a positive finite number."""
-    axes = []
-    for name, given in zip(("a1", "a2", "a3"), (a1, a2, a3), strict=True):
-        a = real_values(given, f"axis {name}")
-        bad = ~((a > SHORTEST_AXIS) & (a < LONGEST_AXIS))
-        if bad.any():
-            raise DataError(
-                f"is {a[bad].flat[0]:g}, expected a positive length",
-                f"axis {name}",
-                "give semi-axes above zero, in a unit of their size",
-            )
-        axes.append(a)
-    first, second, third = np.broadcast_arrays(*axes)
-    return first, second, third
+    return np.broadcast_arrays(*(inside(a, f"axis a{i}", LONGEST_AXIS) for i, a in enumerate(axes, 1)))
 
 
 def index_symbols(a1: ArrayLike, a2: ArrayLike, a3: ArrayLike) -> Array:

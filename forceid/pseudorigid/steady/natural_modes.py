@@ -10,18 +10,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh, null_space
+from scipy.linalg import eigh
 
 from forceid.errors import DataError
-from forceid.pseudorigid.factors.cofactors import cofactor
-from forceid.pseudorigid.material.material_law import check_finite, check_stable
-from forceid.pseudorigid.steady.spectra import Spectrum, rotating_spectrum, stiffness_matrix
-from forceid.pseudorigid.validation import deformation, validated_second_moment
+from forceid.pseudorigid.material.material_law import check_finite
+from forceid.pseudorigid.steady.spectra import Spectrum, linearized, rotating_spectrum
+from forceid.pseudorigid.validation import validated_second_moment
 from forceid.records import Array
 
 CONTINUED = (1, 8, 64)  # steps of the rate from rest to the one that is asked for
 NEWTON_SETTLED = 1e-14  # of the stretch, in the last step of Newton's method
-AT_REST = 1e-9  # of the stiffness, that the stress of a body at rest may be
 
 
 @dataclass(frozen=True)
@@ -43,48 +41,15 @@ def natural_modes(
     material: with `gradient(F)` and `hessian(F, H)`, F (3, 3). DataError where it is not at rest there.
     Source: pseudo-rigid bodies, 12.6.
 
-    >>> from forceid.pseudorigid.steady.gas_cloud import GasCloud
+    >>> from forceid.pseudorigid.steady.gravity import GasCloud
     >>> cloud = GasCloud(1.0, 1.4, trap=1.0)
     >>> print(natural_modes(cloud, np.eye(3)).squared.round(9) + 0.0)
     [0.  0.  0.  2.  2.  2.  2.  2.  3.2]
     """
-    E = validated_second_moment(second_moment)
-    F = np.eye(3) if rest is None else deformation(rest, "rest")
-    force = np.asarray(material.gradient(F))
-    C = cofactor(F)
-    multiplier = float((force * C).sum() / (C**2).sum()) if incompressible else 0.0
-    left = np.abs(force - multiplier * C).max()
-    if left > AT_REST * np.abs(stiffness_matrix(material, F)).max() * np.abs(F).max():
-        raise DataError(
-            f"leaves the force {left:.3g}, so the body is not at rest there",
-            "rest",
-            "take the natural constants of the material, or give F of its rest",
-        )
-    M = np.kron(np.eye(3), E)
-    free = np.eye(9)
-    if incompressible:
-        free = null_space(C.reshape(1, 9))
-    K = stiffness_matrix(material, F, multiplier)
-    squared, shape = eigh(free.T @ ((K + K.T) / 2) @ free, free.T @ M @ free)
+    still, F = np.zeros(3), np.eye(3) if rest is None else rest
+    (M, _, K), free, _ = linearized(material, second_moment, F, still, still, incompressible)
+    squared, shape = eigh((K + K.T) / 2, M)
     return NaturalModes(squared, np.asarray((free @ shape).T.reshape(-1, 3, 3)))
-
-
-def lame_frequencies(lam: float, mu: float, second_moment: Array) -> Array:
-    """Squared natural frequencies (9,) from small-strain constants, ascending: the closed form for any E.
-
-    Three zeros; mu (1/e_i + 1/e_j) for each pair of principal moments of E; and the three of
-    lam 1 1^T + 2 mu I against diag(e). Source: pseudo-rigid bodies, 12.6.
-
-    >>> print(lame_frequencies(2.6, 1.7, 1.7 * np.eye(3)).round(9))
-    [0.         0.         0.         2.         2.         2.
-     2.         2.         6.58823529]
-    """
-    check_stable("natural modes", lam, mu)
-    e = np.linalg.eigvalsh(validated_second_moment(second_moment))
-    pairs = [mu * (1 / e[i] + 1 / e[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    root = np.sqrt(e)
-    stretches = np.linalg.eigvalsh(lam / np.outer(root, root) + 2 * mu * np.diag(1 / e))
-    return np.sort(np.concatenate([np.zeros(3), pairs, stretches]))
 
 
 @dataclass(frozen=True)
@@ -106,7 +71,7 @@ def spinning_body(
     rate 1/s. By Newton's method, with the rate raised in steps where one does not do. DataError where E is
     not diagonal, or where nothing holds the body together at this rate. Source: pseudo-rigid bodies, 12.6.
 
-    >>> from forceid.pseudorigid.steady.gas_cloud import GasCloud
+    >>> from forceid.pseudorigid.steady.gravity import GasCloud
     >>> found = spinning_body(GasCloud(1.0, 5 / 3, trap=1.0), np.eye(3), 0.6)
     >>> print(f"{found.stretch[0] / found.stretch[2]:.9f}")  # 1 / sqrt(1 - rate^2)
     1.250000000

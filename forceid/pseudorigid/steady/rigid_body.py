@@ -1,6 +1,6 @@
 """The free rigid body, U = I: the limit of an affine body that does not stretch, in closed form.
 
-J = tr(E) I - E is the usual inertia tensor, J w' = J w x w, L' = L hat(w). The rates are Jacobi elliptic
+J = tr(E) I - E is the usual inertia tensor, J w' = J w x w, L' = L [w]x. The rates are Jacobi elliptic
 functions of time; the rotation needs one more angle, about the angular momentum, whose rate is a smooth
 function of dn. Source: pseudo-rigid bodies, sections 4 and 12.5.
 """
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkm1, elliprf
 
 from forceid.errors import DataError
-from forceid.pseudorigid.motion.invariants import hat, vector_cross
+from forceid.principal import cross, cross_matrix
 from forceid.pseudorigid.validation import instants, matrix, real_vector, rotation_matrix
 from forceid.records import Array
 
@@ -45,30 +45,6 @@ class EllipticTurn:
     start: float
     m: float
     m1: float
-
-
-def inertia(second_moment: Array) -> Array:
-    """Inertia tensor tr(E) I - E (3, 3) of second moment E (3, 3), kg m^2. Source: section 4.
-
-    >>> inertia(np.diag([1.0, 2, 3])).diagonal()
-    array([5., 4., 3.])
-    """
-    return np.asarray(np.trace(second_moment) * np.eye(3) - second_moment)
-
-
-def second_moment(inertia: Array) -> Array:
-    """Second moment tr(J)/2 I - J (3, 3) of inertia tensor J (3, 3), kg m^2. Source: section 4."""
-    return np.asarray(np.trace(inertia) / 2 * np.eye(3) - inertia)
-
-
-def rigid_rates(omega: Array, inertia: Array) -> Array:
-    """Rates w' (..., 3) rad/s^2 of J w' = J w x w. omega (..., 3) rad/s, body axes; inertia (3, 3).
-
-    >>> rigid_rates(np.array([1.0, 0, 1]), np.diag([2.0, 3, 4]))
-    array([0.        , 0.66666667, 0.        ])
-    """
-    momentum = omega @ inertia.T
-    return np.asarray(np.linalg.solve(inertia, vector_cross(momentum, omega)[..., None])[..., 0])
 
 
 def free_rotation(inertia: Array, omega0: Array, time: Array, L0: Array | None = None) -> RigidMotion:
@@ -195,7 +171,7 @@ def landen(tau: Array, m1: float) -> tuple[Array, Array, Array, Array]:
 def tilt(n: Array, sense: float) -> Array:
     """Shortest rotation (..., 3, 3) of sense e_3 to the unit vector n (..., 3), never opposite to it."""
     e = np.array([0.0, 0, sense])
-    turn = hat(vector_cross(e, n))
+    turn = cross_matrix(cross(e, n))
     return np.asarray(np.eye(3) + turn + turn @ turn / (1 + sense * n[..., 2])[..., None, None])
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import null_space
 
 from forceid.errors import DataError
+from forceid.principal import cross_matrix
 from forceid.pseudorigid.factors.cofactors import cofactor, tensor_cross
-from forceid.pseudorigid.motion.invariants import hat
 from forceid.pseudorigid.steady.ellipsoids import Ellipsoid
 from forceid.pseudorigid.steady.gravity import SelfGravity
 from forceid.pseudorigid.validation import deformation, real_vector, validated_second_moment
@@ -69,7 +69,7 @@ def rotating_spectrum(
     lam: Array,
     incompressible: bool = False,
 ) -> Spectrum:
-    """Spectrum of an affine body about F = exp(W t) Phi exp(Lambda t), W = hat(omega), Lambda = hat(lam).
+    """Spectrum of an affine body about F = exp(W t) Phi exp(Lambda t), W = [omega]x, Lambda = [lam]x.
 
     material: with `gradient(F)` and `hessian(F, H)`, F (3, 3); second_moment E and equilibrium Phi (3, 3);
     omega, lam (3,) 1/s. lam other than zero asks for an isotropic material and an E that it leaves alone.
@@ -84,9 +84,22 @@ def rotating_spectrum(
     >>> print(f"{found.growth} {found.multiplier:.6f}")
     0.0 1.171731
     """
+    (M, G, K), _, multiplier = linearized(material, second_moment, equilibrium, omega, lam, incompressible)
+    n = len(M)
+    first = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, G]))]])
+    return Spectrum(np.linalg.eigvals(first), multiplier)
+
+
+def linearized(
+    material: Any, second_moment: Array, equilibrium: Array, omega: Array, lam: Array, incompressible: bool
+) -> tuple[tuple[Array, ...], Array, float]:
+    """M, G, K about an equilibrium, as of `rotating_spectrum`, of what moves, and the multiplier.
+
+    What moves: delta of F as rows (9,) is a column of coordinates by a basis (9, mode), the second result.
+    """
     E, phi = validated_second_moment(second_moment), deformation(equilibrium, "equilibrium")
     omega, lam = real_vector(omega, "omega"), real_vector(lam, "lam")
-    W, Q = hat(omega), hat(lam)
+    W, Q = cross_matrix(omega), cross_matrix(lam)
     if np.abs(Q @ E - E @ Q).max() > 1e-12 * max(np.abs(E).max() * np.abs(Q).max(), 1e-300):
         raise DataError(
             "turns the second moment", "lam", "give E = mu I, or lam along an axis of symmetry of E"
@@ -98,7 +111,9 @@ def rotating_spectrum(
     multiplier = float(((carried + pull) * C).sum() / (C**2).sum()) if incompressible else 0.0
     left = carried + pull - multiplier * C
     size = max(np.abs(carried).max(), np.abs(pull).max(), 1e-300)
-    if np.abs(left).max() > EQUILIBRIUM_SUM * size and not at_rest_free(left, material, phi):
+    # of a material that is free of stress at phi what is left may be rounding
+    still = np.abs(stiffness_matrix(material, phi)).max() * np.abs(phi).max()
+    if np.abs(left).max() > EQUILIBRIUM_SUM * max(size, still):
         raise DataError(
             f"leaves {np.abs(left).max() / size:.1e} of its forces unbalanced, so it is no equilibrium",
             "equilibrium",
@@ -110,18 +125,8 @@ def rotating_spectrum(
     G = 2 * (np.kron(W, E) + np.kron(eye, (Q @ E).T))
     K = np.kron(W @ W, E) + 2 * np.kron(W, (Q @ E).T) + np.kron(eye, (Q @ Q @ E).T)
     K = K + stiffness_matrix(material, phi, multiplier)
-    if incompressible:
-        free = null_space(C.reshape(1, 9))
-        M, G, K = (free.T @ matrix @ free for matrix in (M, G, K))
-    n = len(M)
-    first = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, G]))]])
-    return Spectrum(np.linalg.eigvals(first), multiplier)
-
-
-def at_rest_free(left: Array, material: Any, phi: Array) -> bool:
-    """Whether what is unbalanced is rounding of a material that is free of stress at phi."""
-    stiffness = np.abs(stiffness_matrix(material, phi)).max()
-    return bool(np.abs(left).max() <= EQUILIBRIUM_SUM * stiffness * np.abs(phi).max())
+    free = null_space(C.reshape(1, 9)) if incompressible else np.eye(9)
+    return tuple(free.T @ matrix @ free for matrix in (M, G, K)), free, multiplier
 
 
 def stiffness_matrix(material: Any, F: Array, multiplier: float = 0.0) -> Array:

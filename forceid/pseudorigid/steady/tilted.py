@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from forceid.pseudorigid.steady.ellipsoids import SPIN_ROUNDING, inside, steady_motion
-from forceid.pseudorigid.steady.index_symbols import index_symbols
+from forceid.pseudorigid.steady.ellipsoids import SPIN_ROUNDING, steady_motion
+from forceid.pseudorigid.steady.index_symbols import LONGEST_AXIS, index_symbols, inside
 from forceid.records import Array
 
 
@@ -81,7 +81,7 @@ def riemann_tilted(a1: float, a2: float, a3: float) -> tuple[TiltedEllipsoid, ..
     ('I', 0, [0.0, 0.3639, 0.6633], [0.0, -2.2794, -1.9637])
     """
     given = zip((a1, a2, a3), ("a1", "a2", "a3"), strict=True)
-    axes = np.array([inside(a, name, np.inf) for a, name in given])
+    axes = np.array([inside(a, name, LONGEST_AXIS) for a, name in given])
     found = (motion for normal in range(3) for motion in in_plane(axes, normal))
     return tuple(sorted(found, key=lambda e: (e.normal, -np.linalg.norm(e.w))))
 

@@ -8,10 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.affine.motion import MOMENT, affine_motion, first_moments, moment_of
+from forceid.estimation.affine.motion import MOMENT, affine_motion, first_moments
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.files.stored.hdf5 import read_motion
+from forceid.principal import axial
 from forceid.records import Body, Motion, Recording
 from forceid.scenes.flights.spinning_block import CORNERS
 
@@ -143,7 +144,7 @@ def test_rigid_rotation_shows_its_centripetal_tensor():
 
 
 def test_what_is_antisymmetric_in_the_first_moments_is_the_moment_of_the_result(result):
-    assert np.abs(moment_of(result.first_moment) - result.moment).max() < 1e-12
+    assert np.abs(axial(result.first_moment.mT) - result.moment).max() < 1e-12
     cov = MOMENT @ result.first_moment_cov @ MOMENT.T
     assert np.abs(cov - result.wrench_cov[:, 3:, 3:]).max() < 1e-15
 

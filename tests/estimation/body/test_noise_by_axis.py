@@ -8,7 +8,8 @@ from forceid.config import load_settings
 from forceid.estimation.body.deformation_residual import errors_beyond
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.run import estimate_recording
-from forceid.motion.pose import fit_pose, log, through_fit
+from forceid.motion.frames import fit_pose, through_fit
+from forceid.motion.pose import log
 from forceid.records import Body, Motion, Recording
 
 MASS, GRAVITY = 2.0, np.array([0.0, -9.81, 0.0])

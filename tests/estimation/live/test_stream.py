@@ -13,7 +13,7 @@ from forceid.estimation.live.model import tuned_on
 from forceid.estimation.live.run import followed_live, live_pace
 from forceid.flight import attitude
 from forceid.kalman.recursions import fixed_lag
-from forceid.motion import one_frame, pose
+from forceid.motion import pose
 from forceid.records import Frame, Motion, Recording
 
 
@@ -266,7 +266,7 @@ def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
     compiled = followed(t, x)
     monkeypatch.setattr(fixed_lag, "FOLLOW", None)
     monkeypatch.setattr(loads, "LEAD", None)
-    for module in (attitude, one_frame, pose):
+    for module in (attitude, pose):
         monkeypatch.setattr(module, "compiled", None)
     plain = followed(t, x)
     for name in ("force", "moment", "force_std", "moment_std"):

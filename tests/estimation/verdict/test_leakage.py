@@ -82,7 +82,8 @@ def test_turn_about_a_line_is_not_known_at_all():
 
 
 def test_rotation_sigma_is_what_noise_does_to_a_fit():
-    from forceid.motion.pose import fit_pose, log
+    from forceid.motion.frames import fit_pose
+    from forceid.motion.pose import log
 
     rng = np.random.default_rng(0)
     x = TRIANGLE + 1e-5 * rng.standard_normal((4000, 3, 3))
@@ -93,7 +94,7 @@ def test_rotation_sigma_is_what_noise_does_to_a_fit():
 def test_rigid_fit_takes_of_a_mode_what_it_takes_of_the_mode_drawn_on_the_markers():
     # a mode of the first node alone, given: the fit's leak is found by moving the markers by it
     from forceid.estimation.body.deforming.modes import split_rigid
-    from forceid.motion.pose import fit_pose
+    from forceid.motion.frames import fit_pose
 
     recording = cf.toss()
     raw = np.zeros((1, 6, 3))

@@ -21,9 +21,9 @@ from evidence.subjects.affine.reduced.reduced_form import (
     integrate_form,
 )
 from evidence.subjects.affine.reduced.two_sided import axis_forces, chart_ends, cyclic_pairs, quotient
+from forceid.principal import axial, cross, cross_matrix
 from forceid.pseudorigid.factors.decomposition import bipolar
 from forceid.pseudorigid.material.material_law import Material
-from forceid.pseudorigid.motion.invariants import axial_vector, hat, vector_cross
 from forceid.records import Array
 
 GENERAL_SIMULATE = "general_reduced.simulate"
@@ -68,8 +68,8 @@ def general_state(F: Array, dF: Array, second_moment: Array) -> GeneralState:
     return GeneralState(
         a,
         p,
-        axial_vector(P * a[..., None, :]),
-        axial_vector(a[..., :, None] * P),
+        0.5 * axial((P * a[..., None, :]).mT),
+        0.5 * axial((a[..., :, None] * P).mT),
         quaternion(L),
         quaternion(R_T),
     )
@@ -83,14 +83,14 @@ def momentum_matrix(a: Array, p: Array, left: Array, right: Array) -> Array:
     ai, aj = cyclic_pairs(a)
     skew = quotient(left + right, ai + aj)
     even = off_diagonal(quotient(left - right, ai - aj))
-    return p[..., None] * np.eye(3) + hat(skew) + even
+    return p[..., None] * np.eye(3) + cross_matrix(skew) + even
 
 
 def body_rates(a: Array, A: Array) -> tuple[Array, Array]:
     """Body rates omega and lambda (..., 3) rad/s of A = L^T F' R^T (..., 3, 3). Source: section 2."""
     ai, aj = cyclic_pairs(a)
     even = A[..., [2, 0, 1], [1, 2, 0]] + A[..., [1, 2, 0], [2, 0, 1]]
-    s, d = quotient(2 * axial_vector(A), ai + aj), quotient(even, ai - aj)
+    s, d = quotient(axial(A.mT), ai + aj), quotient(even, ai - aj)
     return (s + d) / 2, (s - d) / 2
 
 
@@ -107,13 +107,13 @@ def general_rates(state: GeneralState, second_moment: Array, material: Material)
     P_T = np.swapaxes(P, -1, -2)
     A = np.swapaxes(np.linalg.solve(E, P_T), -1, -2)
     omega, lam = body_rates(a, A)
-    driven = np.einsum("...ii->...i", P_T @ hat(omega) + hat(lam) @ P_T)
-    torque = axial_vector(np.swapaxes(A, -1, -2) @ P)  # sk(A^T A E_R) = [A^T A, E_R] / 2
+    driven = np.einsum("...ii->...i", P_T @ cross_matrix(omega) + cross_matrix(lam) @ P_T)
+    torque = 0.5 * axial(P.mT @ A)  # sk(A^T A E_R) = [A^T A, E_R] / 2
     return GeneralState(
         np.einsum("...ii->...i", A).copy(),
         driven - axis_forces(a, material),
-        vector_cross(left, omega),
-        vector_cross(lam, right) + torque,
+        cross(left, omega),
+        cross(lam, right) + torque,
         quaternion_rates(q_L, omega),
         quaternion_rates(q_R, -lam),
     )
@@ -127,7 +127,7 @@ def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, ti
     coalesce or J falls to 0.
 
     >>> from forceid.pseudorigid.material.materials import NeoHookean
-    >>> F0, dF0 = np.diag([1.2, 1.0, 0.9]), 0.3 * hat(np.array([0.0, 0, 1]))
+    >>> F0, dF0 = np.diag([1.2, 1.0, 0.9]), 0.3 * cross_matrix(np.array([0.0, 0, 1]))
     >>> E = np.diag([1.0, 1.5, 2.2])
     >>> motion = simulate(E, NeoHookean(1.0, 0.5, 3.0), F0, dF0, np.array([0.0, 0.5]))
     >>> np.ptp(np.linalg.norm(motion.left, axis=1)) < 1e-12

@@ -1,7 +1,7 @@
 """The affine body with its rotation taken out, F = L U: any E, any frame-indifferent W.
 
 State: rotation L, stretch U = sqrt(F^T F), body angular momentum m, stretch momentum p_U. With X = L^T F' =
-hat(omega) U + U', m is the axial vector of X E U (half the angular momentum in body axes) and p_U the
+[omega]x U + U', m is the axial vector of X E U (half the angular momentum in body axes) and p_U the
 symmetric part of X E. Regular while J > 0. Source: pseudo-rigid bodies, section 5.1, which corrects
 corollary 3.2.
 """
@@ -20,13 +20,13 @@ from evidence.subjects.affine.reduced.reduced_form import (
     checked_body,
     integrate_form,
 )
+from forceid.principal import axial, cross, cross_matrix
 from forceid.pseudorigid.factors.decomposition import polar
 from forceid.pseudorigid.material.material_law import Material
-from forceid.pseudorigid.motion.invariants import axial_vector, hat, vector_cross
 from forceid.records import Array
 
 LEFT_SIMULATE = "left_reduced.simulate"
-SKEW = hat(np.eye(3))
+SKEW = cross_matrix(np.eye(3))
 _PAIRS = np.array([[0, 0], [1, 1], [2, 2], [1, 2], [2, 0], [0, 1]])
 SYMMETRIC_BASIS = np.array([(np.outer(*np.eye(3)[p]) + np.outer(*np.eye(3)[p[::-1]])) / 2 for p in _PAIRS])
 
@@ -60,13 +60,13 @@ def left_state(F: Array, dF: Array, second_moment: Array) -> LeftState:
     """State of F, dF (..., 3, 3), J > 0. second_moment (3, 3) kg m^2."""
     L, U = polar(F)
     P = np.swapaxes(L, -1, -2) @ dF @ second_moment
-    return LeftState(quaternion(L), U, axial_vector(P @ U), symmetric_part(P))
+    return LeftState(quaternion(L), U, 0.5 * axial((P @ U).mT), symmetric_part(P))
 
 
 def left_velocity(U: Array, m: Array, p_U: Array, second_moment: Array) -> tuple[Array, Array]:
     """Body rates omega (..., 3) rad/s and U' (..., 3, 3) 1/s of the momenta: one 9 x 9 solve.
 
-    The matrix is the kinetic energy over omega and U', and regular, as any matrix is one hat(omega) U + U'.
+    The matrix is the kinetic energy over omega and U', and regular, as any matrix is one [omega]x U + U'.
     """
     basis = np.concatenate(
         [SKEW @ U[..., None, :, :], np.broadcast_to(SYMMETRIC_BASIS, (*U.shape[:-2], 6, 3, 3))], -3
@@ -80,15 +80,15 @@ def left_velocity(U: Array, m: Array, p_U: Array, second_moment: Array) -> tuple
 def left_rates(state: LeftState, second_moment: Array, material: Material) -> LeftState:
     """Time derivative of the state, each like its own; dW/dU is the symmetric part of dW/dF at U.
 
-    m' = m x omega, p_U' = sy(hat(omega)^T hat(omega) U E + E U' hat(omega)) - sy(dW/dU), p_U = sy(U' E +
-    hat(omega) U E). second_moment (3, 3) kg m^2. Source: pseudo-rigid bodies, section 5.1.
+    m' = m x omega, p_U' = sy([omega]x^T [omega]x U E + E U' [omega]x) - sy(dW/dU), p_U = sy(U' E +
+    [omega]x U E). second_moment (3, 3) kg m^2. Source: pseudo-rigid bodies, section 5.1.
     """
     q, U, m, p_U = state
     E = second_moment
     omega, dU = left_velocity(U, m, p_U, E)
-    xi = hat(omega)
+    xi = cross_matrix(omega)
     force = E @ dU @ xi - xi @ xi @ U @ E - material.gradient(U)
-    return LeftState(quaternion_rates(q, omega), dU, vector_cross(m, omega), symmetric_part(force))
+    return LeftState(quaternion_rates(q, omega), dU, cross(m, omega), symmetric_part(force))
 
 
 def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, time: Array) -> LeftMotion:
@@ -99,7 +99,7 @@ def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, ti
     keep under rotations of space; no constraint det F = 1); EstimationError where J falls to 0.
 
     >>> from forceid.pseudorigid.material.materials import NeoHookean
-    >>> spin = 0.3 * hat(np.array([0.0, 0, 1]))
+    >>> spin = 0.3 * cross_matrix(np.array([0.0, 0, 1]))
     >>> motion = simulate(np.eye(3), NeoHookean(1.0, 0.5, 3.0), np.eye(3), spin, np.array([0.0, 1.0]))
     >>> (2 * motion.L @ motion.m[..., None])[:, 2, 0].round(12)
     array([0.6, 0.6])
@@ -117,7 +117,7 @@ def simulate(second_moment: Array, material: Material, F0: Array, dF0: Array, ti
     ]
     q, U, m, p_U = integrate_form(lambda s: left_rates(s, E, material), start, time, ends, LEFT_SIMULATE)
     L, (omega, dU) = rotation(q), left_velocity(U, m, p_U, E)
-    return LeftMotion(time, L @ U, L @ (hat(omega) @ U + dU), L, U, m, p_U)
+    return LeftMotion(time, L @ U, L @ (cross_matrix(omega) @ U + dU), L, U, m, p_U)
 
 
 def symmetric_part(A: Array) -> Array:

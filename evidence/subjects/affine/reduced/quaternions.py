@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.pseudorigid.motion.invariants import hat, vector_cross
+from forceid.principal import cross, cross_matrix
 from forceid.records import Array
 
 
@@ -17,7 +17,7 @@ def rotation(q: Array) -> Array:
     """
     v, w = q[..., :3], q[..., 3, None, None]
     vv = (v * v).sum(-1)[..., None, None]
-    R = (w * w - vv) * np.eye(3) + 2 * v[..., :, None] * v[..., None, :] + 2 * w * hat(v)
+    R = (w * w - vv) * np.eye(3) + 2 * v[..., :, None] * v[..., None, :] + 2 * w * cross_matrix(v)
     return np.asarray(R / (w * w + vv))
 
 
@@ -28,11 +28,9 @@ def quaternion(L: Array) -> Array:
 
 
 def quaternion_rates(q: Array, omega: Array) -> Array:
-    """Rates q' (..., 4) of L' = L hat(omega): q (..., 4) scalar last, omega (..., 3) rad/s, body axes.
+    """Rates q' (..., 4) of L' = L [omega]x: q (..., 4) scalar last, omega (..., 3) rad/s, body axes.
 
-    For R' = hat(lambda) R, the rate on the other side, hand in the quaternion of R^T and -lambda.
+    For R' = [lambda]x R, the rate on the other side, hand in the quaternion of R^T and -lambda.
     """
     v, w = q[..., :3], q[..., 3:]
-    return 0.5 * np.concatenate(
-        [w * omega + vector_cross(v, omega), -(v * omega).sum(-1, keepdims=True)], axis=-1
-    )
+    return 0.5 * np.concatenate([w * omega + cross(v, omega), -(v * omega).sum(-1, keepdims=True)], axis=-1)

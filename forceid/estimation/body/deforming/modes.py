@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
-from forceid.errors import ConfigError
 from forceid.estimation.body.deforming.mode_selection import log_evidence, observed_shapes
 from forceid.motion import body_axes, fit_rotation, frames_seen_alike, log
 from forceid.principal import summation_operator
-from forceid.records import Array, Flags
+from forceid.records import Array
 
-GAUGES = ("mass", "euclidean", "sensor")
 LAG_TURN = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
 
 
@@ -70,21 +68,6 @@ def elastic_modes(mass: Array, stiffness: Array, position: Array) -> Modes:
     elastic = np.arange(len(compliance))[::-1][: len(compliance) - 6]
     shape = flexibility @ root @ (y[:, elastic] / compliance[elastic])
     return Modes(shape.T.reshape(len(elastic), *position.shape), compliance[elastic])
-
-
-def gauge_weight(gauge: str, mass: Array, seen: Flags) -> Array:
-    """Weight (node,) of the complement that `gauge` names: R^T W Phi = 0.
-
-    mass: W = M, the momentum-averaged motion; euclidean: W = I over all nodes; sensor: W = I over the nodes
-    that carry a marker, a fit to the markers and not a mean motion. Source: principal equations 2.5.
-    """
-    if gauge == "mass":
-        return mass
-    if gauge == "euclidean":
-        return np.ones_like(mass)
-    if gauge == "sensor":
-        return seen.astype(float)
-    raise ConfigError(f"is '{gauge}'", "gauge", f"choose one of {', '.join(GAUGES)}")
 
 
 def split_rigid(u: Array, position: Array, weight: Array) -> tuple[Array, Array]:

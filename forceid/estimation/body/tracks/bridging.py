@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.kalman.tuning.robust import runs
 from forceid.motion import fit_rotation
 from forceid.records import Array, Flags, Indices
 
@@ -54,7 +55,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     near = {k: neighbors(position, seen, k) for k in lost}
     judged: dict[tuple[int, int], list[tuple[float, Bridge]]] = {}
     # short gaps first: what fills them is seen by its neighbors when theirs are filled
-    every = sorted((length, k, first) for k in lost for first, length in gaps(seen[:, k] | ~some))
+    every = sorted((length, k, first) for k in lost for first, length in runs(~seen[:, k] & some))
     for length, k, first in every:
         size = int(np.round(np.log(length) / np.log(LENGTH_RATIO)))
         if (k, size) not in judged:
@@ -171,13 +172,3 @@ def weights(at: Array, to: Array, degree: int) -> Array:
     middle, half = to.mean(), max(float(np.abs(at - to.mean()).max()), 1e-300)
     rows = np.vander((at - middle) / half, degree + 1)
     return np.asarray(np.vander((to - middle) / half, degree + 1) @ np.linalg.pinv(rows))
-
-
-def gaps(seen: Flags) -> list[tuple[int, int]]:
-    """Start and length of every run of false entries.
-
-    >>> gaps(np.array([1, 0, 0, 1, 0], bool))
-    [(1, 2), (4, 1)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[1], seen.astype(int), [1]])))
-    return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
