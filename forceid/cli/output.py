@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from forceid.records import Array, Estimate, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
+STATED = (
+    "method", "model", "engine", "moment_about", "log_likelihood", "runtime_s", "timing", "model_choice",
+    "tuned", "ladder", "leakage", "sensitivity", "input_sha256",
+)  # fmt: skip
 
 
 def to_json(record: Mapping[str, Any]) -> str:
@@ -44,31 +48,15 @@ def describe(
     """What --json says of an estimate: files, verdict, how it was made, and the numbers (SI, per axis)."""
     from forceid.report import wrench_numbers
 
-    h = estimate.hidden
+    h, joints = estimate.hidden, estimate.interface
     return {
         "file": str(source),
         "output": str(output),
         **verdict_of(estimate.verdict),
-        "method": estimate.method,
-        "model": estimate.model,
-        "engine": estimate.engine,
-        "moment_about": estimate.moment_about,
-        "log_likelihood": estimate.log_likelihood,
-        "runtime_s": estimate.runtime_s,
-        "timing": dict(estimate.timing),
-        "model_choice": estimate.model_choice,
-        "tuned": dict(estimate.tuned),
-        "ladder": dict(estimate.ladder),
-        "leakage": dict(estimate.leakage),
-        "sensitivity": dict(estimate.sensitivity),
-        "input_sha256": estimate.input_sha256,
+        **{name: getattr(estimate, name) for name in STATED},
         "forceid_version": __version__,
-        **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
-        **(
-            {}
-            if (h := estimate.hidden) is None
-            else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}
-        ),
+        **({} if joints is None else {"interface": joints_of(joints)}),
+        **({} if h is None else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}),
         **witness_record(estimate.witness),
         **wrench_numbers(estimate, truth).as_dict(),
     }

@@ -64,11 +64,19 @@ def distribute(
 
 
 def _turn(moment: Array, rho: Array, w: Array, floor: float) -> Array:
-    """Rigid angular pattern J^+ T of the weighted nodes about their center, (..., 1) planar or (..., 3)."""
+    """Rigid angular pattern J^+ T of the weighted nodes about their center, (..., 1) planar or (..., 3).
+
+    Principal moments below 1e-12 of the largest, or below floor, are zero; NaN where a node is NaN.
+    """
     Q = rho.mT @ (w[:, None] * rho)
     trace = np.trace(Q, axis1=-2, axis2=-1)[..., None, None]
     J = trace if rho.shape[-1] == 2 else trace * np.eye(3) - Q
-    return np.asarray((pseudo_inverse(J, floor) @ moment[..., None])[..., 0])
+    known = np.asarray(np.isfinite(J).all(axis=(-2, -1), keepdims=True))
+    value, vector = np.linalg.eigh(np.where(known, J, 0.0))
+    kept = value > np.maximum(1e-12 * value[..., -1:], floor)
+    inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)
+    turn = (vector * inverse[..., None, :]) @ vector.mT @ moment[..., None]
+    return np.where(known, turn, np.nan)[..., 0]
 
 
 def solve_loads(
@@ -174,18 +182,3 @@ def _row_space(V: Array, tolerance: float) -> tuple[Array, Array]:
         rows = np.linalg.solve(rows[:, lead], rows)
         rows[np.abs(rows) < 1e-12] = 0.0
     return rows.reshape(-1, count), basis[:, ~always]
-
-
-def eigen(A: Array) -> tuple[Array, Array]:
-    """Ascending eigenvalues (..., n) and orthonormal eigenvectors (..., n, n); NaN where A has a NaN."""
-    known = np.asarray(np.isfinite(A).all(axis=(-2, -1), keepdims=True))
-    value, vector = np.linalg.eigh(np.where(known, A, 0.0))
-    return np.where(known[..., 0], value, np.nan), np.where(known, vector, np.nan)
-
-
-def pseudo_inverse(A: Array, floor: float = 0.0) -> Array:
-    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, are zero."""
-    value, vector = eigen(A)
-    kept = value > np.maximum(1e-12 * value[..., -1:], floor)
-    inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)
-    return np.asarray((vector * inverse[..., None, :]) @ vector.mT)

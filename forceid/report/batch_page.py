@@ -20,12 +20,6 @@ from forceid.report.plots.style import BLUE, STYLE, VERMILION, label, panels
 from forceid.report.template import render
 
 VERDICTS = ("failed", "refused", "degraded", "ok")
-BATCH_HEADLINE = {
-    "failed": "Some files have no result.",
-    "refused": "Some estimates are refused: nothing can be defended from their data.",
-    "degraded": "All files have a result, some of them with cautions.",
-    "ok": "All files have an accurate result.",
-}
 NAMED_MARKS = 12  # marks that get a name in the picture
 
 
@@ -66,8 +60,7 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
         counts=[(name, counts[name]) for name in reversed(VERDICTS) if counts[name]],
         kept=sum(row.kept for row in rows),
         undone=undone,
-        level=level if not undone else "failed",
-        headline=BATCH_HEADLINE[level] if rows else "No file was done.",
+        level=level,
         causes=causes(records),
         outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
         picture=picture(records, outliers),

@@ -13,23 +13,13 @@ from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_
 from forceid.report.plots.joint_figures import draw_joint, joint_truth
 from forceid.report.plots.picture import Picture, pictured
 
-JOINT_HEADLINE = {
-    "ok": "Accurate: forces between the parts and their sigma can be believed.",
-    "degraded": "Degraded: forces between the parts are usable with the cautions below.",
-    "refused": "Refused: no force between the parts can be defended from these data.",
-}
 JOINTS_DRAWN = 12  # joints that are drawn
 
 
 @dataclass(frozen=True)
 class JointSection:
-    """Verdict (level, headline, reasons), the table of joints with its heads, facts as name and value, and
-    pictures.
-    """
+    """The table of joints with its heads, facts as name and value, and pictures."""
 
-    level: str
-    headline: str
-    reasons: tuple[str, ...]
     heads: tuple[str, ...]
     rows: list[list[str]]
     facts: list[tuple[str, str]]
@@ -45,9 +35,6 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
     known = any(np.isfinite(e).any() for e in errors)
     heads = ("Joint", "Exerted", "Force, rms", "Moment, rms", "Parts apart, rms")
     return JointSection(
-        level=found.verdict.level,
-        headline=JOINT_HEADLINE[found.verdict.level],
-        reasons=found.verdict.reasons,
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
         rows=[
             joint_row(found, k) + [", ".join(digits(e, 2) for e in error)] * known

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from forceid.files import read_result, read_title, read_truth
-from forceid.files.stored.atomic import atomic
+from forceid.files.stored.atomic import write_whole
 from forceid.records import Array, Estimate
 from forceid.report.numbers import Numbers, wrench_numbers
 from forceid.report.page import render_page
@@ -64,8 +64,7 @@ class Page(str):
 
     def save(self, path: str | Path) -> Path:
         """Write the page; it appears whole or not at all. ConfigError: not writable."""
-        with atomic(path) as partial_page:
-            partial_page.write_text(self, encoding="utf-8")
+        write_whole(path, self)
         return Path(path)
 
     def _repr_html_(self) -> str:

@@ -13,7 +13,7 @@ def show_stages(timing: Mapping[str, float], file: TextIO | None = None) -> None
     from rich.console import Console
     from rich.table import Table
 
-    total = sum(timing.values())
+    total, words = sum(timing.values()), {str(name): what for name, what in STAGES.items()}
     table = Table(box=None)
     table.add_column("stage")
     table.add_column("CPU s", justify="right")
@@ -21,7 +21,6 @@ def show_stages(timing: Mapping[str, float], file: TextIO | None = None) -> None
     table.add_column("")
     for name, seconds in timing.items():
         share = 100 * seconds / max(total, 1e-9)
-        what = next((what for stage, what in STAGES.items() if stage == name), "")
-        table.add_row(name.replace("_", " "), f"{seconds:.3f}", f"{share:.0f} %", what)
+        table.add_row(name.replace("_", " "), f"{seconds:.3f}", f"{share:.0f} %", words.get(name, ""))
     table.add_row("total", f"{total:.3f}", "100 %", "")
     Console(file=file, highlight=False).print(table)
