@@ -32,14 +32,10 @@ def to_json(record: Mapping[str, Any]) -> str:
 
 
 def finite_or_none(value: Any) -> Any:
-    """The value with every number that is not finite replaced by None."""
-    if isinstance(value, Mapping):
-        return {str(k): finite_or_none(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite_or_none(v) for v in value]
-    if hasattr(value, "tolist"):
-        return finite_or_none(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    """The value in plain lists and dictionaries, every number that is not finite replaced by None."""
+    from pydantic_core import to_jsonable_python
+
+    return to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: array.tolist())
 
 
 def describe(

@@ -24,19 +24,6 @@ NAMED_MARKS = 12  # marks that get a name in the picture
 
 
 @dataclass(frozen=True)
-class FileRow:
-    """One file of the table: its standing and what the page says of it; links relative to the folder."""
-
-    file: str
-    level: str
-    kept: bool
-    result: str
-    page: str
-    numbers: tuple[str, ...]
-    far: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Cause:
     """One reason, and the files that give it, numbers in it apart; failed: no result came of it."""
 
@@ -50,15 +37,15 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
     outliers = find_outliers(records)
     rows = sorted(
         (row_of(record, folder, outliers) for record in records),
-        key=lambda r: (VERDICTS.index(r.level), r.file),
+        key=lambda r: (VERDICTS.index(r["level"]), r["file"]),
     )
-    counts = Counter(row.level for row in rows)
+    counts = Counter(row["level"] for row in rows)
     level = next((name for name in VERDICTS if counts[name]), "ok")
     return render(
         "batch.html.j2",
         rows=rows,
         counts=[(name, counts[name]) for name in reversed(VERDICTS) if counts[name]],
-        kept=sum(row.kept for row in rows),
+        kept=sum(row["kept"] for row in rows),
         undone=undone,
         level=level,
         causes=causes(records),
@@ -75,11 +62,10 @@ def level_of(record: Mapping[str, Any]) -> str:
     return min(found, key=VERDICTS.index)
 
 
-def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> FileRow:
-    """What the table says of one file."""
-    output = Path(record["output"])
+def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> dict[str, Any]:
+    """What the table says of one file; links are relative to the folder."""
+    output, known = Path(record["output"]), record["status"] != "failed"
     page = output.with_suffix(".html")
-    known = record["status"] != "failed"
     numbers: tuple[str, ...] = ("", "", "", "", "")
     if known:
         sizes = [
@@ -92,15 +78,15 @@ def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier])
             f"{record.get('samples', '–')}",
             f"{float(numbers_of(record, 'runtime_s')):.2g} s",
         )
-    return FileRow(
-        file=str(record["file"]),
-        level=level_of(record),
-        kept=record["status"] == "skipped",
-        result=link(output, folder) if known else "",
-        page=link(page, folder) if page.exists() else "",
-        numbers=numbers,
-        far=tuple(str(outlier) for outlier in outliers if outlier.file == record["file"]),
-    )
+    return {
+        "file": str(record["file"]),
+        "level": level_of(record),
+        "kept": record["status"] == "skipped",
+        "result": link(output, folder) if known else "",
+        "page": link(page, folder) if page.exists() else "",
+        "numbers": numbers,
+        "far": [str(outlier) for outlier in outliers if outlier.file == record["file"]],
+    }
 
 
 def link(path: Path, folder: Path) -> str:
