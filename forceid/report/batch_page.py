@@ -54,33 +54,27 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
     )
 
 
-def level_of(record: Mapping[str, Any]) -> str:
-    """Failed, or the verdict of the estimate or of its joints, whichever is worse."""
-    if record["status"] == "failed":
-        return "failed"
-    found: tuple[str, ...] = (record["verdict"], record.get("interface", {}).get("verdict", "ok"))
-    return min(found, key=VERDICTS.index)
-
-
 def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> dict[str, Any]:
     """What the table says of one file; links are relative to the folder."""
     output, known = Path(record["output"]), record["status"] != "failed"
     page = output.with_suffix(".html")
-    numbers: tuple[str, ...] = ("", "", "", "", "")
+    level, numbers = "failed", [""] * 5
     if known:
+        joints = record.get("interface", {}).get("verdict", "ok")
+        level = min(record["verdict"], joints, key=VERDICTS.index)  # the worse of the two
         sizes = [
             plus_minus(numbers_of(record, f"{name}_rms"), numbers_of(record, f"{name}_std"), unit)
             for name, unit in (("force", "N"), ("moment", "N m"))
         ]
-        numbers = (
+        numbers = [
             *map(typeset, sizes),
             digits(float(numbers_of(record, "nis_mean"))),
             f"{record.get('samples', '–')}",
             f"{float(numbers_of(record, 'runtime_s')):.2g} s",
-        )
+        ]
     return {
         "file": str(record["file"]),
-        "level": level_of(record),
+        "level": level,
         "kept": record["status"] == "skipped",
         "result": link(output, folder) if known else "",
         "page": link(page, folder) if page.exists() else "",

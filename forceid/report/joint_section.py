@@ -33,6 +33,7 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
         return None
     errors = [joint_errors(estimate.time, found, k, truth or {}) for k in range(len(found.name))]
     known = any(np.isfinite(e).any() for e in errors)
+    told = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
     heads = ("Joint", "Exerted", "Force, rms", "Moment, rms", "Parts apart, rms")
     return JointSection(
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
@@ -41,7 +42,10 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
             for k, error in enumerate(errors)
         ],
         facts=joint_facts(found),
-        pictures=joint_pictures(estimate.time, found, truth or {}),
+        pictures=[
+            pictured(draw_joint(estimate.time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
+            for k in told[:JOINTS_DRAWN]
+        ],
     )
 
 
@@ -91,15 +95,6 @@ def open_in(block: Array) -> str:
         if components
         else "all of it"
     )
-
-
-def joint_pictures(time: Array, found: Interface, truth: Mapping[str, Array]) -> list[Picture]:
-    """A figure for every joint of which something is told, MOST at most."""
-    determined = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
-    return [
-        pictured(draw_joint(time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
-        for k in determined[:JOINTS_DRAWN]
-    ]
 
 
 def caption(found: Interface, k: int) -> str:
