@@ -8,6 +8,7 @@ Source: principal equations 2.7, 2.9, 2.10.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from forceid.errors import ConfigError, DataError
 from forceid.partition.operators.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.operators.inverse import all_symmetric, rigid_modes
 from forceid.partition.operators.topology import Topology, topology
-from forceid.partition.saddle import solve_saddle
+from forceid.partition.saddle import Saddle, factored_saddle
 from forceid.partition.solution.accuracy import norm, ratio
 from forceid.partition.solution.assembly import Assembly
 from forceid.partition.solution.error_verdict import REACHED, SOUND
@@ -60,12 +61,23 @@ class PartitionedSystem(Assembly):
         Raises EstimationError: loads out of balance, motions that are off by more than a thousandth.
         Source: principal equations 2.9.
         """
+        n, a = self.R_b.shape
+        rest = np.zeros(len(self.topology.interface) + self.projection.whole.shape[1])
 
         def solve(f: Array, gap: Array, _: float) -> tuple[Array, Array]:
-            lam, alpha = solve_saddle(self, f, gap)
-            return displaced(self, f, self.projection.balanced(lam), alpha)
+            if not n:  # one partition
+                return displaced(self, f, np.zeros(0), np.zeros(a))
+            saddle = self.saddle
+            opened = (self.topology.B.T @ self.inverse(f) + gap) / saddle.unit
+            x = saddle.solve(np.concatenate([opened, -self.resultant(f), rest]))
+            return displaced(self, f, self.projection.balanced(x[:n]), saddle.unit * x[n : n + a])
 
         return solve_at_rest(self, load, relief, solve)
+
+    @cached_property
+    def saddle(self) -> Saddle:
+        """The reduced saddle-point system, factored."""
+        return factored_saddle(self)
 
     def solve_cg(
         self,

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.estimation import listed, trading_joints, undetermined_components
 from forceid.records import Array, Estimate, Interface
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
-from forceid.report.plots.joint_figures import draw_joint, joint_truth
+from forceid.report.plots.figures import draw_joint, joint_truth
 from forceid.report.plots.picture import Picture, pictured
 
 JOINTS_DRAWN = 12  # joints that are drawn
@@ -79,22 +79,14 @@ def joint_facts(found: Interface) -> list[tuple[str, str]]:
         rows.append(("Misfit of these balances", text))
     for k, name in enumerate(found.name):
         if not found.determined[k]:
-            rows.append((f"Not told: {name}", open_in(found.null_space[k])))
+            parts = undetermined_components(found.null_space[k])  # none where nothing was solved
+            said = f"{listed(parts)}; over the record, world axes, about the mass center of all"
+            rows.append((f"Not told: {name}", said if parts else "all of it"))
     for group in trading_joints(found.null_space):
         names = ", ".join(found.name[k] for k in group)
         way = "round them" if len(group) > 1 else "through it that loads from outside balance"
         rows.append((f"Null space: {names}", f"wrenches {way} leave no trace in the motion"))
     return rows
-
-
-def open_in(block: Array) -> str:
-    """The components of a joint's wrench (6, null) that are open; all of it where nothing was solved."""
-    components = undetermined_components(block)
-    return (
-        f"{listed(components)}; over the record, world axes, about the mass center of all"
-        if components
-        else "all of it"
-    )
 
 
 def caption(found: Interface, k: int) -> str:
