@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -116,14 +117,8 @@ def solve_loads(
             "wrench",
         )
     known = np.isfinite(g).all(-1) & np.isfinite(C).all((-2, -1)) & np.isfinite(G).all((-2, -1))
-    C = np.where(np.isfinite(C).all((-2, -1), keepdims=True), C, np.eye(size))
     G = np.where(np.isfinite(G).all((-2, -1), keepdims=True), G, 0.0)
-    try:
-        root = np.linalg.cholesky(C)
-    except np.linalg.LinAlgError as e:
-        raise DataError(
-            "must be positive definite", "wrench_cov", "give every component a standard deviation above zero"
-        ) from e
+    root = cholesky_root(C, "wrench_cov")
 
     scale = np.ones(size)
     scale[slice(2, 3) if size == 3 else slice(3, 6)] = 1 / length
@@ -143,6 +138,16 @@ def solve_loads(
         chi_square=np.where(known & (rank == top), misfit, np.nan),
         dof=size - top,
     )
+
+
+def cholesky_root(C: Array, where: str) -> Any:
+    """Lower Cholesky factors of covariances (..., n, n), one where these are not known. DataError."""
+    known = np.isfinite(C).all((-2, -1), keepdims=True)
+    try:
+        return np.linalg.cholesky(np.where(known, C, np.eye(C.shape[-1])))
+    except np.linalg.LinAlgError as e:
+        next_step = "give every component a standard deviation above zero"
+        raise DataError("must be positive definite", where, next_step) from e
 
 
 def whitened_fit(A: Array, b: Array, V: Array, rank: Array) -> tuple[Array, Array, Array]:
