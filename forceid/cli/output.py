@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 import textwrap
 from collections.abc import Mapping
@@ -109,18 +108,15 @@ def joints_of(interface: Interface) -> dict[str, Any]:
     """What there is to say of joints: their verdict, and of each the rms of what passes through it."""
     import numpy as np
 
-    def rms(values: Array) -> float:
-        seen = np.isfinite(values)
-        return (
-            float(np.sqrt((values[seen] ** 2).sum() / max(seen.any(-1).sum(), 1))) if seen.any() else math.nan
-        )
+    from forceid.report import rms
 
     columns = {name: getattr(interface, name) for kind in UNITS for name in (kind, f"{kind}_std")}
+    sizes = {name: np.linalg.norm(rms(values), axis=-1) for name, values in columns.items()}
     return {
         **verdict_of(interface.verdict),
         "consistency": interface.consistency,
         "joint": [
-            {"name": name, "parts": list(pair), **{key: rms(a[:, k]) for key, a in columns.items()}}
+            {"name": name, "parts": list(pair), **{key: a[k] for key, a in sizes.items()}}
             for k, (name, pair) in enumerate(zip(interface.name, interface.parts, strict=True))
         ],
     }
