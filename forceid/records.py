@@ -49,7 +49,7 @@ class Variable:
 
 
 SENSOR = ("time", "sensor", "axis")  # dimensions of what a sensor of three axes reads
-Channel = Array | None  # of sensors, where there are any
+Reading = Array | None  # of sensors, where there are any
 
 
 @dataclass(frozen=True)
@@ -140,12 +140,10 @@ class Motion:
     marker_position: Array | None = None
     center: Array | None = None
     orientation: Array | None = None
-    specific_force: Annotated[Channel, Variable(SENSOR, "m s-2", "specific force, sensor axes")] = None
-    angular_velocity: Annotated[
-        Array | None, Variable(SENSOR, "rad s-1", "angular velocity, sensor axes")
-    ] = None
-    magnetic_field: Annotated[Channel, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
-    strain: Annotated[Channel, Variable(("time", "gauge"), "1", "strain")] = None
+    specific_force: Annotated[Reading, Variable(SENSOR, "m s-2", "specific force, sensor axes")] = None
+    angular_velocity: Annotated[Reading, Variable(SENSOR, "rad s-1", "angular velocity, sensor axes")] = None
+    magnetic_field: Annotated[Reading, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
+    strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None

@@ -29,12 +29,12 @@ def choice(metavar: str, text: str, *words: str) -> Any:
     return typer.Option(metavar=metavar, help=text, autocompletion=words_of(*words))
 
 
-METHODS = "difference, savgol, spline, filter or smoother (the default)."
-MODELS = "rigid, affine, modal or auto: the smallest enough (default)."
-ENGINES = "compiled, numpy, filterpy (slow) or auto (the fastest here)."
-MethodOption = Annotated[str | None, choice("M", METHODS, "forceid.config", "Method")]
-ModelOption = Annotated[str | None, choice("L", MODELS, "forceid.config", "Model")]
-EngineOption = Annotated[str | None, choice("E", ENGINES, "forceid.kalman.engines", "MODULES", "auto")]
+METHOD_WORDS = "difference, savgol, spline, filter or smoother (the default)."
+MODEL_WORDS = "rigid, affine, modal or auto: the smallest enough (default)."
+ENGINE_WORDS = "compiled, numpy, filterpy (slow) or auto (the fastest here)."
+MethodOption = Annotated[str | None, choice("M", METHOD_WORDS, "forceid.config", "Method")]
+ModelOption = Annotated[str | None, choice("L", MODEL_WORDS, "forceid.config", "Model")]
+EngineOption = Annotated[str | None, choice("E", ENGINE_WORDS, "forceid.kalman.engines", "MODULES", "auto")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from forceid.records import Array, Estimate, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
-STATED = (
+ESTIMATE_SAID = (
     "method", "model", "engine", "moment_about", "log_likelihood", "runtime_s", "timing", "model_choice",
     "tuned", "ladder", "leakage", "sensitivity", "input_sha256",
 )  # fmt: skip
@@ -48,7 +48,7 @@ def describe(
         "file": str(source),
         "output": str(output),
         **verdict_of(estimate.verdict),
-        **{name: getattr(estimate, name) for name in STATED},
+        **{name: getattr(estimate, name) for name in ESTIMATE_SAID},
         "forceid_version": __version__,
         **({} if joints is None else {"interface": joints_of(joints)}),
         **({} if h is None else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}),

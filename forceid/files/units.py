@@ -19,8 +19,8 @@ _BASE: dict[str, tuple[float, Dimension]] = {
     "rad": (1.0, (0, 0, 0, 1, 0)),
     "A": (1.0, (0, 0, 0, 0, 1)),
 }
-_TABLES = tomllib.loads((files("forceid.files") / "units.toml").read_text("utf-8"))
-_PREFIX, _PREFIXED, _WHOLE, _NAME = (_TABLES[name] for name in ("prefix", "prefixed", "whole", "name"))
+UNIT_TABLES = tomllib.loads((files("forceid.files") / "units.toml").read_text("utf-8"))
+_PREFIX, _PREFIXED, _WHOLE, _NAME = (UNIT_TABLES[name] for name in ("prefix", "prefixed", "whole", "name"))
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-**")
 
 

@@ -21,7 +21,7 @@ def render(name: str, **values: Any) -> str:
         undefined=StrictUndefined,
         loader=PackageLoader("forceid", "report"),
     )
-    environment.filters |= {f.__name__: f for f in (digits, numbered, plain, plus_minus, typeset)}
+    environment.filters |= {f.__name__: f for f in (digits, named_numbers, plain, plus_minus, typeset)}
     environment.tests |= {"finite": math.isfinite}
     return environment.get_template(name).render(version=__version__, **values)
 
@@ -31,6 +31,6 @@ def titled(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-def numbered(numbers: Mapping[str, float]) -> list[tuple[str, str]]:
+def named_numbers(numbers: Mapping[str, float]) -> list[tuple[str, str]]:
     """Numbers with names as rows of a table."""
     return [(titled(name), digits(value)) for name, value in numbers.items()]
