@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from forceid.files.stored.atomic import atomic
+from forceid.files.stored.atomic import atomic, write_whole
 
 
 def asked(module: str, about: str | None, page: bool = True, **options: Any) -> argparse.Namespace:
@@ -82,8 +82,7 @@ def tabled(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def written(folder: Path, name: str, text: str) -> Path:
     """A text by its name in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    with atomic(folder / name) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_whole(folder / name, text)
     return folder / name
 
 

@@ -6,8 +6,8 @@ Shapes are written with the dimension names of the motion file. A wrench is orde
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, NamedTuple, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +49,7 @@ class Variable:
 
 
 SENSOR = ("time", "sensor", "axis")  # dimensions of what a sensor of three axes reads
-
-
-def row(dims: tuple[str, ...], units: str, long_name: str) -> dict[str, Variable]:
-    """Of a field of Motion that sensors on the body fill: its row in the table of their variables."""
-    return {"variable": Variable(dims, units, long_name)}
+Reading = Array | None  # of sensors, where there are any
 
 
 @dataclass(frozen=True)
@@ -144,16 +140,10 @@ class Motion:
     marker_position: Array | None = None
     center: Array | None = None
     orientation: Array | None = None
-    specific_force: Array | None = field(
-        default=None, metadata=row(SENSOR, "m s-2", "specific force, sensor axes")
-    )
-    angular_velocity: Array | None = field(
-        default=None, metadata=row(SENSOR, "rad s-1", "angular velocity, sensor axes")
-    )
-    magnetic_field: Array | None = field(
-        default=None, metadata=row(SENSOR, "T", "magnetic field, sensor axes")
-    )
-    strain: Array | None = field(default=None, metadata=row(("time", "gauge"), "1", "strain"))
+    specific_force: Annotated[Reading, Variable(SENSOR, "m s-2", "specific force, sensor axes")] = None
+    angular_velocity: Annotated[Reading, Variable(SENSOR, "rad s-1", "angular velocity, sensor axes")] = None
+    magnetic_field: Annotated[Reading, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
+    strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -172,7 +162,11 @@ class Motion:
         return {name: value for name in SENSED if (value := getattr(self, name)) is not None}
 
 
-SENSED: dict[str, Variable] = {f.name: f.metadata["variable"] for f in fields(Motion) if f.metadata}
+SENSED: dict[str, Variable] = {  # of the fields of Motion that sensors on the body fill
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(Motion, include_extras=True).items()
+    if get_origin(hint) is Annotated
+}
 
 
 @dataclass(frozen=True)

@@ -13,29 +13,7 @@ Stage = Literal[
     "flight", "flight_tuning", "frames", "lines", "axes", "claims", "witness", "joints", "verdict", "rest",
     "writing",
 ]  # fmt: skip
-STAGES: dict[Stage, str] = {
-    "loading": "modules that load on first use",
-    "reading": "the file, its fingerprint, and what it holds",
-    "kinematics": "poses, shapes and their noise; outliers and gaps",
-    "deformation": "amplitudes of the shapes, smoothed",
-    "level": "which model is enough: rigid, affine or modal",
-    "noise": "of the markers, and errors that last",
-    "force": "tuning of the prior of the force",
-    "moment": "tuning of the prior of the moment",
-    "instruments": "sensors and gauges beside the poses",
-    "flight": "motion and loads, filtered and smoothed",
-    "flight_tuning": "priors by the likelihood of the whole flight",
-    "frames": "those that nothing else agrees with",
-    "lines": "oscillating loads that the innovations show",
-    "axes": "loads that turn with the body, or do not",
-    "claims": "what the claimed errors must allow for",
-    "witness": "the plain route beside",
-    "joints": "what passes through them, less stages of parts",
-    "verdict": "checks, costs of wrong inputs, applied loads",
-    "rest": "all else",
-    "writing": "the result file, which lacks this line",
-}
-assert tuple(STAGES) == get_args(Stage)
+STAGES: tuple[Stage, ...] = get_args(Stage)
 
 _spent: ContextVar[dict[str, float] | None] = ContextVar("spent", default=None)
 

@@ -46,7 +46,7 @@ def share(a, b):
     return float(np.linalg.norm(a) / np.linalg.norm(b))
 
 
-unbalanced = share(P.modes_T @ start - asked, asked)
+unbalanced = share(P.modes.T @ start - asked, asked)
 print(f"start vector: {share(start, exact.lam):.0%} of the forces, balance to {unbalanced:.0e}")
 assert unbalanced < 1e-13
 
@@ -69,7 +69,7 @@ found = {
 gap = system.topology.B.T @ system.inverse(parts)
 alone = projected_cg(system.flexibility, gap, P.balanced, P.averaged, np.copy, 1e-10, 2000)
 lam = P.balanced(alone.x)
-missed, wrong = share(P.modes_T @ lam - asked, asked), share(lam - exact.lam, exact.lam)
+missed, wrong = share(P.modes.T @ lam - asked, asked), share(lam - exact.lam, exact.lam)
 
 saddle, turns = reduced_matrix(system), []
 right = np.concatenate([gap, -asked, np.zeros(len(saddle) - len(gap) - len(asked))])

@@ -1,6 +1,8 @@
 """CPU time by stage: what counts for which, whatever it comes to."""
 
 import io
+import tomllib
+from importlib.resources import files
 from itertools import count
 
 from forceid import timing
@@ -54,6 +56,11 @@ def test_the_table_has_every_stage_in_order_its_share_and_the_total():
     assert lines[1].startswith("flight tuning  0.750   75 %  priors")
     assert lines[2].startswith("writing        0.250   25 %")
     assert lines[3] == "total          1.000  100 %"
+
+
+def test_every_stage_has_words_in_the_table():
+    words = tomllib.loads((files("forceid.report") / "stages.toml").read_text("utf-8"))
+    assert tuple(words) == STAGES
 
 
 def test_a_line_of_the_table_fits_on_a_terminal():

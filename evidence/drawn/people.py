@@ -14,13 +14,13 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.records.person import RATE, Skin, person
+from evidence.drawn.records.person import Skin, person
+from evidence.drawn.records.scored import low_passed
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.records import Array, Recording
+from forceid.records import Array
 
 TASKS = "walk", "run", "squat", "jump"
 EDGE = 20  # frames at either end that are not judged
@@ -29,20 +29,6 @@ Persons of 12 segments and 52 markers, 5 s at 100 Hz, on whose bones skin and ma
 of motion, tracks raw or low-passed at 12 Hz. Error of force and moment with `model = "segments"` over that of
 the best Butterworth filter, its cut chosen on the truth by axis, and over that of one of 6 Hz: geometric
 means over persons and axes; the least and the most of error over claim, that of all pooled; CPU a second."""
-
-
-def filtered(recording: Recording, cut: float) -> dict[str, Array]:
-    """Force and moment of the mass points by a zero-phase Butterworth filter and second differences."""
-    motion, m, x = recording.motion, recording.body.mass, np.array(recording.motion.position)
-    x = sosfiltfilt(butter(2, cut / 0.802, fs=RATE, output="sos"), x, axis=0)
-    bent = np.zeros_like(x)
-    bent[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) * RATE**2
-    felt = bent - motion.gravity
-    arm = x - np.einsum("n,tna->ta", m / m.sum(), x)[:, None]
-    return {
-        "force": np.einsum("n,tna->ta", m, felt),
-        "moment": np.einsum("n,tna->ta", m, np.cross(arm, felt)),
-    }
 
 
 def off(values: Array) -> Array:
@@ -59,8 +45,8 @@ def kind_rows(kind: tuple[str, float], seeds: int) -> list[dict[str, Any]]:
         recording, began = person(seed, task, skin=Skin(cut=cut)), process_time()
         estimate = estimate_recording(recording, load_settings(model="segments"))
         spent = max(spent, (process_time() - began) / float(np.ptp(recording.motion.time)))
-        rivals = [filtered(recording, hertz) for hertz in np.arange(1.5, 25.0, 0.5)]
-        six = filtered(recording, 6.0)
+        rivals = [low_passed(recording, hertz) for hertz in np.arange(1.5, 25.0, 0.5)]
+        six = low_passed(recording, 6.0)
         for load, rows in found.items():
             truth, std = recording.truth[load], getattr(estimate, f"{load}_std")
             best = np.min([off(rival[load] - truth) for rival in rivals], axis=0)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.records.scored import GRAVITY
+from evidence.drawn.records.scored import GRAVITY, low_passed
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -76,19 +76,6 @@ def run(seed: int, colored: bool, lost: bool, stated: bool) -> Recording:
     return Recording(Body(tuple(f"p{k}" for k in range(len(m))), x[0], m), motion, truth)
 
 
-def filtered_force(recording: Recording, cut: float) -> Array:
-    """Force by a zero-phase Butterworth filter and second differences, gaps filled by straight lines."""
-    motion, m, x = recording.motion, recording.body.mass, np.array(recording.motion.position)
-    for track in x.reshape(len(x), -1).T:
-        seen = np.isfinite(track)
-        track[~seen] = np.interp(motion.time[~seen], motion.time[seen], track[seen])
-    center = np.einsum("n,tna->ta", m / m.sum(), x)
-    center = sosfiltfilt(butter(2, cut / 0.802, fs=RATE, output="sos"), center, axis=0)
-    bent = np.zeros_like(center)
-    bent[1:-1] = (center[2:] - 2 * center[1:-1] + center[:-2]) * RATE**2
-    return np.asarray(m.sum() * (bent - motion.gravity))
-
-
 def kind_row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
     """A kind of recording: worst axis over all seeds."""
     found = []
@@ -101,11 +88,10 @@ def kind_row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
         began = time.process_time()
         estimate = estimate_recording(recording, load_settings())
         cpu = time.process_time() - began
-        best = np.min([off(filtered_force(recording, cut)) for cut in np.arange(2.0, 25.0, 0.5)], axis=0)
+        rivals = [off(low_passed(recording, cut)["force"]) for cut in (6.0, *np.arange(2.0, 25.0, 0.5))]
+        best = np.min(rivals[1:], axis=0)
         error, claim = off(estimate.force), np.sqrt((estimate.force_std[EDGE:-EDGE] ** 2).mean(0))
-        found.append(
-            [np.max(error / of) for of in (best, off(filtered_force(recording, 6.0)), claim)] + [cpu]
-        )
+        found.append([np.max(error / of) for of in (best, rivals[0], claim)] + [cpu])
     worst = np.max(found, axis=0).tolist()
     colored, lost, stated = kind
     words = "low-passed" if colored else "white", "3 %" if lost else "none", "stated" if stated else "not"

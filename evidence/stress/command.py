@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -49,23 +50,20 @@ def run(
 
     Example: forceid stress outliers jitter -o stress --short
     """
+    from evidence.journal import Journal
     from evidence.stress.failure_table import failures_named
-    from evidence.stress.run import as_plain, finished, maps_of, plan
+    from evidence.stress.run import as_plain, key_of, maps_of, plan
 
     chosen = failures_named(scenes or [])
     count = seeds or (1 if short else SEEDS)
     todo = plan(chosen, count, short)
-    output.mkdir(parents=True, exist_ok=True)
-    kept = output / "stress.jsonl"
-    records = finished(kept, todo)
-    left = [job for job in todo if job not in records]
-    with kept.open("a", encoding="utf-8") as lines, progress(len(left), "records") as advance:
+    journal, keys = Journal.opened(output / "stress.jsonl"), {job: key_of(job) for job in todo}
+    left = [job for job in todo if keys[job] not in journal.lines]
+    with progress(len(left), "records") as advance:
         for job, record in done(left, jobs):
-            lines.write(to_json(record) + "\n")
-            lines.flush()
-            records[job] = finite_or_none(record)
+            journal.once(keys[job], partial(finite_or_none, record))
             advance()
-    maps = maps_of(records.values(), chosen, short)
+    maps = maps_of([journal.lines[key] for key in keys.values()], chosen, short)
     write_map(maps, output, count, short)
     print(to_json(as_plain(maps, count, short)) if json else color_counts(maps, output))
 

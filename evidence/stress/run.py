@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,11 +73,10 @@ def by_name(name: str) -> Failure:
 
 
 def do(job: StressJob) -> dict[str, Any]:
-    """The trials of one record, with the key under which they are kept."""
+    """The trials of one record."""
     failure = by_name(job.failure)
     subject = subject_of(failure)
-    done = attempt(subject, failure, job.level, job.seed, subject.contestants(failure, job.short))
-    return {"key": key_of(job), **done}
+    return attempt(subject, failure, job.level, job.seed, subject.contestants(failure, job.short))
 
 
 def key_of(job: StressJob) -> str:
@@ -90,23 +88,6 @@ def key_of(job: StressJob) -> str:
     files = [Path(inspect.getfile(source)) for source in sources if source is not None]
     code = code_hash([*sources_in(subject.folders), *files])  # two states of it never share a map
     return hashlib.sha256("\n".join([__version__, code, repr(job), *names]).encode()).hexdigest()[:16]
-
-
-def finished(path: Path, jobs: Iterable[StressJob]) -> dict[StressJob, dict[str, Any]]:
-    """The records of earlier runs that are still current, from the JSON lines in `path`.
-
-    A line that an interruption cut short is left out.
-    """
-    kept = {}
-    if path.exists():
-        for line in path.read_text().splitlines():
-            try:
-                record = json.loads(line)
-                kept[record["key"]] = record
-            except (ValueError, KeyError, TypeError):
-                continue
-    keys = {job: key_of(job) for job in jobs}
-    return {job: kept[key] for job, key in keys.items() if key in kept}
 
 
 def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short: bool) -> list[Map]:

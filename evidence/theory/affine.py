@@ -32,8 +32,7 @@ from evidence.written import asked, each, paged, pictured, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array, Body, Estimate, Motion, Recording
-from forceid.report.plots.bands import draw_estimate
-from forceid.report.plots.style import BLUE, STYLE, draw_band, draw_line, label
+from forceid.report.plots.style import BLUE, STYLE, draw_band, draw_estimate, draw_line, label
 
 EYE, LAWS, LEVELS = (
     np.eye(3),

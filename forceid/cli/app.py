@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
+from keyword import iskeyword
 from typing import Annotated, Any
 
 import typer
@@ -15,23 +16,14 @@ from typer.core import TyperGroup
 from forceid import __version__
 from forceid.errors import ConfigError, ForceIdError
 
-MODULES = {
-    "simulate": "simulate",
-    "import": "import_",
-    "inspect": "inspect",
-    "estimate": "estimate",
-    "identify": "identify",
-    "live": "live",
-    "batch": "batch",
-    "report": "report",
-    "settings": "settings",
-    "demo": "demo",
-}
+HERE = (  # each a module of this folder
+    "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "settings", "demo"
+)  # fmt: skip
 EVIDENCE = {  # in a distribution of their own, with what their line of the help says
     "chart": "Measure error, claim, time and memory of every method and every peer, on every SCENE.",
     "stress": "Sweep failures from healthy to hopeless: where each method is right, says so, or is wrong.",
 }
-COMMANDS = (*MODULES, *EVIDENCE)
+COMMANDS = (*HERE, *EVIDENCE)
 LISTING = "forceid.listing"
 INTERRUPTED = 130
 
@@ -51,8 +43,8 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; a ConfigError names the nearest one."""
         single = typer.Typer(add_completion=False)
-        if cmd_name in MODULES:
-            single.command(cmd_name)(import_module(f"forceid.cli.{MODULES[cmd_name]}").run)
+        if cmd_name in HERE:
+            single.command(cmd_name)(import_module(f"forceid.cli.{cmd_name}{'_' * iskeyword(cmd_name)}").run)
         elif cmd_name in EVIDENCE and ctx.meta.get(LISTING):
             single.command(cmd_name, help=EVIDENCE[cmd_name])(options)
         elif run := installed(cmd_name):

@@ -188,12 +188,11 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
 
 def write_batch_page(records: Sequence[Record], folder: Path, undone: int) -> str:
     """The page over all files, beside the results; its path, or why it is not there."""
-    from forceid.files.stored.atomic import atomic
+    from forceid.files.stored.atomic import write_whole
     from forceid.report import render_batch
 
     try:
-        with atomic(folder / PAGE) as partial:
-            partial.write_text(render_batch(records, folder, undone), encoding="utf-8")
+        write_whole(folder / PAGE, render_batch(records, folder, undone))
     except ForceIdError as error:
         return str(error)
     return str(folder / PAGE)

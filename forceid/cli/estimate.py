@@ -22,30 +22,19 @@ if TYPE_CHECKING:
 Config = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
 ]
-MethodOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="M",
-        help="difference, savgol, spline, filter or smoother (the default).",
-        autocompletion=words_of("forceid.config", "Method"),
-    ),
-]
-ModelOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="L",
-        help="rigid, affine, modal or auto: the smallest enough (default).",
-        autocompletion=words_of("forceid.config", "Model"),
-    ),
-]
-EngineOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="E",
-        help="compiled, numpy, filterpy (slow) or auto (the fastest here).",
-        autocompletion=words_of("forceid.kalman.engines", "MODULES", "auto"),
-    ),
-]
+
+
+def choice(metavar: str, text: str, *words: str) -> Any:
+    """An option that a shell completes with `words_of` these."""
+    return typer.Option(metavar=metavar, help=text, autocompletion=words_of(*words))
+
+
+METHOD_WORDS = "difference, savgol, spline, filter or smoother (the default)."
+MODEL_WORDS = "rigid, affine, modal or auto: the smallest enough (default)."
+ENGINE_WORDS = "compiled, numpy, filterpy (slow) or auto (the fastest here)."
+MethodOption = Annotated[str | None, choice("M", METHOD_WORDS, "forceid.config", "Method")]
+ModelOption = Annotated[str | None, choice("L", MODEL_WORDS, "forceid.config", "Model")]
+EngineOption = Annotated[str | None, choice("E", ENGINE_WORDS, "forceid.kalman.engines", "MODULES", "auto")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 

@@ -33,7 +33,7 @@ def run(
     """
     from forceid.config import load_settings
     from forceid.estimation import identify_modes, identify_recording, read_recording
-    from forceid.files.stored.atomic import atomic
+    from forceid.files.stored.atomic import write_whole
 
     settings = load_settings(config)
     with naming(file):
@@ -47,8 +47,7 @@ def run(
     if output is not None and record.get("material"):
         import tomli_w
 
-        with atomic(output) as partial:
-            partial.write_text(tomli_w.dumps({"material": record["material"]}), encoding="utf-8")
+        write_whole(output, tomli_w.dumps({"material": record["material"]}))
     print(to_json(record) if json else summary(record))
     if refused:
         raise typer.Exit(1)

@@ -94,16 +94,12 @@ def printed(found: Iterator[LiveWrench], keep: Callable[[LiveWrench], None] | No
         if keep is not None:
             keep(wrench)
         if listening:
-            listening = print_line(line_of(wrench))
+            parts = (wrench.force, wrench.moment, wrench.force_std, wrench.moment_std)
+            numbers = [f"{v:.6g}" if v == v else "" for part in parts for v in part.tolist()]
+            said = "; ".join(wrench.reasons).replace(",", "")
+            listening = print_line(",".join([f"{wrench.time:.9g}", *numbers, wrench.flag, said]))
         elif keep is None:
             return
-
-
-def line_of(wrench: LiveWrench) -> str:
-    """A wrench as a line of HEADER, empty where it is not told."""
-    parts = (wrench.force, wrench.moment, wrench.force_std, wrench.moment_std)
-    numbers = [f"{v:.6g}" if v == v else "" for part in parts for v in part.tolist()]
-    return ",".join([f"{wrench.time:.9g}", *numbers, wrench.flag, "; ".join(wrench.reasons).replace(",", "")])
 
 
 def print_line(text: str) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 import textwrap
 from collections.abc import Mapping
@@ -16,6 +15,10 @@ if TYPE_CHECKING:
     from forceid.records import Array, Estimate, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
+ESTIMATE_SAID = (
+    "method", "model", "engine", "moment_about", "log_likelihood", "runtime_s", "timing", "model_choice",
+    "tuned", "ladder", "leakage", "sensitivity", "input_sha256",
+)  # fmt: skip
 
 
 def to_json(record: Mapping[str, Any]) -> str:
@@ -28,14 +31,10 @@ def to_json(record: Mapping[str, Any]) -> str:
 
 
 def finite_or_none(value: Any) -> Any:
-    """The value with every number that is not finite replaced by None."""
-    if isinstance(value, Mapping):
-        return {str(k): finite_or_none(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite_or_none(v) for v in value]
-    if hasattr(value, "tolist"):
-        return finite_or_none(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    """The value in plain lists and dictionaries, every number that is not finite replaced by None."""
+    from pydantic_core import to_jsonable_python
+
+    return to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: array.tolist())
 
 
 def describe(
@@ -44,31 +43,15 @@ def describe(
     """What --json says of an estimate: files, verdict, how it was made, and the numbers (SI, per axis)."""
     from forceid.report import wrench_numbers
 
-    h = estimate.hidden
+    h, joints = estimate.hidden, estimate.interface
     return {
         "file": str(source),
         "output": str(output),
         **verdict_of(estimate.verdict),
-        "method": estimate.method,
-        "model": estimate.model,
-        "engine": estimate.engine,
-        "moment_about": estimate.moment_about,
-        "log_likelihood": estimate.log_likelihood,
-        "runtime_s": estimate.runtime_s,
-        "timing": dict(estimate.timing),
-        "model_choice": estimate.model_choice,
-        "tuned": dict(estimate.tuned),
-        "ladder": dict(estimate.ladder),
-        "leakage": dict(estimate.leakage),
-        "sensitivity": dict(estimate.sensitivity),
-        "input_sha256": estimate.input_sha256,
+        **{name: getattr(estimate, name) for name in ESTIMATE_SAID},
         "forceid_version": __version__,
-        **({} if estimate.interface is None else {"interface": joints_of(estimate.interface)}),
-        **(
-            {}
-            if (h := estimate.hidden) is None
-            else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}
-        ),
+        **({} if joints is None else {"interface": joints_of(joints)}),
+        **({} if h is None else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}),
         **witness_record(estimate.witness),
         **wrench_numbers(estimate, truth).as_dict(),
     }
@@ -125,18 +108,15 @@ def joints_of(interface: Interface) -> dict[str, Any]:
     """What there is to say of joints: their verdict, and of each the rms of what passes through it."""
     import numpy as np
 
-    def rms(values: Array) -> float:
-        seen = np.isfinite(values)
-        return (
-            float(np.sqrt((values[seen] ** 2).sum() / max(seen.any(-1).sum(), 1))) if seen.any() else math.nan
-        )
+    from forceid.report import rms
 
     columns = {name: getattr(interface, name) for kind in UNITS for name in (kind, f"{kind}_std")}
+    sizes = {name: np.linalg.norm(rms(values), axis=-1) for name, values in columns.items()}
     return {
         **verdict_of(interface.verdict),
         "consistency": interface.consistency,
         "joint": [
-            {"name": name, "parts": list(pair), **{key: rms(a[:, k]) for key, a in columns.items()}}
+            {"name": name, "parts": list(pair), **{key: a[k] for key, a in sizes.items()}}
             for k, (name, pair) in enumerate(zip(interface.name, interface.parts, strict=True))
         ],
     }

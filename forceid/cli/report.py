@@ -32,10 +32,8 @@ def run(
 def write_result_page(result: Path, page: Path) -> None:
     """Read the result and write its page."""
     from forceid.files import read_result, read_title, read_truth
-    from forceid.files.stored.atomic import atomic
+    from forceid.files.stored.atomic import write_whole
     from forceid.report import render_page
 
     title = read_title(result) or result.name.removesuffix(".result.h5")
-    html = render_page(read_result(result), read_truth(result), title, result.name)
-    with atomic(page) as partial:
-        partial.write_text(html, encoding="utf-8")
+    write_whole(page, render_page(read_result(result), read_truth(result), title, result.name))

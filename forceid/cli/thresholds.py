@@ -28,12 +28,8 @@ def chosen_numbers() -> list[Number]:
     root = Path(forceid.__file__).parent
     shared = [root / f"{home}.py" for home in HOMES]
     paths = [*shared, *sorted(path for room in ROOMS for path in (root / room).rglob("*.py"))]
-    return [number for path in paths for number in numbers_of(path.read_text("utf-8"), dotted(path, root))]
-
-
-def dotted(path: Path, root: Path) -> str:
-    """The name of a module below the package."""
-    return ".".join(path.relative_to(root).with_suffix("").parts)
+    named = {path: ".".join(path.relative_to(root).with_suffix("").parts) for path in paths}
+    return [number for path, name in named.items() for number in numbers_of(path.read_text("utf-8"), name)]
 
 
 def numbers_of(source: str, module: str) -> Iterator[Number]:

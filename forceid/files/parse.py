@@ -133,12 +133,11 @@ def read_known_loads(groups: Mapping[str, Stored], sizes: dict[str, int], where:
         what = "holds no load, expected force, moment or nodal_force"
         raise DataError(what, f"{where}:/load_known", likeliest_name("force", group.found))
     count = own.get("known_load", 0)
-    names = [text(n) for n in np.asarray(group.variables.get("known_load", ())).ravel()]
-    names = names or [f"load_{k}" for k in range(count)]
+    names = labels(group, "known_load") or tuple(f"load_{k}" for k in range(count))
     if len(set(names)) != len(names) or len(names) != count:
         what = f"names {', '.join(names)}, expected a name of its own for each of {count} loads"
         raise DataError(what, f"{where}:/load_known/known_load", "name every load once")
-    return KnownLoads(name=tuple(names), **found)
+    return KnownLoads(name=names, **found)
 
 
 def read_variables(
@@ -248,11 +247,7 @@ def read_material(group: Stored, where: str) -> dict[str, str | float | tuple[fl
 
 def node_names(groups: Mapping[str, Stored], count: int, where: str) -> tuple[str, ...]:
     """Names of the nodes; those of the motion must be those of the body, in the same order."""
-    named = {
-        g: tuple(text(n) for n in np.asarray(groups[g].variables["node"]).ravel())
-        for g in ("body", "motion")
-        if "node" in groups[g].variables
-    }
+    named = {g: labels(groups[g], "node") for g in ("body", "motion") if "node" in groups[g].variables}
     names = named.get("body", named.get("motion", tuple(f"node_{k}" for k in range(count))))
     if len(names) != count:
         what = f"names {len(names)} nodes, expected {count}"

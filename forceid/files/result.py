@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.parse import Stored, read_gravity, read_variables, real_attr, text
+from forceid.files.parse import Stored, labels, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
     ESTIMATE,
     ESTIMATE_ATTRS,
@@ -43,12 +44,9 @@ from forceid.records import (
 )
 
 _DERIVED = ("force_std", "moment_std")
-_AFFINE = (
-    "stretch", "first_moment", "first_moment_cov", "applied_first_moment", "applied_first_moment_cov", "F",
-    "F_cov", "F_rate", "spin", "circulation",
-)  # fmt: skip
-_KNOWN = ("known_force", "known_moment")
-_OPTIONAL = (*_DERIVED, *_AFFINE, *_KNOWN, "mode_amplitude", "deformation", "mean_shape", "innovation")
+_OPTIONAL = {f.name for f in fields(Estimate) if f.default is None} | {
+    *_DERIVED, "deformation", "mean_shape", "innovation"
+}  # fmt: skip
 _NUMBERS = ("log_likelihood", "mass", "runtime_s")
 _SIZES = {"axis": 3, "quaternion": 4, "wrench": 6, "entry": 9}
 
@@ -76,7 +74,7 @@ def read_result(path: str | Path) -> Estimate:
         for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
-        node = read_names(group, "node")
+        node = labels(group, "node")
         n = len(values["time"])
         empty = {
             "deformation": np.zeros((n, len(node), 3)),
@@ -142,7 +140,7 @@ def read_version(path: str | Path) -> str:
 
 def read_loads(group: Stored, samples: int, path: str | Path) -> Loads:
     """The group /load of a result file."""
-    names = read_names(group, "load_name")
+    names = labels(group, "load_name")
     n = len(names)
     values, _ = read_variables(group, LOAD, {"time": samples, "load_name": n}, f"{path}:/load")
     empty = {"null_space": np.zeros((n, 0)), "estimable": np.zeros((0, n))}
@@ -166,7 +164,7 @@ def read_interface(file: Any, samples: int, path: str | Path) -> Interface:
     """The group /interface of a result file."""
     where = f"{path}:/interface"
     group = source_group(file, "interface", (*INTERFACE, "joint"), f"{path}:")
-    names = read_names(group, "joint")
+    names = labels(group, "joint")
     sizes = {"time": samples, "joint": len(names), "axis": 3, "wrench": 6}
     values, _ = read_variables(group, INTERFACE, sizes, where)
     kept = {k: v for k, v in values.items() if k not in (*_DERIVED, "determined")}
@@ -193,8 +191,3 @@ def read_verdict(attrs: Mapping[str, Any]) -> Verdict:
         return Verdict(level, tuple(Finding("", level, {}, line) for line in texts))
     lines: Any = zip(codes, levels, map(json.loads, values), texts, strict=True)
     return Verdict(level, tuple(Finding(*line) for line in lines))
-
-
-def read_names(group: Stored, dim: str) -> tuple[str, ...]:
-    """The names along a dimension, none when the file has none."""
-    return tuple(text(n) for n in np.asarray(group.variables[dim])) if dim in group.variables else ()

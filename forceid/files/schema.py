@@ -199,14 +199,9 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
 
 def verdict_attrs(verdict: Verdict) -> dict[str, str]:
     """A verdict as attributes: its level, and of its findings a line each, all in one order."""
-    found = verdict.findings
-    return {
-        "verdict": verdict.level,
-        "reasons": "\n".join(verdict.reasons),
-        "reason_codes": "\n".join(verdict.codes),
-        "reason_levels": "\n".join(f.level for f in found),
-        "reason_values": "\n".join(json.dumps(dict(f.values), allow_nan=False) for f in found),
-    }
+    lines: dict[str, Any] = {"reasons": verdict.reasons, **verdict.coded}
+    lines["reason_values"] = [json.dumps(values, allow_nan=False) for values in lines["reason_values"]]
+    return {"verdict": verdict.level} | {name: "\n".join(said) for name, said in lines.items()}
 
 
 def part_values(estimate: Estimate) -> dict[str, Array]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from forceid.files.parse import Stored, parse_recording
@@ -52,10 +51,8 @@ def tree_from_estimate(estimate: Estimate, recording: Recording | None = None) -
 
 def tree_from_groups(groups: Mapping[str, Group]) -> xr.DataTree:
     """Groups as an xarray tree; variables named as their only dimension become coordinates."""
-    return xr.DataTree.from_dict({f"/{name.strip('/')}": dataset(group) for name, group in groups.items()})
-
-
-def dataset(group: Group) -> xr.Dataset:
-    """One group as a dataset."""
-    fields: dict[str, Any] = {k: (v.dims, np.asarray(v.data), v.attrs) for k, v in group.variables.items()}
-    return xr.Dataset(fields, attrs=group.attrs)
+    found = {}
+    for name, group in groups.items():
+        fields: dict[str, Any] = {k: (v.dims, v.data, v.attrs) for k, v in group.variables.items()}
+        found[f"/{name.strip('/')}"] = xr.Dataset(fields, attrs=group.attrs)
+    return xr.DataTree.from_dict(found)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
+import tomllib
 from functools import lru_cache
+from importlib.resources import files
 
 from forceid.errors import DataError
 
@@ -15,33 +16,11 @@ _BASE: dict[str, tuple[float, Dimension]] = {
     "m": (1.0, (1, 0, 0, 0, 0)),
     "g": (1e-3, (0, 1, 0, 0, 0)),
     "s": (1.0, (0, 0, 1, 0, 0)),
-    "N": (1.0, (1, 1, -2, 0, 0)),
-    "Hz": (2 * math.pi, (0, 0, -1, 1, 0)),  # cycles, so that Hz, rpm and rad/s convert into each other
     "rad": (1.0, (0, 0, 0, 1, 0)),
     "A": (1.0, (0, 0, 0, 0, 1)),
-    "T": (1.0, (0, 1, -2, 0, -1)),
-    "G": (1e-4, (0, 1, -2, 0, -1)),  # gauss
 }
-_OTHER: dict[str, tuple[float, Dimension]] = {
-    "in": (0.0254, (1, 0, 0, 0, 0)),
-    "ft": (0.3048, (1, 0, 0, 0, 0)),
-    "lb": (0.45359237, (0, 1, 0, 0, 0)),
-    "min": (60.0, (0, 0, 1, 0, 0)),
-    "g0": (9.80665, (1, 0, -2, 0, 0)),
-    "deg": (math.pi / 180, (0, 0, 0, 1, 0)),
-    "rev": (2 * math.pi, (0, 0, 0, 1, 0)),
-    "rpm": (2 * math.pi / 60, (0, 0, -1, 1, 0)),
-    "%": (0.01, _NONE),
-}
-_PREFIX = {"k": 1e3, "M": 1e6, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
-_NAME = {
-    "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm", "centimeter": "cm",
-    "centimetre": "cm", "inch": "in", "foot": "ft", "feet": "ft", "gram": "g", "kilogram": "kg",
-    "pound": "lb", "second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "newton": "N",
-    "hertz": "Hz", "radian": "rad", "degree": "deg", "revolution": "rev", "percent": "%",
-    "ampere": "A", "tesla": "T", "gauss": "G", "gn": "g0", "standard_gravity": "g0", "dimensionless": "1",
-    "none": "1",
-}  # fmt: skip
+UNIT_TABLES = tomllib.loads((files("forceid.files") / "units.toml").read_text("utf-8"))
+_PREFIX, _PREFIXED, _WHOLE, _NAME = (UNIT_TABLES[name] for name in ("prefix", "prefixed", "whole", "name"))
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-**")
 
 
@@ -64,7 +43,7 @@ def si_factor(found: str, expected: str, where: str = "") -> float:
         return 1.0
     try:
         b, wanted = parse(expected)
-        a, dimension = parse("g0" if wanted == _OTHER["g0"][1] and found.strip() in ("g", "G") else found)
+        a, dimension = parse("g0" if wanted == parse("g0")[1] and found.strip() in ("g", "G") else found)
     except KeyError as e:
         raise DataError(
             f"has units {found!r}, expected {expected!r}",
@@ -102,14 +81,17 @@ def _atom(token: str) -> tuple[float, Dimension, int]:
     if re.fullmatch(r"\d+(\.\d*)?([eE][+-]?\d+)?", token) and float(token) > 0:
         return float(token), _NONE, 1
     symbol, exponent = token, 1
-    if token not in _OTHER and (m := re.fullmatch(r"(.*?)\^?([+-]?\d+)", token)):
+    if token not in _WHOLE and (m := re.fullmatch(r"(.*?)\^?([+-]?\d+)", token)):
         symbol, exponent = m[1], int(m[2])
     name = symbol.lower().removesuffix("s") if len(symbol) > 2 else symbol
     symbol = _NAME.get(symbol.lower(), _NAME.get(name, symbol))
     if symbol == "1":
         return 1.0, _NONE, 1
-    if (known := _BASE.get(symbol) or _OTHER.get(symbol)) is not None:
+    if known := _BASE.get(symbol):
         return *known, exponent
-    if symbol[:1] in _PREFIX and (base := _BASE.get(symbol[1:])) is not None:
-        return _PREFIX[symbol[0]] * base[0], base[1], exponent
+    if text := _PREFIXED.get(symbol) or _WHOLE.get(symbol):
+        return *parse(text), exponent
+    if symbol[:1] in _PREFIX and (symbol[1:] in _BASE or symbol[1:] in _PREFIXED):
+        factor, dimension = parse(symbol[1:])
+        return _PREFIX[symbol[0]] * factor, dimension, exponent
     raise KeyError(token)

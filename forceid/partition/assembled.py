@@ -21,6 +21,7 @@ from forceid.partition.operators.topology import (
     boolean_from_names,
     boolean_from_positions,
     compatible,
+    one_a_row,
     without_fixed,
 )
 from forceid.partition.system import PartitionedSystem
@@ -147,10 +148,7 @@ def from_assembled(
     motions = np.tile(np.eye(dof), (count, 1)) if x is None else rigid_motions(x - x.mean(axis=0), dof)
     stiff = separated_stiffness(K, cut, motions)
     each = None if M is None else separated_mass(M, cut)
-    boolean = []
-    for s in range(len(nodes)):
-        d = cut.dofs(s)
-        boolean.append(sp.csr_array((np.ones(len(d)), (np.arange(len(d)), d)), (len(d), K.shape[0])))
+    boolean = [one_a_row(cut.dofs(s), K.shape[0]) for s in range(len(nodes))]
     at = None if x is None else [x[part] for part in nodes]
     return system(stiff, each, boolean, at, numbered(fixed, order, "fixed"), dof)
 

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.partition.operators.conjugate_gradient import projected_cg
+from forceid.partition.operators.inverse import block_products
 from forceid.partition.operators.projection import FLOATING
 from forceid.partition.solution.assembly import Assembly
 from forceid.partition.system import PartitionedSystem
@@ -155,24 +156,22 @@ def integrate(
     loads = [system.loads(row) for row in over_time]
     options = (deflation, preconditioner, tolerance, most)
     D = tuple(sp.csr_array(k + 4 / step**2 * m) for k, m in zip(K, M, strict=True))
-    tied = TiedParts(system, D, *options)
+    tied, heavy = TiedParts(system, D, *options), block_products(M, system.topology.dofs)
     now_u, now_v = on_partitions(system, u, "u"), on_partitions(system, v, "v")
-    out = loads[0] - block_product(system, K, now_u)
+    out = loads[0] - system.strained(now_u)
     if a is None:
         check_inertia(M)
         inertia = TiedParts(system, M, *options)
         now_a, lam, taken = inertia.solve(out, np.zeros(len(system.topology.frame)))
     else:
         now_a, taken = on_partitions(system, a, "a"), 0
-        lam = system.projection.balanced(system.topology.B.T @ (out - block_product(system, M, now_a)))
+        lam = system.projection.balanced(system.topology.B.T @ (out - heavy(now_a)))
     history, counts = [(now_u, now_v, now_a, lam)], [taken]
     for f in loads[1:]:
         # only what is added to a coasting motion is solved for: no digits are lost in a long flight, nor, as
         # would be with the acceleration in it, by steps many periods of the fastest mode long
         ahead = now_u + step * now_v
-        more, lam, taken = tied.solve(
-            f - block_product(system, K, ahead) + block_product(system, M, now_a), lam
-        )
+        more, lam, taken = tied.solve(f - system.strained(ahead) + heavy(now_a), lam)
         now_u, now_v, now_a = ahead + more, now_v + 2 / step * more, 4 / step**2 * more - now_a
         history.append((now_u, now_v, now_a, lam))
         counts.append(taken)
@@ -188,11 +187,6 @@ def on_partitions(system: PartitionedSystem, motion: ArrayLike | None, name: str
     if given.shape != (top.size,):
         raise DataError(f"has shape {given.shape}, expected ({top.size},) assembled", name)
     return given[np.concatenate(top.glob)]
-
-
-def block_product(system: PartitionedSystem, matrix: Sequence[Any], u: Array) -> Array:
-    """Block-diagonal product (dof,) of one matrix a partition."""
-    return np.concatenate([m @ u[d] for m, d in zip(matrix, system.topology.dofs, strict=True)])
 
 
 def check_inertia(mass: Sequence[Any]) -> None:

@@ -12,6 +12,7 @@ import gzip
 import warnings
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from operator import index
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,9 @@ def read_matrix(source: str | Path, square: bool = True) -> Any:
 def from_file(path: str) -> Any:
     """The sparse matrix or the array of a file, by how its name ends."""
     readers: dict[str, Callable[[str], Any]] = {
-        ".mtx": read_market, ".mtx.gz": read_market, ".npz": read_npz, ".npy": read_npy,
+        ".mtx": read_market, ".mtx.gz": read_market, ".npz": read_npz,
+        # mapped first, so that a shape beyond the file is found without memory
+        ".npy": partial(np.load, mmap_mode="r", allow_pickle=False),
     }  # fmt: skip
     reader = next((read for end, read in readers.items() if path.lower().endswith(end)), None)
     if reader is None and h5py.is_hdf5(path):
@@ -80,11 +83,6 @@ def from_file(path: str) -> Any:
     if reader is None:
         raise DataError(f"ends in {Path(path).suffix!r}, expected {FORMS}", path, "convert it first")
     return reader(path)
-
-
-def read_npy(path: str) -> Any:
-    """A dense array; it is mapped first, so that a shape beyond the file is found without memory."""
-    return np.load(path, mmap_mode="r", allow_pickle=False)
 
 
 def read_npz(path: str) -> Any:

@@ -5,27 +5,63 @@ Both are regular if and only if no motion of the whole is free. Source: principa
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.linalg import block_diag, null_space
+from collections.abc import Callable
+from dataclasses import dataclass
 
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import block_diag, null_space
+from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
+from scipy.sparse.linalg import splu
+
+from forceid.errors import EstimationError
 from forceid.partition.operators.flexibility import flexibility_matrices
 from forceid.partition.solution.assembly import Assembly
 from forceid.records import Array
 
 SINGULAR = 1e-11  # of the largest singular value of a scaled matrix, below which one is zero
+DENSE_SADDLE = 600  # unknowns up to which the saddle-point system is solved as a dense one
 
 
-def solve_saddle(system: Assembly, f: Array, gap: Array) -> tuple[Array, Array]:
-    """Lambda (multiplier,) and alpha under loads f (dof,) that also close gaps (multiplier,) m."""
-    top, R_b = system.topology, system.R_b
-    n, a = R_b.shape
-    if not n:  # one partition
-        return np.zeros(0), np.zeros(a)
-    saddle = system.saddle
-    opened = (top.B.T @ system.inverse(f) + gap) / saddle.unit
-    rest = np.zeros(len(top.interface) + system.projection.whole.shape[1])
-    x = saddle.solve(np.concatenate([opened, -system.resultant(f), rest]))
-    return x[:n], saddle.unit * x[n : n + a]
+@dataclass(frozen=True)
+class Saddle:
+    """The reduced system, factored: solve (unknown,) -> (unknown,); unit: of flexibility, which scales it."""
+
+    solve: Callable[[Array], Array]
+    unit: float
+
+
+def factored_saddle(system: Assembly) -> Saddle:
+    """Factors of the reduced system, of a whole that floats with the least alpha and u_f.
+
+    Flexibilities are scaled to one, so that units of stiffness do not decide the rank.
+    """
+    top, R_b = system.topology, sp.csr_array(system.R_b)
+    F = flexibility_matrices(top, *system.factored)
+    unit = float(np.mean(np.concatenate([np.diag(block) for block in F])))
+    L_f, free = top.L_f, system.projection.whole
+    frame = sp.csr_array(L_f.T @ (R_b @ free) / top.count[top.interface][:, None])
+    n, a, m = len(top.frame), R_b.shape[1], len(top.interface)
+    border = sp.vstack([sp.csr_array((n, free.shape[1])), sp.csr_array(free), frame])
+    A = sp.block_array(
+        [
+            [sp.block_diag([block / unit for block in F]), -R_b, L_f],
+            [-R_b.T, sp.csr_array((a, a)), None],
+            [L_f.T, None, sp.csr_array((m, m))],
+        ]
+    )
+    A = sp.block_array([[A, border], [border.T, sp.csr_array((free.shape[1], free.shape[1]))]])
+    # the frame enters with the sign that keeps the matrix symmetric: its unknown is -u_f, and is not needed
+    if A.shape[0] > DENSE_SADDLE:
+        return Saddle(splu(sp.csc_array(A)).solve, unit)
+    room = int(dsytrf_lwork(A.shape[0], lower=1)[0])
+    factor, pivot, zero = dsytrf(A.toarray(order="F"), lower=1, lwork=room, overwrite_a=True)
+    if zero:
+        raise EstimationError(
+            "is singular: a motion or a force is left open", "the saddle-point system",
+            "look for a mechanism, or for two partitions that hold each other without stiffness",
+        )  # fmt: skip
+    return Saddle(lambda right: np.asarray(dsytrs(factor, pivot, right, lower=1)[0]), unit)
 
 
 def reduced_matrix(system: Assembly) -> Array:

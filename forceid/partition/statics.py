@@ -1,29 +1,26 @@
-"""A body in parts at rest: directly or by conjugate gradients, with what its motions are worth.
+"""A body in parts at rest, however it is solved, with what its motions are worth.
 
-Source: principal equations 2.9, 2.10, 4i.
+Source: principal equations 2.9.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from forceid.errors import ConfigError, EstimationError
-from forceid.partition.operators.conjugate_gradient import Iterations, projected_cg
-from forceid.partition.saddle import solve_saddle
-from forceid.partition.solution.accuracy import Refined, in_balance, norm, ratio, refine_solution
+from forceid.errors import EstimationError
+from forceid.partition.operators.conjugate_gradient import Iterations
+from forceid.partition.solution.accuracy import SaddleSolve, in_balance, norm, ratio, refine_solution
 from forceid.partition.solution.assembly import Assembly
-from forceid.partition.solution.error_verdict import REACHED, SOUND, condition_verdict
+from forceid.partition.solution.error_verdict import condition_verdict
 from forceid.records import Array, Verdict
 
-WEIGHTS = ("multiplicity", "stiffness")
-GAP_ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
 BALANCE_LIMIT = 1e-9  # of the loads' own size, that the resultant on a floating body may be
-CLOSER, CLOSEST = 0.1, 1e-6  # of the gaps that a correction starts from, that it leaves at most and at least
 EXACT_ERROR = 2e-14  # error up to which a direct solution is as good as one in double precision gets
-DRAWS_DIRECT, DRAWS_ITERATIVE = 4, 2  # of rounding, that tell an error: they cost little where direct
+DRAWS_DIRECT = 4  # of rounding, that tell an error: they cost little here
 
 
 @dataclass(frozen=True)
@@ -51,75 +48,39 @@ class Statics:
     verdict: Verdict = field(default_factory=Verdict)
 
 
-def solve_direct(system: Assembly, load: Any, relief: bool = False) -> Statics:
-    """By the reduced saddle-point system; arguments as in `PartitionedSystem.solve`."""
-
-    def solve(f: Array, gap: Array, _: float) -> tuple[Array, Array]:
-        lam, alpha = solve_saddle(system, f, gap)
-        return displaced(system, f, system.projection.balanced(lam), alpha)
-
-    given = system.loads(load)
-    f, acceleration = relieved(system, given, relief)
-    start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
-    best = refine_solution(
-        system, f, start, solve, out_of_balance(system, given, acceleration), EXACT_ERROR, DRAWS_DIRECT
-    )
-    return complete_solution(system, f, best, acceleration, None, 0.0)
-
-
-def solve_iteratively(
+def solve_at_rest(
     system: Assembly,
     load: Any,
-    preconditioner: str,
-    weights: str,
-    tolerance: float,
-    most: int,
     relief: bool,
+    solve: SaddleSolve,
+    enough: float = EXACT_ERROR,
+    draws: int = DRAWS_DIRECT,
+    runs: Sequence[Iterations] = (),
+    tolerance: float = 0.0,
 ) -> Statics:
-    """By projected conjugate gradients; arguments as in `PartitionedSystem.solve_cg`."""
-    if weights not in WEIGHTS:
-        raise ConfigError(f"unknown weights '{weights}'", next_step=f"one of {', '.join(WEIGHTS)}")
-    if not 0 < tolerance < 1 or most < 1:
-        raise ConfigError(
-            f"asks for a tolerance of {tolerance:g} in {most} steps",
-            next_step="a tolerance between 0 and 1, and one step or more",
-        )
-    P = system.by_stiffness if weights == "stiffness" else system.projection
-    apply = system.precondition(preconditioner)
-    # without a preconditioner gaps do not show wrong forces between stiff partitions
-    mend = system.precondition("lumped") if preconditioner == "none" else apply
-    runs: list[Iterations] = []
+    """The body under a load by `solve`, refined to `enough`; runs: what it is done in, if in several.
 
-    def solve(f: Array, gap: Array, size: float) -> tuple[Array, Array]:
-        b = np.asarray(system.topology.B.T @ system.inverse(f)) + gap
-        start = P.start(system.resultant(f))
-        opened = system.flexibility(start)
-        r = b - opened
-        # where statics alone gives the multipliers, the residual is rounding from the start
-        least = GAP_ROUNDING * (norm(b) + norm(opened))
-        goal = tolerance
-        if size:  # of a correction: gaps that are small beside the motion, not beside those it starts from
-            goal = max(CLOSEST, min(CLOSER, ratio(tolerance * size, norm(P.gaps(r)))))
-        by = mend if size else apply
-        done = projected_cg(system.flexibility, r, P.forces, P.gaps, by, goal, most, least)
-        runs.append(done)
-        lam = system.projection.balanced(start + done.x)
-        lam = lam + system.projection.start(
-            system.resultant(f) - system.projection.modes_T @ lam
-        )  # what rounding left over
-        alpha = system.projection.solve_coarse(
-            system.projection.modes_T @ system.projection.averaged(system.flexibility(lam) - b)
-        )
-        return displaced(system, f, lam, alpha)
-
+    load, relief: as in `PartitionedSystem.solve`; tolerance: what was asked of the runs.
+    """
     given = system.loads(load)
     f, acceleration = relieved(system, given, relief)
     start = solve(f, np.zeros(len(system.topology.frame)), 0.0)
-    enough = max(SOUND, REACHED * tolerance)
-    best = refine_solution(
-        system, f, start, solve, out_of_balance(system, given, acceleration), enough, DRAWS_ITERATIVE
+    imbalance = 0.0 if acceleration.any() else ratio(norm(system.free_motions.T @ given), norm(given))
+    best = refine_solution(system, f, start, solve, imbalance, enough, draws)
+    top, u = system.topology, best.u
+    return Statics(
+        u=u,
+        alpha=np.asarray(system.pinned @ u),
+        lam=best.lam,
+        u_f=np.bincount(top.frame, top.B.T @ u, len(top.interface)) / top.count[top.interface],
+        energy=0.5 * float(u @ system.strained(u)),
+        deficiency=system.free_motions.shape[1],
+        acceleration=acceleration,
+        iterations=runs[0] if runs else None,
+        error=best.error,
+        lam_error=best.lam_error,
+        verdict=condition_verdict(system, f, best, tolerance),
     )
-    return complete_solution(system, f, best, acceleration, runs[0], tolerance)
 
 
 def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
@@ -154,37 +115,7 @@ def relieved(system: Assembly, f: Array, relief: bool) -> tuple[Array, Array]:
     return in_balance(system, f - top.shared(top.assembled(carried @ acceleration))), acceleration
 
 
-def out_of_balance(system: Assembly, f: Array, acceleration: Array) -> float:
-    """The share of loads (dof,) that moves the whole and is carried by no acceleration."""
-    return 0.0 if acceleration.any() else ratio(norm(system.free_motions.T @ f), norm(f))
-
-
 def displaced(system: Assembly, f: Array, lam: Array, alpha: Array) -> tuple[Array, Array]:
     """The multipliers, and the motions u (dof,) that they and alpha amount to: none of the whole."""
     u = system.inverse(f - system.topology.B @ lam) + system.modes @ alpha
     return lam, in_balance(system, u)
-
-
-def complete_solution(
-    system: Assembly,
-    f: Array,
-    best: Refined,
-    acceleration: Array,
-    iterations: Iterations | None,
-    tolerance: float,
-) -> Statics:
-    """Rigid motions, motion of the interface, energy and verdict of the best solution."""
-    top, u = system.topology, best.u
-    return Statics(
-        u=u,
-        alpha=np.asarray(system.pinned @ u),
-        lam=best.lam,
-        u_f=np.bincount(top.frame, top.B.T @ u, len(top.interface)) / top.count[top.interface],
-        energy=0.5 * float(u @ system.strained(u)),
-        deficiency=system.free_motions.shape[1],
-        acceleration=acceleration,
-        iterations=iterations,
-        error=best.error,
-        lam_error=best.lam_error,
-        verdict=condition_verdict(system, f, best, tolerance),
-    )

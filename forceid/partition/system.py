@@ -8,15 +8,27 @@ Source: principal equations 2.7, 2.9, 2.10.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
-from forceid.errors import DataError
+import numpy as np
+
+from forceid.errors import ConfigError, DataError
+from forceid.partition.operators.conjugate_gradient import Iterations, projected_cg
 from forceid.partition.operators.inverse import all_symmetric, rigid_modes
 from forceid.partition.operators.topology import Topology, topology
+from forceid.partition.saddle import Saddle, factored_saddle
+from forceid.partition.solution.accuracy import norm, ratio
 from forceid.partition.solution.assembly import Assembly
-from forceid.partition.solution.interface_forces import InterfaceForces, interface_forces, stiffness_forces
-from forceid.partition.statics import Statics, solve_direct, solve_iteratively
+from forceid.partition.solution.error_verdict import REACHED, SOUND
+from forceid.partition.solution.interface_forces import InterfaceForces, interface_forces
+from forceid.partition.statics import Statics, displaced, solve_at_rest
 from forceid.records import Array
+
+WEIGHTS = ("multiplicity", "stiffness")
+GAP_ROUNDING = 1e-14  # of the gaps that loads and start vector open, below which a residual is none
+CLOSER, CLOSEST = 0.1, 1e-6  # of the gaps that a correction starts from, that it leaves at most and at least
+DRAWS_ITERATIVE = 2  # of rounding, that tell an error: each takes a run
 
 
 class PartitionedSystem(Assembly):
@@ -49,7 +61,23 @@ class PartitionedSystem(Assembly):
         Raises EstimationError: loads out of balance, motions that are off by more than a thousandth.
         Source: principal equations 2.9.
         """
-        return solve_direct(self, load, relief)
+        n, a = self.R_b.shape
+        rest = np.zeros(len(self.topology.interface) + self.projection.whole.shape[1])
+
+        def solve(f: Array, gap: Array, _: float) -> tuple[Array, Array]:
+            if not n:  # one partition
+                return displaced(self, f, np.zeros(0), np.zeros(a))
+            saddle = self.saddle
+            opened = (self.topology.B.T @ self.inverse(f) + gap) / saddle.unit
+            x = saddle.solve(np.concatenate([opened, -self.resultant(f), rest]))
+            return displaced(self, f, self.projection.balanced(x[:n]), saddle.unit * x[n : n + a])
+
+        return solve_at_rest(self, load, relief, solve)
+
+    @cached_property
+    def saddle(self) -> Saddle:
+        """The reduced saddle-point system, factored."""
+        return factored_saddle(self)
 
     def solve_cg(
         self,
@@ -67,7 +95,39 @@ class PartitionedSystem(Assembly):
         for in a short second one: it says what the solution is off, and mends one that is off by more than
         the tolerance asks for. Source: principal equations 2.10, 4i.
         """
-        return solve_iteratively(self, load, preconditioner, weights, tolerance, most, relief)
+        if weights not in WEIGHTS:
+            raise ConfigError(f"unknown weights '{weights}'", next_step=f"one of {', '.join(WEIGHTS)}")
+        if not 0 < tolerance < 1 or most < 1:
+            raise ConfigError(
+                f"asks for a tolerance of {tolerance:g} in {most} steps",
+                next_step="a tolerance between 0 and 1, and one step or more",
+            )
+        P, plain = self.by_stiffness if weights == "stiffness" else self.projection, self.projection
+        apply = self.precondition(preconditioner)
+        # without a preconditioner gaps do not show wrong forces between stiff partitions
+        mend = self.precondition("lumped") if preconditioner == "none" else apply
+        runs: list[Iterations] = []
+
+        def solve(f: Array, gap: Array, size: float) -> tuple[Array, Array]:
+            b = np.asarray(self.topology.B.T @ self.inverse(f)) + gap
+            start = P.start(self.resultant(f))
+            opened = self.flexibility(start)
+            r = b - opened
+            # where statics alone gives the multipliers, the residual is rounding from the start
+            least = GAP_ROUNDING * (norm(b) + norm(opened))
+            goal = tolerance
+            if size:  # of a correction: gaps small beside the motion, not beside those it starts from
+                goal = max(CLOSEST, min(CLOSER, ratio(tolerance * size, norm(P.gaps(r)))))
+            by = mend if size else apply
+            done = projected_cg(self.flexibility, r, P.forces, P.gaps, by, goal, most, least)
+            runs.append(done)
+            lam = plain.balanced(start + done.x)
+            lam = lam + plain.start(self.resultant(f) - plain.modes.T @ lam)  # what rounding left over
+            alpha = plain.solve_coarse(plain.modes.T @ plain.averaged(self.flexibility(lam) - b))
+            return displaced(self, f, lam, alpha)
+
+        enough = max(SOUND, REACHED * tolerance)
+        return solve_at_rest(self, load, relief, solve, enough, DRAWS_ITERATIVE, runs, tolerance)
 
     def start_vector(self, load: Any) -> Array:
         """lambda_alpha (multiplier,): least multipliers that balance every floating partition and every node.
@@ -81,12 +141,9 @@ class PartitionedSystem(Assembly):
     ) -> InterfaceForces:
         """What passes between the partitions that accelerate so, without stiffness; with displacements by it.
 
-        Options are those of `interface_forces.interface_forces`, or of `stiffness_forces` there where
-        displacements are given. Source: principal equations 2.11 A, 4h.
+        Options are those of `interface_forces.interface_forces`. Source: principal equations 2.11 A, 4h.
         """
-        if displacement is None:
-            return interface_forces(self, load, acceleration, **options)
-        return stiffness_forces(self, load, displacement, acceleration, **options)
+        return interface_forces(self, load, acceleration, displacement, **options)
 
 
 def validated(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -64,11 +65,19 @@ def distribute(
 
 
 def _turn(moment: Array, rho: Array, w: Array, floor: float) -> Array:
-    """Rigid angular pattern J^+ T of the weighted nodes about their center, (..., 1) planar or (..., 3)."""
+    """Rigid angular pattern J^+ T of the weighted nodes about their center, (..., 1) planar or (..., 3).
+
+    Principal moments below 1e-12 of the largest, or below floor, are zero; NaN where a node is NaN.
+    """
     Q = rho.mT @ (w[:, None] * rho)
     trace = np.trace(Q, axis1=-2, axis2=-1)[..., None, None]
     J = trace if rho.shape[-1] == 2 else trace * np.eye(3) - Q
-    return np.asarray((pseudo_inverse(J, floor) @ moment[..., None])[..., 0])
+    known = np.asarray(np.isfinite(J).all(axis=(-2, -1), keepdims=True))
+    value, vector = np.linalg.eigh(np.where(known, J, 0.0))
+    kept = value > np.maximum(1e-12 * value[..., -1:], floor)
+    inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)
+    turn = (vector * inverse[..., None, :]) @ vector.mT @ moment[..., None]
+    return np.where(known, turn, np.nan)[..., 0]
 
 
 def solve_loads(
@@ -108,14 +117,8 @@ def solve_loads(
             "wrench",
         )
     known = np.isfinite(g).all(-1) & np.isfinite(C).all((-2, -1)) & np.isfinite(G).all((-2, -1))
-    C = np.where(np.isfinite(C).all((-2, -1), keepdims=True), C, np.eye(size))
     G = np.where(np.isfinite(G).all((-2, -1), keepdims=True), G, 0.0)
-    try:
-        root = np.linalg.cholesky(C)
-    except np.linalg.LinAlgError as e:
-        raise DataError(
-            "must be positive definite", "wrench_cov", "give every component a standard deviation above zero"
-        ) from e
+    root = cholesky_root(C, "wrench_cov")
 
     scale = np.ones(size)
     scale[slice(2, 3) if size == 3 else slice(3, 6)] = 1 / length
@@ -135,6 +138,16 @@ def solve_loads(
         chi_square=np.where(known & (rank == top), misfit, np.nan),
         dof=size - top,
     )
+
+
+def cholesky_root(C: Array, where: str) -> Any:
+    """Lower Cholesky factors of covariances (..., n, n), one where these are not known. DataError."""
+    known = np.isfinite(C).all((-2, -1), keepdims=True)
+    try:
+        return np.linalg.cholesky(np.where(known, C, np.eye(C.shape[-1])))
+    except np.linalg.LinAlgError as e:
+        next_step = "give every component a standard deviation above zero"
+        raise DataError("must be positive definite", where, next_step) from e
 
 
 def whitened_fit(A: Array, b: Array, V: Array, rank: Array) -> tuple[Array, Array, Array]:
@@ -174,18 +187,3 @@ def _row_space(V: Array, tolerance: float) -> tuple[Array, Array]:
         rows = np.linalg.solve(rows[:, lead], rows)
         rows[np.abs(rows) < 1e-12] = 0.0
     return rows.reshape(-1, count), basis[:, ~always]
-
-
-def eigen(A: Array) -> tuple[Array, Array]:
-    """Ascending eigenvalues (..., n) and orthonormal eigenvectors (..., n, n); NaN where A has a NaN."""
-    known = np.asarray(np.isfinite(A).all(axis=(-2, -1), keepdims=True))
-    value, vector = np.linalg.eigh(np.where(known, A, 0.0))
-    return np.where(known[..., 0], value, np.nan), np.where(known, vector, np.nan)
-
-
-def pseudo_inverse(A: Array, floor: float = 0.0) -> Array:
-    """A^+ of positive semidefinite A; eigenvalues below 1e-12 of the largest, or below floor, are zero."""
-    value, vector = eigen(A)
-    kept = value > np.maximum(1e-12 * value[..., -1:], floor)
-    inverse = np.where(kept, 1 / np.where(kept, value, 1.0), 0.0)
-    return np.asarray((vector * inverse[..., None, :]) @ vector.mT)

@@ -69,7 +69,10 @@ def mass_properties(
     p = c if about is None else np.asarray(about, dtype=float)
     if M.ndim == 1:
         rho = x - p[..., None, :]
-        return _assemble(m, c, p, _tensor(np.swapaxes(rho, -1, -2) @ (M[:, None] * rho)))
+        Q = np.swapaxes(rho, -1, -2) @ (M[:, None] * rho)
+        trace = np.trace(Q, axis1=-2, axis2=-1)  # J = tr(Q) I - Q, planar tr(Q)
+        J = trace if Q.shape[-1] == 2 else trace[..., None, None] * np.eye(3) - Q
+        return _assemble(m, c, p, np.asarray(J))
     S = summation_operator(x, p, rotations=dof > x.shape[-1])
     matrix = S.mT @ mass_times(M, S.mT).mT
     J = matrix[..., x.shape[-1] :, x.shape[-1] :]
@@ -150,12 +153,6 @@ def _assemble(m: float, center: Array, about: Array, J: Array) -> MassProperties
         [np.concatenate([M_tt, M_rt.mT], axis=-1), np.concatenate([M_rt, tensor], axis=-1)], axis=-2
     )
     return MassProperties(m, center, np.asarray(J), matrix, about)
-
-
-def _tensor(Q: Array) -> Array:
-    """Inertia from the second moment sum of m r r^T: tr(Q) I - Q, planar tr(Q)."""
-    trace = np.trace(Q, axis1=-2, axis2=-1)
-    return np.asarray(trace if Q.shape[-1] == 2 else trace[..., None, None] * np.eye(3) - Q)
 
 
 def _positive(m: float, where: str) -> float:

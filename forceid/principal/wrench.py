@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import DataError
 from forceid.principal.mass import SparseMatrix, mass_center, mass_times, nodal_mass, nodes_with_mass
-from forceid.principal.operator import axis_count, cross, cross_matrix, sum_nodal, summation_operator
+from forceid.principal.operator import axis_count, cross, sum_nodal, summation_operator
 from forceid.records import Array
 
 
@@ -54,12 +54,7 @@ def transport_matrix(arm: ArrayLike) -> Array:
     arm (..., 3) m = old point minus new point; returns (..., 6, 6), planar (..., 3, 3).
     Source: principal equations 4c.
     """
-    X = cross_matrix(arm)
-    spin, axis = X.shape[-2:]
-    T = np.zeros((*X.shape[:-2], axis + spin, axis + spin))
-    T[...] = np.eye(axis + spin)
-    T[..., axis:, :axis] = X
-    return T
+    return summation_operator(np.asarray(arm, dtype=float)[..., None, :], rotations=True).mT
 
 
 def transport(wrench: ArrayLike, arm: ArrayLike) -> Array:

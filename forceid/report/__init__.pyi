@@ -4,6 +4,7 @@ from forceid.report.notebook import show_report as show_report
 from forceid.report.notebook import summarize as summarize
 from forceid.report.numbers import plain as plain
 from forceid.report.numbers import plus_minus as plus_minus
+from forceid.report.numbers import rms as rms
 from forceid.report.numbers import wrench_numbers as wrench_numbers
 from forceid.report.outliers import find_outliers as find_outliers
 from forceid.report.page import render_page as render_page

@@ -20,26 +20,7 @@ from forceid.report.plots.style import BLUE, STYLE, VERMILION, label, panels
 from forceid.report.template import render
 
 VERDICTS = ("failed", "refused", "degraded", "ok")
-BATCH_HEADLINE = {
-    "failed": "Some files have no result.",
-    "refused": "Some estimates are refused: nothing can be defended from their data.",
-    "degraded": "All files have a result, some of them with cautions.",
-    "ok": "All files have an accurate result.",
-}
 NAMED_MARKS = 12  # marks that get a name in the picture
-
-
-@dataclass(frozen=True)
-class FileRow:
-    """One file of the table: its standing and what the page says of it; links relative to the folder."""
-
-    file: str
-    level: str
-    kept: bool
-    result: str
-    page: str
-    numbers: tuple[str, ...]
-    far: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -56,58 +37,50 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
     outliers = find_outliers(records)
     rows = sorted(
         (row_of(record, folder, outliers) for record in records),
-        key=lambda r: (VERDICTS.index(r.level), r.file),
+        key=lambda r: (VERDICTS.index(r["level"]), r["file"]),
     )
-    counts = Counter(row.level for row in rows)
+    counts = Counter(row["level"] for row in rows)
     level = next((name for name in VERDICTS if counts[name]), "ok")
     return render(
         "batch.html.j2",
         rows=rows,
         counts=[(name, counts[name]) for name in reversed(VERDICTS) if counts[name]],
-        kept=sum(row.kept for row in rows),
+        kept=sum(row["kept"] for row in rows),
         undone=undone,
-        level=level if not undone else "failed",
-        headline=BATCH_HEADLINE[level] if rows else "No file was done.",
+        level=level,
         causes=causes(records),
         outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
         picture=picture(records, outliers),
     )
 
 
-def level_of(record: Mapping[str, Any]) -> str:
-    """Failed, or the verdict of the estimate or of its joints, whichever is worse."""
-    if record["status"] == "failed":
-        return "failed"
-    found: tuple[str, ...] = (record["verdict"], record.get("interface", {}).get("verdict", "ok"))
-    return min(found, key=VERDICTS.index)
-
-
-def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> FileRow:
-    """What the table says of one file."""
-    output = Path(record["output"])
+def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier]) -> dict[str, Any]:
+    """What the table says of one file; links are relative to the folder."""
+    output, known = Path(record["output"]), record["status"] != "failed"
     page = output.with_suffix(".html")
-    known = record["status"] != "failed"
-    numbers: tuple[str, ...] = ("", "", "", "", "")
+    level, numbers = "failed", [""] * 5
     if known:
+        joints = record.get("interface", {}).get("verdict", "ok")
+        level = min(record["verdict"], joints, key=VERDICTS.index)  # the worse of the two
         sizes = [
             plus_minus(numbers_of(record, f"{name}_rms"), numbers_of(record, f"{name}_std"), unit)
             for name, unit in (("force", "N"), ("moment", "N m"))
         ]
-        numbers = (
+        numbers = [
             *map(typeset, sizes),
             digits(float(numbers_of(record, "nis_mean"))),
             f"{record.get('samples', '–')}",
             f"{float(numbers_of(record, 'runtime_s')):.2g} s",
-        )
-    return FileRow(
-        file=str(record["file"]),
-        level=level_of(record),
-        kept=record["status"] == "skipped",
-        result=link(output, folder) if known else "",
-        page=link(page, folder) if page.exists() else "",
-        numbers=numbers,
-        far=tuple(str(outlier) for outlier in outliers if outlier.file == record["file"]),
-    )
+        ]
+    return {
+        "file": str(record["file"]),
+        "level": level,
+        "kept": record["status"] == "skipped",
+        "result": link(output, folder) if known else "",
+        "page": link(page, folder) if page.exists() else "",
+        "numbers": numbers,
+        "far": [str(outlier) for outlier in outliers if outlier.file == record["file"]],
+    }
 
 
 def link(path: Path, folder: Path) -> str:

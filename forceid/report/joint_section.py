@@ -10,26 +10,16 @@ import numpy as np
 from forceid.estimation import listed, trading_joints, undetermined_components
 from forceid.records import Array, Estimate, Interface
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
-from forceid.report.plots.joint_figures import draw_joint, joint_truth
+from forceid.report.plots.figures import draw_joint, joint_truth
 from forceid.report.plots.picture import Picture, pictured
 
-JOINT_HEADLINE = {
-    "ok": "Accurate: forces between the parts and their sigma can be believed.",
-    "degraded": "Degraded: forces between the parts are usable with the cautions below.",
-    "refused": "Refused: no force between the parts can be defended from these data.",
-}
 JOINTS_DRAWN = 12  # joints that are drawn
 
 
 @dataclass(frozen=True)
 class JointSection:
-    """Verdict (level, headline, reasons), the table of joints with its heads, facts as name and value, and
-    pictures.
-    """
+    """The table of joints with its heads, facts as name and value, and pictures."""
 
-    level: str
-    headline: str
-    reasons: tuple[str, ...]
     heads: tuple[str, ...]
     rows: list[list[str]]
     facts: list[tuple[str, str]]
@@ -43,18 +33,19 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
         return None
     errors = [joint_errors(estimate.time, found, k, truth or {}) for k in range(len(found.name))]
     known = any(np.isfinite(e).any() for e in errors)
+    told = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
     heads = ("Joint", "Exerted", "Force, rms", "Moment, rms", "Parts apart, rms")
     return JointSection(
-        level=found.verdict.level,
-        headline=JOINT_HEADLINE[found.verdict.level],
-        reasons=found.verdict.reasons,
         heads=(*heads, "Error over sigma: force, moment") if known else heads,
         rows=[
             joint_row(found, k) + [", ".join(digits(e, 2) for e in error)] * known
             for k, error in enumerate(errors)
         ],
         facts=joint_facts(found),
-        pictures=joint_pictures(estimate.time, found, truth or {}),
+        pictures=[
+            pictured(draw_joint(estimate.time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
+            for k in told[:JOINTS_DRAWN]
+        ],
     )
 
 
@@ -88,31 +79,14 @@ def joint_facts(found: Interface) -> list[tuple[str, str]]:
         rows.append(("Misfit of these balances", text))
     for k, name in enumerate(found.name):
         if not found.determined[k]:
-            rows.append((f"Not told: {name}", open_in(found.null_space[k])))
+            parts = undetermined_components(found.null_space[k])  # none where nothing was solved
+            said = f"{listed(parts)}; over the record, world axes, about the mass center of all"
+            rows.append((f"Not told: {name}", said if parts else "all of it"))
     for group in trading_joints(found.null_space):
         names = ", ".join(found.name[k] for k in group)
         way = "round them" if len(group) > 1 else "through it that loads from outside balance"
         rows.append((f"Null space: {names}", f"wrenches {way} leave no trace in the motion"))
     return rows
-
-
-def open_in(block: Array) -> str:
-    """The components of a joint's wrench (6, null) that are open; all of it where nothing was solved."""
-    components = undetermined_components(block)
-    return (
-        f"{listed(components)}; over the record, world axes, about the mass center of all"
-        if components
-        else "all of it"
-    )
-
-
-def joint_pictures(time: Array, found: Interface, truth: Mapping[str, Array]) -> list[Picture]:
-    """A figure for every joint of which something is told, MOST at most."""
-    determined = [k for k in range(len(found.name)) if np.isfinite(found.force[:, k]).any()]
-    return [
-        pictured(draw_joint(time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
-        for k in determined[:JOINTS_DRAWN]
-    ]
 
 
 def caption(found: Interface, k: int) -> str:

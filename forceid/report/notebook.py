@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from html import escape
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -18,11 +17,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from forceid.files import read_result, read_title, read_truth
-from forceid.files.stored.atomic import atomic
+from forceid.files.stored.atomic import write_whole
 from forceid.records import Array, Estimate
 from forceid.report.numbers import Numbers, wrench_numbers
 from forceid.report.page import render_page
 from forceid.report.plots.figures import draw_wrench
+from forceid.report.plots.picture import png
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,8 @@ def plot_wrench(result: xarray.DataTree | str | Path, truth: Mapping[str, Any] |
     """
     estimate, known, _ = contents(result, truth)
     figure = draw_wrench(estimate, known)
-    vars(figure)["_repr_png_"] = partial(png, figure)  # without pyplot, Jupyter knows no picture of a figure
+    # without pyplot, Jupyter knows no picture of a figure
+    vars(figure)["_repr_png_"] = partial(png, figure, 110)
     return figure
 
 
@@ -64,8 +65,7 @@ class Page(str):
 
     def save(self, path: str | Path) -> Path:
         """Write the page; it appears whole or not at all. ConfigError: not writable."""
-        with atomic(path) as partial_page:
-            partial_page.write_text(self, encoding="utf-8")
+        write_whole(path, self)
         return Path(path)
 
     def _repr_html_(self) -> str:
@@ -105,10 +105,3 @@ def truth_arrays(truth: Mapping[str, Any]) -> dict[str, Array]:
     found = {str(name): np.asarray(values) for name, values in truth.items()}
     time = getattr(truth, "coords", {}).get("time")
     return found if time is None else {"time": np.asarray(time), **found}
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as a notebook shows it."""
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=110, facecolor="white")
-    return stream.getvalue()

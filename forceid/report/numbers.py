@@ -50,8 +50,15 @@ class Numbers:
 def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Numbers:
     """What to quote of `estimate`; errors are NaN without `truth`."""
     e, found = estimate, dict[str, Any]()
-    for name, (gap, limit) in (("force", force_closure(e)), ("moment", moment_closure(e))):
+    # the angular momentum is about the mass center, and closes no other moment
+    moment = e.moment if e.moment_about == "mass_center" else np.full_like(e.moment, np.nan)
+    changes = {
+        "force": (e.mass * e.velocity, e.force + e.mass * e.gravity),
+        "moment": (e.angular_momentum, moment),
+    }
+    for name, (momentum, whole) in changes.items():
         load, std = getattr(e, name), getattr(e, f"{name}_std")
+        gap, limit = closure(e.time, momentum, whole, std)
         error = load - truth_at(e, truth or {}, name)
         found |= {f"{name}_mean": mean(load), f"{name}_rms": rms(load), f"{name}_std": mean(std)}
         found |= {f"{name}_error": rms(error), f"{name}_score": rms(error / positive_or_nan(std))}
@@ -75,22 +82,6 @@ def resampled(time: Array, clock: Array, values: Array) -> Array:
     columns = values.reshape(len(clock), -1).T
     found = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in columns]
     return np.stack(found, -1).reshape(len(time), *values.shape[1:])
-
-
-def force_closure(estimate: Estimate) -> tuple[Array, Array]:
-    """Change of momentum minus the impulse of force and weight (3,) N s, and its limit."""
-    e = estimate
-    return closure(e.time, e.mass * e.velocity, e.force + e.mass * e.gravity, e.force_std)
-
-
-def moment_closure(estimate: Estimate) -> tuple[Array, Array]:
-    """Change of angular momentum minus the impulse of the moment (3,) N m s, and its limit.
-
-    NaN where the moment is not about the mass center: the angular momentum is.
-    """
-    e = estimate
-    moment = e.moment if e.moment_about == "mass_center" else np.full_like(e.moment, np.nan)
-    return closure(e.time, e.angular_momentum, moment, e.moment_std)
 
 
 def closure(time: Array, momentum: Array, load: Array, std: Array) -> tuple[Array, Array]:

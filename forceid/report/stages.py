@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
+from importlib.resources import files
 from typing import TextIO
-
-from forceid.timing import STAGES
 
 
 def show_stages(timing: Mapping[str, float], file: TextIO | None = None) -> None:
     """Print seconds of CPU and their share by stage, in the order in which the stages are met."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
+    words = tomllib.loads((files("forceid.report") / "stages.toml").read_text("utf-8"))
     total = sum(timing.values())
-    table = Table(box=None)
-    table.add_column("stage")
-    table.add_column("CPU s", justify="right")
-    table.add_column("share", justify="right")
-    table.add_column("")
+    numbers = Column("CPU s", justify="right"), Column("share", justify="right")
+    table = Table("stage", *numbers, "", box=None)
     for name, seconds in timing.items():
         share = 100 * seconds / max(total, 1e-9)
-        what = next((what for stage, what in STAGES.items() if stage == name), "")
-        table.add_row(name.replace("_", " "), f"{seconds:.3f}", f"{share:.0f} %", what)
+        table.add_row(name.replace("_", " "), f"{seconds:.3f}", f"{share:.0f} %", words.get(name, ""))
     table.add_row("total", f"{total:.3f}", "100 %", "")
     Console(file=file, highlight=False).print(table)

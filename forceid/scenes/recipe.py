@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,32 +27,16 @@ from forceid.scenes.flights import (
 )
 from forceid.scenes.mechanics import KnownFlight
 
-
-@dataclass(frozen=True)
-class Scene:
-    """What a scene is made of: its parameters, and the exact flight they give at sampled instants.
-
-    instruments(parameters, channels seen, truth, rng): those channels and those of sensors on the body, with
-    the standard deviations of the sensors' noise; None for a body without sensors.
-    """
-
-    parameters: type[Section]
-    fly: Callable[[Any, Array], KnownFlight]
-    instruments: Callable[..., tuple[dict[str, Array], dict[str, float]]] | None = None
-
-
-SCENES = {
-    "flexible_boomerang": Scene(flexible_boomerang.Parameters, flexible_boomerang.fly),
-    "frisbee": Scene(frisbee.Parameters, frisbee.fly),
-    "hinged": Scene(hinged.Parameters, hinged.fly),
-    "instrumented": Scene(instrumented.Parameters, instrumented.fly, instrumented.sensor_channels),
-    "particle": Scene(particle.Parameters, particle.fly),
-    "planar_boomerang": Scene(planar_boomerang.Parameters, planar_boomerang.fly),
-    "spinner": Scene(spinner.Parameters, spinner.fly),
-    "spinning_block": Scene(spinning_block.Parameters, spinning_block.fly),
-    "top": Scene(top.Parameters, top.fly),
-    "wobbling_drop": Scene(wobbling_drop.Parameters, wobbling_drop.fly),
-}
+# each with its Parameters, fly(parameters, time) for the exact flight at sampled instants, and of a body with
+# sensors sensor_channels(parameters, channels seen, truth, rng): those channels and those of the sensors,
+# with the standard deviations of the sensors' noise
+SCENES: dict[str, Any] = {
+    scene.__name__.rpartition(".")[2]: scene
+    for scene in (
+        flexible_boomerang, frisbee, hinged, instrumented, particle, planar_boomerang, spinner,
+        spinning_block, top, wobbling_drop,
+    )
+}  # fmt: skip
 
 
 class Dropout(Section):
@@ -130,14 +112,15 @@ def sample_times(recipe: SceneRecipe, rng: np.random.Generator) -> Array:
 def fly(recipe: SceneRecipe, time: Array) -> KnownFlight:
     """The exact flight of the recipe's scene at `time` (time,) s."""
     parameters = _parameters(recipe, "recipe:")
-    return SCENES[recipe.scene].fly(parameters, time)
+    flight: KnownFlight = SCENES[recipe.scene].fly(parameters, time)
+    return flight
 
 
 def measure(flight: KnownFlight, recipe: SceneRecipe, time: Array, rng: np.random.Generator) -> Recording:
     """A flight as the recipe's instruments see it: noise, missing markers, dropouts (NaN, never 0)."""
     see = _see_markers if recipe.measure == "markers" else _see_mean_motion
     seen, std = see(flight, recipe, time, rng)
-    if instruments := SCENES[recipe.scene].instruments:
+    if instruments := getattr(SCENES[recipe.scene], "sensor_channels", None):
         parameters, truth = _parameters(recipe, "recipe:"), {"time": time, **flight.truth}
         seen, more = instruments(parameters, seen, truth, rng)
         std = {name: level for name, level in std.items() if name in seen} | more
@@ -183,7 +166,8 @@ def _parameters(recipe: SceneRecipe, where: str) -> Section:
     if recipe.scene not in SCENES:
         near = difflib.get_close_matches(recipe.scene, SCENES, n=1, cutoff=0.0)
         raise ConfigError(f"unknown scene '{recipe.scene}'", where, f"did you mean '{near[0]}'?")
-    return validate(SCENES[recipe.scene].parameters, recipe.parameters, f"{where} [parameters]")
+    kind: type[Section] = SCENES[recipe.scene].Parameters
+    return validate(kind, recipe.parameters, f"{where} [parameters]")
 
 
 def _node_index(node: str | int, names: tuple[str, ...]) -> int:

@@ -6,7 +6,7 @@ from forceid.errors import DataError
 from forceid.partition.coupling.resultants import link_resultants
 from forceid.partition.grids import gathered, solid_parts
 from forceid.partition.operators.topology import boolean_from_positions
-from forceid.partition.solution.interface_forces import interface_forces, stiffness_forces
+from forceid.partition.solution.interface_forces import interface_forces
 from forceid.partition.system import PartitionedSystem
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import transport, transport_cov
@@ -192,8 +192,8 @@ def test_assembled_and_separate_arrays_say_the_same():
     rows = interface_forces(system, np.concatenate(shares, axis=1), a[:, np.concatenate(top.glob)]).lam
     np.testing.assert_allclose(rows, lists, atol=1e-13)
     np.testing.assert_allclose(
-        stiffness_forces(system, shares, [u[:, g] for g in top.glob], a).lam,
-        stiffness_forces(system, f, u, a).lam,
+        interface_forces(system, shares, a, [u[:, g] for g in top.glob]).lam,
+        interface_forces(system, f, a, u).lam,
         atol=1e-13,
     )
 
@@ -204,7 +204,7 @@ def test_stiffness_gives_the_forces_of_the_solution_at_rest():
     system = parts.system(fixed)
     load = np.random.default_rng(11).normal(size=system.topology.size)
     solved = system.solve(load)
-    found = stiffness_forces(system, load, solved.u, motions=motions(parts, [0.0, 0.0], fixed))
+    found = interface_forces(system, load, displacement=solved.u, motions=motions(parts, [0.0, 0.0], fixed))
     np.testing.assert_allclose(found.lam, solved.lam, atol=1e-10 * np.abs(solved.lam).max())
     assert found.balance.reasons == ()
     assert found.resultant.null_space.shape[1] == 0
@@ -215,7 +215,7 @@ def test_stiffness_gives_the_forces_of_the_solution_at_rest():
 def test_stiffness_gives_the_forces_of_a_body_in_motion_and_of_inertia_relief():
     parts = ring(2)
     system, f, u, a, true = shaken(parts, (3,), seed=12)
-    found = stiffness_forces(system, f, u, a)
+    found = interface_forces(system, f, a, u)
     np.testing.assert_allclose(found.lam, true, atol=1e-12)
     assert found.balance.reasons == ()
     load = np.random.default_rng(13).normal(size=system.topology.size)
@@ -226,7 +226,7 @@ def test_stiffness_gives_the_forces_of_a_body_in_motion_and_of_inertia_relief():
     relieved = load - top.assembled(
         np.concatenate([m @ rigid[d] for m, d in zip(system.mass, top.dofs, strict=True)])
     )
-    np.testing.assert_allclose(stiffness_forces(system, relieved, solved.u).lam, solved.lam, atol=1e-10)
+    np.testing.assert_allclose(interface_forces(system, relieved, None, solved.u).lam, solved.lam, atol=1e-10)
 
 
 @pytest.mark.parametrize("body", [chain, ring])
@@ -269,11 +269,11 @@ def test_covariance_of_what_moves_the_parts_passes_through_the_published_operato
 def test_covariance_by_stiffness_is_that_of_repeated_draws():
     system, f, u, a, true = shaken(chain(1), seed=18)
     rng, count, size = np.random.default_rng(19), 1500, system.topology.size
-    found = stiffness_forces(
+    found = interface_forces(
         system,
         f,
-        u + 1e-4 * rng.normal(size=(count, size)),
-        a + 0.3 * rng.normal(size=(count, size)),
+        displacement=u + 1e-4 * rng.normal(size=(count, size)),
+        acceleration=a + 0.3 * rng.normal(size=(count, size)),
         displacement_cov=np.full(size, 1e-8),
         acceleration_cov=np.full(size, 0.09),
     )
@@ -316,7 +316,7 @@ def test_forces_that_do_not_balance_are_told_in_a_sentence():
     )
     assert interface_forces(system, lost, a, acceleration_cov=np.full(len(a), 1e4)).balance.reasons == ()
     assert found.resultant.chi_square > 0.01
-    left = stiffness_forces(system, lost, u, a).balance
+    left = interface_forces(system, lost, a, u).balance
     assert "at partition 3" in left.reasons[0]
     np.testing.assert_allclose(left.nodes, 0, atol=1e-12)
 
@@ -327,7 +327,7 @@ def test_a_displacement_that_jumps_at_one_side_shows_at_the_nodes():
     shared = system.topology.boundary[2][0]
     each[2][shared] += 1e-3
     jumped = system.topology.glob[2][shared]
-    told = stiffness_forces(system, f, each, a).balance
+    told = interface_forces(system, f, a, each).balance
     assert any(f"assembled degree of freedom {jumped}, " in reason for reason in told.reasons)
 
 

@@ -9,7 +9,7 @@ import pytest
 from forceid.records import Finding, Interface, Verdict
 from forceid.report.joint_section import joint_section
 from forceid.report.page import render_page
-from forceid.report.plots.joint_figures import draw_joint, joint_truth
+from forceid.report.plots.figures import draw_joint, joint_truth
 
 STD = np.array([0.05, 0.04, 0.06, 0.002, 0.003, 0.002])
 PLACE = np.array([[0.4, 0.1, 1.2], [0.8, 0.1, 1.2]])

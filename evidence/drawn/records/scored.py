@@ -8,6 +8,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
 from forceid.config import load_settings
 from forceid.errors import EstimationError
@@ -99,3 +100,24 @@ def told_whole(names: tuple[str, ...], position: Array, X: Array, mass: Array) -
     E = np.einsum("n,na,nb->ab", mass, X, X)
     inertia = np.trace(E) * np.eye(3) - E
     return Body(names, position, total_mass=mass.sum(), mass_center=np.zeros(3), inertia=inertia)
+
+
+def low_passed(recording: Recording, cut: float) -> dict[str, Array]:
+    """Force and moment of mass points by a zero-phase Butterworth filter of cut Hz and second differences.
+
+    Samples are even; gaps are filled by straight lines.
+    """
+    motion, m, x = recording.motion, recording.body.mass, np.array(recording.motion.position)
+    for track in x.reshape(len(x), -1).T:
+        seen = np.isfinite(track)
+        track[~seen] = np.interp(motion.time[~seen], motion.time[seen], track[seen])
+    step = float(np.ptp(motion.time)) / (len(x) - 1)
+    x = sosfiltfilt(butter(2, cut / 0.802, fs=1 / step, output="sos"), x, axis=0)
+    bent = np.zeros_like(x)
+    bent[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / step**2
+    felt = bent - motion.gravity
+    arm = x - np.einsum("n,tna->ta", m / m.sum(), x)[:, None]
+    return {
+        "force": np.einsum("n,tna->ta", m, felt),
+        "moment": np.einsum("n,tna->ta", m, np.cross(arm, felt)),
+    }

@@ -34,7 +34,7 @@ def marker_clusters(
     points = point_weights(name, settings, where)
     nodes, owner = tuple(points), np.full(len(name), -1.0)
     for segment in clustered:
-        if segment.cluster and len(segment.cluster) < FEWEST:
+        if len(segment.cluster) < FEWEST:
             what = f"segment {segment.name} has {len(segment.cluster)} markers in its cluster"
             raise ConfigError(what, "[import.segment]:", f"a segment that turns needs {FEWEST}")
         for marker in segment.cluster:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections import UserDict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,35 +61,23 @@ def part(table: Table, setting: CsvSetting, where: str) -> list[tuple[str, Table
     ]
 
 
-class CsvTable(Mapping[str, Array]):
+class CsvTable(UserDict[str, Any]):
     """The columns of a table as numbers, each read when it is asked for: others may hold text.
 
-    A CSV file has no place for units and no clock of its own.
+    A blank cell is NaN. A CSV file has no place for units and no clock of its own.
     """
 
     def __init__(self, table: Table, where: str) -> None:
-        self.table, self.where = table, where
+        super().__init__(table)
+        self.where = where
 
     def __getitem__(self, name: str) -> Array:
-        return column_numbers(self.table, name, self.where)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.table)
-
-    def __len__(self) -> int:
-        return len(self.table)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.table
-
-
-def column_numbers(table: Table, name: str, where: str) -> Array:
-    """One column as float64; a blank cell is NaN."""
-    cells = column_cells(table, name, where)
-    try:
-        return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
-    except ValueError as e:
-        raise DataError(f"holds text ({e}), expected numbers", f"{where}:{name}", "leave gaps blank") from e
+        cells = column_cells(self.data, name, self.where)
+        try:
+            return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
+        except ValueError as e:
+            what = f"holds text ({e}), expected numbers"
+            raise DataError(what, f"{self.where}:{name}", "leave gaps blank") from e
 
 
 def column_cells(table: Table, name: str, where: str) -> list[str]:

@@ -42,6 +42,12 @@ def atomic(path: str | Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def write_whole(path: str | Path, text: str) -> None:
+    """A text file, UTF-8, which appears whole or not at all. ConfigError: see atomic."""
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
 def sweep(folder: Path, names: Collection[str]) -> None:
     """Remove what processes that were killed have left of the files of those names in the folder.
 

@@ -14,18 +14,17 @@ import h5py
 import numpy as np
 
 from forceid.errors import ConfigError
+from forceid.files.schema import variables
 from forceid.records import LiveWrench
 
 EVERY = 0.2  # s, at least, from one write to the next: five a second are as many as a reader follows
 AT_ONCE = 1024  # frames that are held back at most: a chunk of the file
+NOTES_AT_ONCE = 16  # notes in a chunk
 REASON = 160  # bytes of the reasons of a frame: those of three things that go wrong at once
 NOTE = 480  # bytes of a note: six lines of a terminal
-VECTORS = {
-    "force": ("N", "applied force, world axes, weight excluded"),
-    "moment": ("N m", "applied moment about the mass center, world axes"),
-    "force_std": ("N", "standard deviation of the force"),
-    "moment_std": ("N m", "standard deviation of the moment"),
-}
+LIVE = variables("live")
+VECTORS = ("force", "moment", "force_std", "moment_std")
+TYPES = {"degraded": np.uint8, "reasons": f"S{REASON}", "note": f"S{NOTE}", "note_at": np.int64}
 
 
 @dataclass
@@ -99,27 +98,21 @@ def growing_file(path: Path, about: Mapping[str, str | float]) -> Iterator[Growi
         group = file.create_group("live")
         for name, value in about.items():
             group.attrs[name] = value
-        time = group.create_dataset("time", (0,), float, maxshape=(None,), chunks=(AT_ONCE,))
-        time.attrs["units"], time.attrs["long_name"] = "s", "time of the frame"
-        time.make_scale("time")
         axis = group.create_dataset("axis", data=np.array([b"x", b"y", b"z"]))
         axis.make_scale("axis")
-        for name, (units, long_name) in VECTORS.items():
-            data = group.create_dataset(name, (0, 3), float, maxshape=(None, 3), chunks=(AT_ONCE, 3))
-            data.attrs["units"], data.attrs["long_name"] = units, long_name
-            data.dims[0].attach_scale(time)
-            data.dims[1].attach_scale(axis)
-        flag = group.create_dataset("degraded", (0,), np.uint8, maxshape=(None,), chunks=(AT_ONCE,))
-        flag.attrs["long_name"] = "1 where there are reasons against a frame, 0 where there are none"
-        words = group.create_dataset(
-            "reasons", (0,), f"S{REASON}", maxshape=(None,), chunks=(AT_ONCE,), compression="gzip"
-        )
-        words.attrs["long_name"] = "why a frame is degraded, empty where it is not"
-        for data in (flag, words):
-            data.dims[0].attach_scale(time)
-        group.create_dataset("note", (0,), f"S{NOTE}", maxshape=(None,), chunks=(16,))
-        at = group.create_dataset("note_at", (0,), np.int64, maxshape=(None,), chunks=(16,))
-        at.attrs["long_name"] = "number of frames told before the note"
+        for name, spec in LIVE.items():
+            framed = spec.dims[0] == "time"
+            wide, rows = (3,) * (len(spec.dims) - 1), AT_ONCE if framed else NOTES_AT_ONCE
+            data = group.create_dataset(
+                name, (0, *wide), TYPES.get(name, float), maxshape=(None, *wide), chunks=(rows, *wide),
+                compression="gzip" if name == "reasons" else None,
+            )  # fmt: skip
+            data.attrs.update({key: said for key in ("units", "long_name") if (said := getattr(spec, key))})
+            if name == "time":
+                data.make_scale("time")
+            elif framed:
+                for k, dim in enumerate(spec.dims):
+                    data.dims[k].attach_scale(group[dim])
         file.swmr_mode = True  # from here on nothing new is made, all may be read
         growing = GrowingFile(group, lambda: os.replace(beside, path))
         try:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
 from forceid.errors import DataError
-from forceid.principal.loads import whitened_fit
+from forceid.principal.loads import cholesky_root, whitened_fit
 from forceid.records import Array, Flags
 
 GROUND = -1  # the part that no balance is asked of
@@ -100,14 +100,8 @@ def link_resultants(
         C = np.asarray(cov, dtype=float)
         if C.shape[-3:] != (parts, n, n):
             raise DataError(f"has shape {C.shape}, expected (..., {parts}, {n}, {n})", "cov")
-        seen = np.isfinite(C).all((-3, -2, -1))
-        known = known & seen
-        try:
-            root = np.linalg.cholesky(np.where(seen[..., None, None, None], C, np.eye(n)))
-        except np.linalg.LinAlgError as e:
-            raise DataError(
-                "must be positive definite", "cov", "give every component a standard deviation above zero"
-            ) from e
+        known = known & np.isfinite(C).all((-3, -2, -1))
+        root = cholesky_root(C, "cov")
     E = transmitted(passes, len(pairs), n)
     seen = np.asarray(np.isfinite(E).all((-2, -1)))
     known = known & seen

@@ -176,16 +176,11 @@ def factor(K: Any, R: Array, part: int) -> Factor:
 
 def factor_parts(stiffness: Sequence[Any], modes: Sequence[Array]) -> tuple[tuple[Factor, ...], Indices]:
     """Factors of all parts, equal ones once, and which of them each part (part,) has."""
-    found: dict[str, int] = {}
-    each: list[Factor] = []
-    which = []
-    for s, (K, R) in enumerate(zip(stiffness, modes, strict=True)):
-        key = f"{R.shape[1]} {digest_of(K)}"
-        if key not in found:
-            found[key] = len(each)
-            each.append(factor(K, R, s))
-        which.append(found[key])
-    return tuple(each), np.array(which)
+    keys = [f"{R.shape[1]} {digest_of(K)}" for K, R in zip(stiffness, modes, strict=True)]
+    kinds: dict[str, int] = {}
+    which = [kinds.setdefault(key, len(kinds)) for key in keys]
+    each = (which.index(k) for k in range(len(kinds)))
+    return tuple(factor(stiffness[s], modes[s], s) for s in each), np.array(which)
 
 
 def digest_of(K: Any) -> str:

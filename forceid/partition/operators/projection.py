@@ -35,23 +35,18 @@ class Projection:
     weight: Array
 
     @cached_property
-    def frame_sum(self) -> Any:
-        """L_f^T, sparse (frame, multiplier)."""
-        return sp.csr_array(self.topology.L_f.T)
-
-    @cached_property
     def carried(self) -> Array:
         """L_f^T W L_f (frame,): the weight at each interface node."""
-        return np.asarray(self.frame_sum @ self.weight)
+        return np.asarray(self.topology.L_f.T @ self.weight)
 
     def averaged(self, x: Array) -> Array:
         """P_L^T x: displacements (multiplier, ...) less their weighted mean at each interface node."""
-        total = self.frame_sum @ across(self.weight, x)
+        total = self.topology.L_f.T @ across(self.weight, x)
         return np.asarray(x - across(1 / self.carried, total)[self.topology.frame])
 
     def balanced(self, x: Array) -> Array:
         """P_L x: forces (multiplier, ...) less what they add up to at each interface node, in shares by W."""
-        total = across(1 / self.carried, self.frame_sum @ x)
+        total = across(1 / self.carried, self.topology.L_f.T @ x)
         return np.asarray(x - across(self.weight, total[self.topology.frame]))
 
     @cached_property
@@ -63,7 +58,7 @@ class Projection:
     def pushed(self) -> Any:
         """P_L W R_b, sparse (multiplier, alpha): what the rigid motions of the parts do to each other."""
         pushed = self.modes * self.weight[:, None]
-        mean = (self.frame_sum @ pushed) * (1 / self.carried)[:, None]
+        mean = (self.topology.L_f.T @ pushed) * (1 / self.carried)[:, None]
         return sp.csr_array(pushed - (self.topology.L_f @ mean) * self.weight[:, None])
 
     @property
@@ -108,24 +103,14 @@ class Projection:
     def forces(self, x: Array) -> Array:
         """P x."""
         x = self.balanced(x)
-        return np.asarray(x - self.pushed @ self.solve_coarse(self.modes_T @ x))
+        return np.asarray(x - self.pushed @ self.solve_coarse(self.modes.T @ x))
 
     def gaps(self, x: Array) -> Array:
         """P^T x: displacements less rigid motions of the parts and what all parts at a node share."""
         for _ in range(2):  # the second time takes off what rounding left, where the stiffness jumps
             x = self.averaged(x)
-            x = x - self.averaged(self.modes @ self.solve_coarse(self.pushed_T @ x))
+            x = x - self.averaged(self.modes @ self.solve_coarse(self.pushed.T @ x))
         return np.asarray(x)
-
-    @cached_property
-    def modes_T(self) -> Any:
-        """R_b^T, sparse."""
-        return sp.csr_array(self.modes.T)
-
-    @cached_property
-    def pushed_T(self) -> Any:
-        """(P_L W R_b)^T, sparse."""
-        return sp.csr_array(self.pushed.T)
 
 
 def across(weight: Array, x: Array) -> Array:

@@ -71,21 +71,18 @@ class Topology:
     @property
     def L(self) -> Any:
         """Assembly, sparse (dof, size)."""
-        g = np.concatenate(self.glob)
-        return sp.csr_array((np.ones(len(g)), (np.arange(len(g)), g)), (len(g), self.size))
+        return one_a_row(np.concatenate(self.glob), self.size)
 
     @cached_property
     def B(self) -> Any:
         """Interface extraction, sparse (dof, multiplier)."""
         at = np.concatenate([d.start + b for d, b in zip(self.dofs, self.boundary, strict=True)])
-        total = self.dofs[-1].stop
-        return sp.csr_array((np.ones(len(at)), (at, np.arange(len(at)))), (total, len(at)))
+        return sp.csr_array(one_a_row(at, self.dofs[-1].stop).T)
 
-    @property
+    @cached_property
     def L_f(self) -> Any:
         """Interface assembly, sparse (multiplier, frame)."""
-        n = len(self.frame)
-        return sp.csr_array((np.ones(n), (np.arange(n), self.frame)), (n, len(self.interface)))
+        return one_a_row(self.frame, len(self.interface))
 
     def shared(self, load: Array) -> Array:
         """An assembled load (size,) in equal shares on the partitions (dof,): L (L^T L)^-1 f_g."""
@@ -94,6 +91,11 @@ class Topology:
     def assembled(self, load: Array) -> Array:
         """L^T f: what loads on the partitions (dof,) add up to (size,)."""
         return np.asarray(np.bincount(np.concatenate(self.glob), load, self.size))
+
+
+def one_a_row(column: Indices, size: int) -> Any:
+    """A Boolean matrix, sparse (row, size), with its one 1 a row in these columns."""
+    return sp.csr_array((np.ones(len(column)), (np.arange(len(column)), column)), (len(column), size))
 
 
 def slices(sizes: Sequence[int]) -> tuple[slice, ...]:
@@ -148,8 +150,7 @@ def connected(found: Topology) -> Topology:
         )
     L = found.L
     owner = np.repeat(np.arange(len(found.glob)), [len(g) for g in found.glob])
-    pick = sp.csr_array((np.ones(len(owner)), (owner, np.arange(len(owner)))))
-    touch = pick @ L
+    touch = one_a_row(owner, len(found.glob)).T @ L
     pieces, label = connected_components(touch @ touch.T, directed=False)
     if pieces > 1:
         lone = [np.flatnonzero(label == k).tolist() for k in range(pieces)]
@@ -180,7 +181,7 @@ def boolean_from_names(names: Sequence[Sequence[Hashable]], axes: int) -> list[A
     found = []
     for part in names:
         g = (np.array([order[name] for name in part])[:, None] * axes + np.arange(axes)).ravel()
-        found.append(sp.csr_array((np.ones(len(g)), (np.arange(len(g)), g)), (len(g), len(order) * axes)))
+        found.append(one_a_row(g, len(order) * axes))
     return found
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.partition.operators.projection import Projection
 from forceid.partition.solution.assembly import Assembly
 from forceid.records import Array
 
@@ -114,19 +113,17 @@ def relative_errors(
     """
     top, new_u = system.topology, u + more_u
     gap = system.projection.averaged(top.B.T @ new_u)
-    closing = system.precondition("lumped")(stiffness_projection(system).gaps(gap))
+    stiff = np.concatenate([K.diagonal() for K in system.stiffness])
+    uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()
+    follow = (
+        system.by_stiffness if uneven else system.projection
+    )  # the softer of two parts, where that matters
+    closing = system.precondition("lumped")(follow.gaps(gap))
     force = max(norm(lam + more_lam), LEAST_FORCE * norm(top.B.T @ f))
     return (
         STORAGE_ERROR + ratio(norm(more_lam) + norm(closing), force),
         STORAGE_ERROR + ratio(norm(more_u) + norm(gap), norm(new_u)),
     )
-
-
-def stiffness_projection(system: Assembly) -> Projection:
-    """The projection by which the softer of two parts follows the other, where that makes a difference."""
-    stiff = np.concatenate([K.diagonal() for K in system.stiffness])
-    uneven = stiff.min() > 0 and stiff.max() > EVEN * stiff.min()
-    return system.by_stiffness if uneven else system.projection
 
 
 def residuals(system: Assembly, f: Array, lam: Array, u: Array) -> tuple[Array, Array]:

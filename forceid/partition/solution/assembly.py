@@ -20,7 +20,6 @@ from forceid.partition.operators.flexibility import flexibility
 from forceid.partition.operators.inverse import Factor, block_products, factor_parts, solved
 from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import Projection
-from forceid.partition.operators.saddle_factor import Saddle, factored_saddle
 from forceid.partition.operators.topology import Topology, slices
 from forceid.partition.validation import finite
 from forceid.records import Array, Indices
@@ -117,11 +116,6 @@ class Assembly:
     def flexibility(self) -> Apply:
         """F lambda = B^T K^- B lambda."""
         return flexibility(self.topology, *self.factored)
-
-    @cached_property
-    def saddle(self) -> Saddle:
-        """The reduced saddle-point system, factored."""
-        return factored_saddle(self.projection, *self.factored)
 
     def whole(self) -> Array:
         """Rigid motions of the assembly (dof, mode), in units of those of its first floating partition."""

@@ -58,7 +58,9 @@ def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tup
             f"loads on the partitions are {canceled:.1g} times what they add up to",
             "take what only cancels between partitions out of them",
         )
-    jump = stiffness_ratio(system)
+    mean = np.array([K.diagonal().mean() for K in system.stiffness])
+    some = mean[mean > 0]
+    jump = float(some.max() / some.min()) if len(some) else 1.0
     if jump > JUMP:
         if best.lam_error > best.error:
             lost = "the forces between stiff ones are lost in the rounding of how far these move"
@@ -69,10 +71,3 @@ def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tup
         "little holds the body or a part of it, and rounding of the loads moves it: a near mechanism",
         "look for a part that hangs on little stiffness, and hold it",
     )
-
-
-def stiffness_ratio(system: Assembly) -> float:
-    """Ratio of the largest to the least mean stiffness of partitions."""
-    mean = np.array([K.diagonal().mean() for K in system.stiffness])
-    some = mean[mean > 0]
-    return float(some.max() / some.min()) if len(some) else 1.0

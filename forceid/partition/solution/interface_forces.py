@@ -54,12 +54,14 @@ def interface_forces(
     system: Assembly,
     load: Any,
     acceleration: Any = None,
+    displacement: Any = None,
     mean_motion: bool = False,
     acceleration_cov: ArrayLike | None = None,
+    displacement_cov: ArrayLike | None = None,
     resultant_cov: ArrayLike | None = None,
     motions: ArrayLike | None = None,
 ) -> InterfaceForces:
-    """Interface forces without stiffness: the least ones that account for how the partitions accelerate.
+    """Interface forces of partitions that move so: without stiffness the least ones that account for it.
 
     load N and acceleration m/s2: (..., dof) of all partitions, a list with (..., dof) of each, or assembled
     (..., size); loads are then shared equally. acceleration=None: at rest. mean_motion: `acceleration` holds
@@ -68,6 +70,10 @@ def interface_forces(
     R^T (f - M u'') beside. motions (size, n): rigid motions of the assembled degrees of freedom,
     `summation_operator` about the point that resultants are wanted about; None: the rigid modes of the
     partitions, where these agree.
+
+    With displacement (..., dof) m about the shape that nothing strains, by stiffness, every one of them:
+    lambda_s = B_s^T (f_s - K_s u_s - M_s u_s''). What is left of the balances tests the displacements: a
+    stiff body makes large forces of small errors. displacement_cov: as that of the acceleration.
 
     NaN accelerations give NaN. Raises DataError. Source: principal equations 2.11 A, 4h.
 
@@ -78,59 +84,37 @@ def interface_forces(
     >>> pulled.resultant.links, pulled.resultant.wrench
     (((0, 1),), array([[-2.]]))
     """
-    f = loads(system, load)
-    R, N = system.modes, nominal(system)
-    b, noise = applied(R.T, f), []
+    f, R, B = loads(system, load), system.modes, system.topology.B
+    N = nominal(system) if displacement is None else None
+    b, lam, noise = applied(R.T, f), applied(B.T, f), []
     size = applied(abs(R).T, np.abs(f))
+    alpha = R.shape[1]
+    if displacement is not None:  # which R^T K = 0 keeps out of b
+        u = stacked_parts(system, displacement)
+        strains = sp.block_diag(system.stiffness, format="csr") @ prolongation(
+            system, u.shape[-1], "displacement"
+        )
+        lam = lam - applied(B.T @ strains, u)
+        size = size + applied(abs(R).T, applied(abs(strains), np.abs(u)))
+        if displacement_cov is not None:
+            G = (B.T @ strains).toarray()
+            C = covariance(displacement_cov, G.shape[1], "displacement_cov")
+            noise.append(NoiseSource(C, G, np.zeros((alpha, G.shape[1]))))
     if acceleration is not None:
         a = stacked_parts(system, acceleration)
-        carries = block_mass(system) @ prolongation(system, a.shape[-1], "acceleration", mean_motion)
-        b, size = b - applied(R.T @ carries, a), size + applied(abs(R.T @ carries), np.abs(a))
-        if acceleration_cov is not None:
-            D = (R.T @ carries).toarray()
-            noise.append(NoiseSource(covariance(acceleration_cov, D.shape[1], "acceleration_cov"), N @ D, D))
-    if resultant_cov is not None:
-        alpha = N.shape[1]
-        noise.append(NoiseSource(covariance(resultant_cov, alpha, "resultant_cov"), N, np.eye(alpha)))
-    return complete_forces(system, b @ N.T, b, size, noise, motions, N)
-
-
-def stiffness_forces(
-    system: Assembly,
-    load: Any,
-    displacement: Any,
-    acceleration: Any = None,
-    displacement_cov: ArrayLike | None = None,
-    acceleration_cov: ArrayLike | None = None,
-    motions: ArrayLike | None = None,
-) -> InterfaceForces:
-    """Interface forces from displacements, lambda_s = B_s^T (f_s - K_s u_s - M_s u_s''): every one of them.
-
-    displacement (..., dof) m about the shape that nothing strains, and all else as in `interface_forces`.
-    What is left of the balances tests the displacements: a stiff body makes large forces of small errors.
-    Source: principal equations 4h.
-    """
-    f, u = loads(system, load), stacked_parts(system, displacement)
-    R, B = system.modes, system.topology.B
-    strains = sp.block_diag(system.stiffness, format="csr") @ prolongation(
-        system, u.shape[-1], "displacement"
-    )
-    b, lam, noise = applied(R.T, f), applied(B.T, f) - applied(B.T @ strains, u), []
-    size = applied(abs(R).T, np.abs(f) + applied(abs(strains), np.abs(u)))
-    if displacement_cov is not None:
-        G = (B.T @ strains).toarray()
-        C = covariance(displacement_cov, G.shape[1], "displacement_cov")
-        noise.append(NoiseSource(C, G, np.zeros((R.shape[1], G.shape[1]))))
-    if acceleration is not None:
-        a = stacked_parts(system, acceleration)
-        carries = block_mass(system) @ prolongation(system, a.shape[-1], "acceleration")
+        carries = sp.block_diag(system.masses, format="csr") @ prolongation(
+            system, a.shape[-1], "acceleration", mean_motion
+        )
         b, lam = b - applied(R.T @ carries, a), lam - applied(B.T @ carries, a)
         size = size + applied(abs(R.T @ carries), np.abs(a))
         if acceleration_cov is not None:
             D = (R.T @ carries).toarray()
             C = covariance(acceleration_cov, D.shape[1], "acceleration_cov")
-            noise.append(NoiseSource(C, (B.T @ carries).toarray(), D))
-    return complete_forces(system, lam, b, size, noise, motions, None)
+            noise.append(NoiseSource(C, (B.T @ carries).toarray() if N is None else N @ D, D))
+    if resultant_cov is not None:
+        C = covariance(resultant_cov, alpha, "resultant_cov")
+        noise.append(NoiseSource(C, np.zeros((B.shape[1], alpha)) if N is None else N, np.eye(alpha)))
+    return complete_forces(system, lam if N is None else b @ N.T, b, size, noise, motions, N)
 
 
 def complete_forces(
@@ -180,11 +164,6 @@ def nominal(system: Assembly) -> Array:
     P = system.projection
     inverse = [P.solve_coarse(e) for e in np.eye(P.R_b.shape[1])]
     return np.asarray(P.coarse @ np.stack(inverse, axis=1)) if inverse else np.zeros(P.R_b.shape)
-
-
-def block_mass(system: Assembly) -> Any:
-    """Mass of all partitions, sparse (dof, dof)."""
-    return sp.block_diag(system.masses, format="csr")
 
 
 def stacked_parts(system: Assembly, value: Any) -> Array:

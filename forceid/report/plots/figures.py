@@ -1,18 +1,18 @@
-"""The figures over time: wrench, mean motion, deformation, loads, first moments; and what may hide."""
+"""The figures over time: wrench, motion, deformation, loads, first moments, joints; and what may hide."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from textwrap import shorten
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from forceid.records import Array, Estimate, HiddenLoad, Loads, deviation
-from forceid.report.numbers import mean, truth_at
-from forceid.report.plots.bands import draw_axes, draw_estimate, explain
+from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, deviation
+from forceid.report.numbers import INTERVAL, mean, resampled, rms, truth_at
 from forceid.report.plots.style import (
     AXES,
     AXIS_COLOR,
@@ -20,12 +20,18 @@ from forceid.report.plots.style import (
     GRAY,
     PURPLE,
     STYLE,
+    draw_axes,
     draw_columns,
+    draw_estimate,
     draw_line,
+    explain,
     label,
     panels,
     say,
 )
+
+SAME_JOINT = 5e-3  # m: within which a joint of the truth is this one
+TITLE_LETTERS = 28  # letters of a name in a title
 
 
 @rc_context(STYLE)
@@ -161,3 +167,40 @@ def draw_hidden_load(hidden: HiddenLoad) -> Figure:
                 ax.axvline(edge, color=color, lw=0.9, ls=":")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, handlelength=1.0, borderaxespad=0)
     return figure
+
+
+@rc_context(STYLE)
+def draw_joint(time: Array, interface: Interface, k: int, truth: Mapping[str, Array] | None = None) -> Figure:
+    """Force and moment (about the joint) of joint k by axis with 95 % bands, and the truth where known."""
+    name, first, second = (shorten(text, TITLE_LETTERS) for text in (interface.name[k], *interface.parts[k]))
+    figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
+    sides = (
+        ("F", f"Force of {first} on {second}, world axes", "N", interface.force, interface.force_std),
+        ("M", f"Moment about {name}, world axes", "N m", interface.moment, interface.moment_std),
+    )
+    true = joint_truth(time, interface, k, truth or {})
+    for column, (letter, title, unit, values, std) in enumerate(sides):
+        shown = values[:, k], INTERVAL * std[:, k], true[:, 3 * column : 3 * column + 3]
+        draw_axes(axes[:, column], (letter, title, unit), time, *shown, "not told by the motion")
+    explain(figure, "95 %", bool(np.isfinite(true).any()))
+    return figure
+
+
+def joint_truth(time: Array, interface: Interface, k: int, truth: Mapping[str, Array]) -> Array:
+    """The true wrench (time, 6) of the joint of the truth that is where joint k is, about joint k; else NaN.
+
+    As the truth has it, of the part before on the part behind.
+    """
+    nothing = np.full((len(time), 6), np.nan)
+    if not {"joint_force", "joint_moment", "joint_point"} <= set(truth):
+        return nothing
+    clock = truth.get("time", time)
+    force, moment, point = (
+        resampled(time, clock, truth[f"joint_{what}"]) for what in ("force", "moment", "point")
+    )
+    apart = np.array([np.linalg.norm(rms(p - interface.point[:, k])) for p in np.moveaxis(point, 1, 0)])
+    if not (apart < SAME_JOINT).any():
+        return nothing
+    j = int(np.nanargmin(apart))
+    arm = point[:, j] - interface.point[:, k]
+    return np.concatenate([force[:, j], moment[:, j] + np.cross(arm, force[:, j])], 1)

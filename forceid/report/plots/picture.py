@@ -24,9 +24,14 @@ class Picture:
 
 def pictured(figure: Figure, title: str, caption: str) -> Picture:
     """A figure with its words; PNG keeps the page small however long the record is."""
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=160, facecolor="white")
-    return Picture(base64.b64encode(png.getvalue()).decode("ascii"), title, caption, in_words(figure))
+    return Picture(base64.b64encode(png(figure, 160)).decode("ascii"), title, caption, in_words(figure))
+
+
+def png(figure: Figure, dpi: int) -> bytes:
+    """The figure as PNG, on white."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi, facecolor="white")
+    return stream.getvalue()
 
 
 def in_words(figure: Figure) -> str:

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from evidence.journal import Journal
 from evidence.stress.cell import judge_cell
 from evidence.stress.failure import Failure
 from evidence.stress.failure_table import failures_named
@@ -15,7 +16,7 @@ from evidence.stress.run import (
     StressJob,
     as_plain,
     do,
-    finished,
+    key_of,
     leaves_green,
     maps_of,
     needless,
@@ -29,7 +30,7 @@ from evidence.subjects.flights.bodies import Setup
 from evidence.subjects.flights.failures.record import measured
 from evidence.subjects.flights.trial import contestant, contestants
 from forceid.cli.app import main
-from forceid.cli.output import finite_or_none, to_json
+from forceid.cli.output import finite_or_none
 from forceid.estimation.run import estimate_recording
 
 JOBS = [StressJob("mass", level, 1, True) for level in (0, 3e-3, 0.03)]
@@ -79,25 +80,17 @@ def records():
     return [do(job) for job in JOBS]
 
 
-def test_finished_records_are_found_again_and_a_torn_line_is_not(records, tmp_path):
-    kept = tmp_path / "stress.jsonl"
-    lines = [to_json(r) for r in records]
-    kept.write_text("\n".join([*lines[:2], lines[2][:-9]]))
-    assert list(finished(kept, JOBS)) == JOBS[:2]
-    assert finished(kept, JOBS)[JOBS[0]]["trials"] == finite_or_none(records[0]["trials"])
-
-
-def test_a_record_of_another_seed_or_for_other_methods_is_not_taken_for_it(records, tmp_path):
-    kept = tmp_path / "stress.jsonl"
-    kept.write_text("\n".join(to_json(r) for r in records))
-    for other in ({"seed": 2}, {"short": False}, {"level": 1.0}):
-        assert not finished(kept, [replace(JOBS[0], **other)])
+def test_a_record_of_another_seed_or_for_other_methods_is_not_taken_for_it():
+    others = ({"seed": 2}, {"short": False}, {"level": 1.0})
+    assert len({key_of(replace(JOBS[0], **other)) for other in ({}, *others)}) == 1 + len(others)
 
 
 def test_a_command_whose_records_are_all_there_writes_its_files_without_estimating(
     records, tmp_path, capsys, monkeypatch
 ):
-    (tmp_path / "stress.jsonl").write_text("\n".join(to_json(r) for r in records) + "\n")
+    journal = Journal.opened(tmp_path / "stress.jsonl")
+    for job, record in zip(JOBS, records, strict=True):
+        journal.once(key_of(job), partial(finite_or_none, record))
     monkeypatch.setattr("evidence.stress.run.do", partial(pytest.fail, "estimated again"))
     assert main(["stress", "mass", "-o", str(tmp_path), "--short"]) == 0
     assert "cells    3: 3 green" in capsys.readouterr().out
