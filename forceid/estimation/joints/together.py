@@ -10,10 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.accelerations import PartMotion, accelerated
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.checks import chance_limit
-from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
+from forceid.estimation.joints.constraints import (
+    Constraints,
+    PartMotion,
+    accelerated,
+    balanced,
+    held_poses,
+    stacked_constraints,
+)
 from forceid.estimation.joints.linkage import Linkage, balances, carried_over, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,

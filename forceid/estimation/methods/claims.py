@@ -21,10 +21,9 @@ from forceid.estimation.loads.hidden.mode_motion import motion_growth
 from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
-from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
-from forceid.estimation.methods.measured_noise import judge_filter
+from forceid.estimation.methods.noise import judge_filter, lever_finding, widened_by_slow_errors
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.solution import Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note

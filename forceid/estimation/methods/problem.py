@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import DrivenMotion
 from forceid.estimation.loads.lines import NO_LINES, Lines
-from forceid.estimation.methods.look import Look
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -171,3 +170,30 @@ class Problem:
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)
+
+
+@dataclass(frozen=True)
+class Look:
+    """Kinematics of a level, and the motion with the deformation, smoothed, taken out of the poses.
+
+    priors: tuned on channels of these, without lines, the noise as it is, and of any order.
+    """
+
+    kin: Kinematics
+    driven: DrivenMotion
+    priors: tuple[tuple[Channel, LoadPrior], ...] = ()
+
+    def prior_on(self, channel: Channel) -> LoadPrior | None:
+        """The prior tuned on a channel that is the same to the bit, None where there is none."""
+        return next((prior for own, prior in self.priors if are_same(own, channel)), None)
+
+
+def look_at(kin: Kinematics, gravity: Array, engine: Engine) -> Look:
+    """A look at a level, its deformation smoothed."""
+    return Look(kin, DrivenMotion(*undeformed(kin, engine), gravity))
+
+
+def are_same(one: Channel, other: Channel) -> bool:
+    """Whether two channels are the same to the bit, missing samples too."""
+    pairs = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(Channel) if f.name != "color"]
+    return one.color is other.color and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)

@@ -27,7 +27,7 @@ from forceid.estimation.body.deformation_residual import (
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
 from forceid.estimation.body.tracks.marker_errors import marker_errors
-from forceid.estimation.methods.look import Look, look_at
+from forceid.estimation.methods.problem import Look, look_at
 from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.levels import (
     LevelCandidate,
