@@ -16,9 +16,9 @@ from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.markers import ROUNDOFF
-from forceid.estimation.instruments.clock_offset import align_clocks
+from forceid.estimation.instruments.clocks import align_clocks
 from forceid.estimation.loads.fused_tuning import tune_together
-from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.loads.rough_look import rough_priors
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FAST
 from forceid.estimation.verdict.innovations import NIS_BAND

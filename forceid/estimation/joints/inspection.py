@@ -21,7 +21,7 @@ from forceid.estimation.joints.prospects import (
     trading_joints,
     undetermined_components,
 )
-from forceid.estimation.loads.bandwidth import bandwidths
+from forceid.estimation.loads.rough_look import bandwidths
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge_recording, refusing
 from forceid.estimation.verdict.leakage import LOOKED

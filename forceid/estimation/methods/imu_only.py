@@ -18,7 +18,7 @@ from forceid.estimation.body.inertia import inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_own_tensor
 from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
-from forceid.estimation.instruments.fine_clock import (
+from forceid.estimation.instruments.clocks import (
     TURN,
     at_samples,
     largest_step,
@@ -26,7 +26,7 @@ from forceid.estimation.instruments.fine_clock import (
     refined_reference,
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
-from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.loads.rough_look import rough_priors
 from forceid.estimation.methods.left_over import mixed
 from forceid.estimation.methods.solution import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.thin_mass import SLENDER, thinned
-from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
 from forceid.motion import body_axes, fit_rotation, pose_rank, seen_together

@@ -19,8 +19,7 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.segments.joint_gaps import segment_poses
 from forceid.estimation.body.segments.segment_noise import SegmentNoise, segment_noise
-from forceid.estimation.loads.angular_channel import swept_momentum
-from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, tune_channel
+from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.noise import noise_beyond_motion
