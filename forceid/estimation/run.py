@@ -28,10 +28,9 @@ from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.methods.problem import Look
+from forceid.estimation.methods.problem import Look, Solution
 from forceid.estimation.methods.segments.in_segments import SEGMENTS, estimate_in_segments
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.words import LevelChoice, without_choice
 from forceid.estimation.verdict.body_errors import with_uncertain_body

@@ -29,7 +29,7 @@ from forceid.estimation.joints.linked_flight import (
     tuned_linked,
 )
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.tuning import FREE
 from forceid.kalman.engines import engine

@@ -12,7 +12,7 @@ from forceid.config import Settings
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.known.loads import KnownLoad
 from forceid.estimation.known.removal import KnownWrench, Path, along, interpolated
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState

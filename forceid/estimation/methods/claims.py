@@ -24,8 +24,7 @@ from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, lever_finding, widened_by_slow_errors
-from forceid.estimation.methods.problem import Problem
-from forceid.estimation.methods.solution import Smoothing, Solution, named
+from forceid.estimation.methods.problem import Problem, Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel

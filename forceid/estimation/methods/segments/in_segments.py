@@ -23,8 +23,8 @@ from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.noise import noise_beyond_motion
+from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.segments.segment_claims import widened_by_misplaced_mass, with_passed_noise
-from forceid.estimation.methods.solution import Solution, named
 from forceid.flight.channels import Channel
 from forceid.flight.color import Color
 from forceid.flight.model import Flight
