@@ -147,7 +147,7 @@ def estimate_beside(
         return refused_estimate(recording, settings, findings), None
     motion, mended = prepared(body, motion)
     if beside is not None:
-        motion = beside.removed(motion)
+        motion = beside.taken.removed(motion)
     if kin is None:
         solution, choice = from_sensors(body, motion, settings)
     else:

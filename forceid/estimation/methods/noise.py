@@ -20,7 +20,6 @@ from forceid.estimation.loads.channels import flight_of, tune_channel
 from forceid.estimation.loads.plain_cut import plain_cuts, spectrum_of
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, lag_one_correlation
-from forceid.estimation.verdict.sensitivity import Unit
 from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight, seen_part
@@ -35,15 +34,6 @@ from forceid.significance import PATIENCE
 CORRELATED = 0.5  # innovations, from frame to frame
 HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
 SAID = 1.5  # times, or one over it: less is no news to who stated a noise
-
-
-def lever_finding(state: FlightState) -> Finding:
-    """What a wrong mass center does to the moment, in numbers of this record."""
-    force = float(np.sqrt(np.nanmean((state.force**2).sum(1))))
-    claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
-    return note(
-        "moment-lever", off_mm=1e3 * 10 * Unit.MILLIMETER, moment=10 * Unit.MILLIMETER * force, claim=claim
-    )
 
 
 def errors_shared(kin: Kinematics, force: LoadPrior, gravity: Array, engine: Engine) -> bool:
