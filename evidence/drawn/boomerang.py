@@ -27,7 +27,7 @@ from evidence.subjects.flights.true_prior import bound_of, problem_of
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
-from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.report.plots.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
 
 SCENES = {15: "flexible_boomerang", 5: "flexible_boomerang_5_markers"}

@@ -26,7 +26,7 @@ from forceid.estimation.joints.linkage import at_joints, linkage_of, split
 from forceid.estimation.joints.linked_flight import bending_of, linked_parts, smooth_linked, widened_prior
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.loads.channels import force_channel, moment_channel
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.flight.channels import start_of
 from forceid.flight.priors.protocol import LoadPrior

@@ -24,9 +24,8 @@ from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.methods.look import Look
+from forceid.estimation.methods.problem import Look, Solution
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.levels import Step
 from forceid.flight.smoother import FlightState

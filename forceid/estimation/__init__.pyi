@@ -1,9 +1,9 @@
 from forceid.estimation.identify import identify_modes as identify_modes
 from forceid.estimation.identify import identify_recording as identify_recording
 from forceid.estimation.inspection import inspect_recording as inspect_recording
-from forceid.estimation.joints.null_space import listed as listed
-from forceid.estimation.joints.null_space import trading_joints as trading_joints
-from forceid.estimation.joints.null_space import undetermined_components as undetermined_components
+from forceid.estimation.joints.prospects import listed as listed
+from forceid.estimation.joints.prospects import trading_joints as trading_joints
+from forceid.estimation.joints.prospects import undetermined_components as undetermined_components
 from forceid.estimation.live.run import followed_live as followed_live
 from forceid.estimation.live.run import live_pace as live_pace
 from forceid.estimation.long.out_of_core import estimate_source as estimate_source

@@ -11,10 +11,9 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.instruments.imu_prospects import sensed_bandwidths
 from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.joints.prospects import JointProspects
-from forceid.estimation.loads.bandwidth import RESOLVED, bandwidths
+from forceid.estimation.loads.rough_look import RESOLVED, bandwidths, sensed_bandwidths
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import (
     is_unmarked,

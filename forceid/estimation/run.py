@@ -27,12 +27,12 @@ from forceid.estimation.known.removal import KnownWrench
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.methods.look import Look
+from forceid.estimation.methods.problem import Look, Solution
 from forceid.estimation.methods.segments.in_segments import SEGMENTS, estimate_in_segments
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.methods.solution import Solution
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.words import LevelChoice, without_choice
+from forceid.estimation.verdict.body_errors import with_uncertain_body
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import (
     judge,
@@ -61,7 +61,6 @@ from forceid.estimation.verdict.shape import (
     judge_size,
 )
 from forceid.estimation.verdict.tracks import judge_mending
-from forceid.estimation.verdict.uncertain_body import with_uncertain_body
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
@@ -147,7 +146,7 @@ def estimate_beside(
         return refused_estimate(recording, settings, findings), None
     motion, mended = prepared(body, motion)
     if beside is not None:
-        motion = beside.removed(motion)
+        motion = beside.taken.removed(motion)
     if kin is None:
         solution, choice = from_sensors(body, motion, settings)
     else:

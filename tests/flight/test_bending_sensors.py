@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.instruments.mounting import mounted
+from forceid.estimation.instruments.on_flight import mounted
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.moved import Moved

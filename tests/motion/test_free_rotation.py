@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.motion.free_rotation import free_turn, momentum_between
 
 J = np.diag([6e-4, 1.1e-3, 1.5e-3])

@@ -11,7 +11,7 @@ import numpy as np
 from evidence.subjects.flights.bodies import PLACE, Flown
 from evidence.subjects.flights.drawn_loads import LOAD_ORDER
 from forceid.errors import ForceIdError
-from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.flight.channels import start_of
 from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern

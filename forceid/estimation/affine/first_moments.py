@@ -12,7 +12,7 @@ from forceid.errors import ForceIdError
 from forceid.estimation.affine.applied import applied_moments, row_by_row
 from forceid.estimation.affine.motion import AffineMotion, affine_motion
 from forceid.estimation.body.material import Solid, solid_of
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import engine

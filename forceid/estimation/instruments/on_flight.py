@@ -16,10 +16,9 @@ from forceid.config import Settings
 from forceid.errors import DataError, EstimationError
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.markers import ROUNDOFF
-from forceid.estimation.instruments.clock_offset import align_clocks
-from forceid.estimation.instruments.mounting import mounted
+from forceid.estimation.instruments.clocks import align_clocks
 from forceid.estimation.loads.fused_tuning import tune_together
-from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.loads.rough_look import rough_priors
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FAST
 from forceid.estimation.verdict.innovations import NIS_BAND
@@ -32,8 +31,12 @@ from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import ORDER as DIFFERENCES
 from forceid.motion import exp, largest_turn, noise_variance
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import SIGMAS, TENTH
+
+AT_NODE = 1e-3  # of the size of the body: nearer than that, a point stands on its node
+FADING = 2  # the say of a node falls with its distance to the power of four
 
 
 def with_sensors(flight: Flight, kin: Kinematics, body: Body, motion: Motion, settings: Settings) -> Flight:
@@ -205,3 +208,28 @@ def sensor_noise(time: Array, z: Array) -> float:
     if np.isfinite(z).all(1).sum() < 2 * DIFFERENCES:
         return float(np.nanstd(z)) if np.isfinite(z).any() else 1.0
     return float(np.sqrt(noise_variance(time, z)))
+
+
+def mounted(position: Array, shapes: Array, points: Array) -> tuple[Array, Array]:
+    """Displacement and tilt (point, mode, 3) of points for a unit of each of the shapes (mode, node, 3).
+
+    position (node, 3) and points (point, 3) m, reference axes; tilt in rad per unit of amplitude. Those of
+    the rigid motion that fits the nodes about a point best, the near ones weighed most: what is screwed on
+    there moves so. A point on a node moves as the node does. Source: principal equations 4d.
+
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    >>> moved, tilt = mounted(square, np.cross([0, 0, 0.1], square)[None], np.array([[0.5, 0.5, 0]]))
+    >>> moved[0, 0].round(6).tolist(), tilt[0, 0].round(6).tolist()
+    ([-0.05, 0.05, 0.0], [0.0, 0.0, 0.1])
+    """
+    size = float(np.linalg.norm(position - position.mean(0), axis=1).max())
+    flat = shapes.reshape(len(shapes), -1).T
+    found = []
+    for point in points:
+        distance = ((position - point) ** 2).sum(1) + (AT_NODE * size) ** 2
+        root = np.repeat((distance.min() / distance) ** (FADING / 2), 3)[:, None]
+        found.append(
+            np.linalg.lstsq(root * summation_operator(position, point), root * flat, rcond=1e-9)[0].T
+        )
+    both = np.array(found).reshape(len(points), len(shapes), 6)
+    return both[..., :3], both[..., 3:]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import block_diagonal, matern
 from forceid.kalman.model import StateSpace

@@ -18,7 +18,7 @@ from forceid.estimation.joints.checks import empty_interface, judge_joints, of_p
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.joints.together import smooth_linked_parts
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
@@ -81,12 +81,10 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
         a[:, ~determined] = np.nan
     lost = ~np.isfinite(covs).all((2, 3))
     force[lost], moment[lost] = np.nan, np.nan  # no number without what it is worth
-    result = Interface(
-        name=tuple(j.name for j in joints),
-        parts=tuple(j.names(parts) for j in joints),
-        force=force, moment=moment, wrench_cov=covs, point=linkage.point, determined=determined,
-        null_space=null[:count], gap=linkage.gap, chi_square=found.chi_square, dof=found.dof,
-        verdict=judge([]),
+    result = replace(
+        empty_interface(joints, parts, linkage.point, linkage.gap, determined, judge([])),
+        force=force, moment=moment, wrench_cov=covs, null_space=null[:count],
+        chi_square=found.chi_square, dof=found.dof,
     )  # fmt: skip
     findings += judge_joints(result, linkage.gap_cov, wrench)
     return replace(result, verdict=judge(findings))

@@ -12,10 +12,16 @@ from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.joints.checks import empty_interface, judge_joints, of_part
 from forceid.estimation.joints.linkage import Linkage, balances, linkage_at, passed
-from forceid.estimation.joints.null_space import column_space, trading_joints, undetermined_components
 from forceid.estimation.joints.parts import Joint, Part, parts_of
-from forceid.estimation.joints.prospects import JointProspect, JointProspects, PartProspect
-from forceid.estimation.loads.bandwidth import bandwidths
+from forceid.estimation.joints.prospects import (
+    JointProspect,
+    JointProspects,
+    PartProspect,
+    column_space,
+    trading_joints,
+    undetermined_components,
+)
+from forceid.estimation.loads.rough_look import bandwidths
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge_recording, refusing
 from forceid.estimation.verdict.leakage import LOOKED

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.joints.bending import Carried, carried
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.partition.coupling.resultants import GROUND, incidence, transmitted
 from forceid.principal import cross_matrix, transport, transport_cov, transport_matrix
 from forceid.records import Array, Estimate

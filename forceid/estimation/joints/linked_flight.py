@@ -20,9 +20,9 @@ from forceid.errors import EstimationError
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.constraints import Constraints
 from forceid.estimation.loads.ascent import bfgs_maximum
-from forceid.estimation.loads.bandwidth import RESOLVED
 from forceid.estimation.loads.channels import force_channel, moment_channel, tune_channel
-from forceid.estimation.methods.solution import Smoothing, Solution
+from forceid.estimation.loads.rough_look import RESOLVED
+from forceid.estimation.methods.problem import Smoothing, Solution
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import Reference, linear_flight
 from forceid.flight.priors.protocol import LoadPrior

@@ -10,10 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.accelerations import PartMotion, accelerated
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.checks import chance_limit
-from forceid.estimation.joints.constraints import Constraints, balanced, held_poses, stacked_constraints
+from forceid.estimation.joints.constraints import (
+    Constraints,
+    PartMotion,
+    accelerated,
+    balanced,
+    held_poses,
+    stacked_constraints,
+)
 from forceid.estimation.joints.linkage import Linkage, balances, carried_over, pose_cov
 from forceid.estimation.joints.linked_flight import (
     LinkedPart,
@@ -23,7 +29,7 @@ from forceid.estimation.joints.linked_flight import (
     tuned_linked,
 )
 from forceid.estimation.joints.parts import Joint, Part
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.tuning import FREE
 from forceid.kalman.engines import engine

@@ -12,11 +12,11 @@ from forceid.config import Settings
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.known.loads import KnownLoad
 from forceid.estimation.known.removal import KnownWrench, Path, along, interpolated
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
-from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, deviation
+from forceid.records import Array, Body, Estimate, Finding, Recording, deviation
 from forceid.significance import TENTH
 
 LOOKS = 4  # at where loads act, at most: each leaves what a pose is off, times the load, over its lever
@@ -34,10 +34,6 @@ class Beside:
     def taken(self) -> KnownWrench:
         """What is taken out of the motion beforehand."""
         return self.known.times(*self.shares)
-
-    def removed(self, motion: Motion) -> Motion:
-        """The motion without that part."""
-        return self.taken.removed(motion)
 
     def restored(self, state: FlightState, body: Body, time: Array) -> tuple[FlightState, KnownWrench]:
         """The state beside all known loads, of the motion as it was, and these along its path."""

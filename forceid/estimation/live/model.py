@@ -11,7 +11,7 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import products_of
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman import StateSpace, steady

@@ -11,23 +11,21 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads.hidden import free_oscillation, inner_wheel
+from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.left_out import (
     as_fast_as_on_modes,
     hidden_load,
     least_band,
     lines_at_spin,
 )
-from forceid.estimation.loads.hidden.mode_motion import motion_growth
-from forceid.estimation.loads.hidden.moving_arms import widened_by_arms
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
-from forceid.estimation.loads.noise import lever_finding, widened_by_slow_errors
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
-from forceid.estimation.methods.measured_noise import judge_filter
-from forceid.estimation.methods.problem import Problem
-from forceid.estimation.methods.solution import Smoothing, Solution, named
+from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors
+from forceid.estimation.methods.problem import Problem, Smoothing, Solution, named
 from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.sensitivity import Unit, length
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.vibration import ModeState
@@ -127,7 +125,11 @@ def judge_lever(problem: Problem) -> Problem:
     """The moment of a force about a mass center that errs slowly."""
     if problem.slow is None or not problem.kin.attitude or problem.settings.body_std.mass_center:
         return problem
-    return problem.noting(lever_finding(problem.state))
+    state, off = problem.state, 10 * Unit.MILLIMETER
+    claim = float(np.sqrt(np.nanmean(np.trace(state.wrench_cov[:, 3:, 3:], axis1=1, axis2=2))))
+    return problem.noting(
+        note("moment-lever", off_mm=1e3 * off, moment=off * length(state.force), claim=claim)
+    )
 
 
 def allow_for_priors(problem: Problem) -> Problem:

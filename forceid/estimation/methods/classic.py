@@ -9,10 +9,9 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.loads.angular_channel import AngularChannel, angular_channel
-from forceid.estimation.loads.noise import slow_and_small
-from forceid.estimation.methods.measured_noise import judge_filter, may_show, measured_errors
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.loads.channels import AngularChannel, angular_channel
+from forceid.estimation.methods.noise import judge_filter, may_show, measured_errors, slow_and_small
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import SCATTERED
 from forceid.flight.color import Colored

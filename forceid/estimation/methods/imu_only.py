@@ -18,7 +18,7 @@ from forceid.estimation.body.inertia import inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_own_tensor
 from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
-from forceid.estimation.instruments.fine_clock import (
+from forceid.estimation.instruments.clocks import (
     TURN,
     at_samples,
     largest_step,
@@ -26,9 +26,8 @@ from forceid.estimation.instruments.fine_clock import (
     refined_reference,
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
-from forceid.estimation.loads.initial_guess import rough_priors
-from forceid.estimation.methods.left_over import mixed
-from forceid.estimation.methods.solution import Solution, named
+from forceid.estimation.loads.rough_look import rough_priors
+from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, GYRO
@@ -127,6 +126,18 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     tuned = named(kin, priors) | named_sensors(best.flight, state)
     tuned |= {f"{name}_turns_with_body": p for name, p in zip(("force", "moment"), with_body, strict=True)}
     return Solution(kin, deformation, state, engine.name, tuned, {}, tuple(findings), priors)
+
+
+def mixed(states: list[FlightState], share: Array) -> FlightState:
+    """The likeliest state with the mean wrench of all, and a covariance that holds what they differ by."""
+    wrench = np.stack([np.hstack([state.force, state.moment]) for state in states])
+    mean = np.einsum("s,sta->ta", share, wrench)
+    off = wrench - mean
+    cov = np.einsum("s,stab->tab", share, np.stack([state.wrench_cov for state in states]))
+    cov += np.einsum("s,sta,stb->tab", share, off, off)
+    return replace(
+        states[int(share.argmax())], force=mean[:, :3], moment=mean[:, 3:], wrench_cov=cov
+    )  # fmt: skip
 
 
 def common_bias(flight: Flight, state: FlightState) -> Array:

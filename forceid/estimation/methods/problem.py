@@ -1,7 +1,8 @@
-"""A recording on its way to a wrench: one record that the stages of a smoother fill."""
+"""A recording on its way to a wrench: one record that the stages of a smoother fill, and what it comes to."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,13 +16,12 @@ from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import DrivenMotion
 from forceid.estimation.loads.lines import NO_LINES, Lines
-from forceid.estimation.methods.look import Look
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Body, Finding, Flags, Impulses, Motion
+from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Impulses, Motion
 from forceid.rounding import SINGLE
 
 TO_COME: Any = None  # a stage fills it before another reads it
@@ -171,3 +171,70 @@ class Problem:
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)
+
+
+@dataclass(frozen=True)
+class Look:
+    """Kinematics of a level, and the motion with the deformation, smoothed, taken out of the poses.
+
+    priors: tuned on channels of these, without lines, the noise as it is, and of any order.
+    """
+
+    kin: Kinematics
+    driven: DrivenMotion
+    priors: tuple[tuple[Channel, LoadPrior], ...] = ()
+
+    def prior_on(self, channel: Channel) -> LoadPrior | None:
+        """The prior tuned on a channel, None where there is none."""
+        return next((prior for own, prior in self.priors if own is channel), None)
+
+
+def look_at(kin: Kinematics, gravity: Array, engine: Engine) -> Look:
+    """A look at a level, its deformation smoothed."""
+    return Look(kin, DrivenMotion(*undeformed(kin, engine), gravity))
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """What a smoothed wrench rests on: the flight, the priors of its loads, and allowance (time, 6, 6), what
+    its covariance claims beyond what follows from these.
+    """
+
+    flight: Flight
+    priors: dict[str, LoadPrior]
+    allowance: Array
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved flight: what was seen, how it deformed, its state, and how the numbers were come by.
+
+    tuned: numbers that tuning chose, by name; noise_at_limit: by variable, whether the likelihood wanted
+    less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
+    smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
+    what the record does not tell of its priors, moving (mode, 3): of those of amplitude, rate and
+    acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
+    of them. impulses: of loads that come in pieces.
+    """
+
+    kinematics: Kinematics
+    deformation: Deformation
+    state: FlightState
+    engine: str
+    tuned: dict[str, float]
+    noise_at_limit: dict[str, bool]
+    findings: tuple[Finding, ...] = ()
+    priors: Mapping[str, LoadPrior] = field(default_factory=dict)
+    smoothing: Smoothing | None = None
+    hidden: HiddenLoad | None = None
+    growth: Array | None = None
+    moving: Array | None = None
+    impulses: Impulses | None = None
+
+
+def named(kin: Kinematics, priors: Mapping[str, LoadPrior]) -> dict[str, float]:
+    """What tuning chose of noise and loads, as numbers with names."""
+    found = {f"noise_std_{name}": level for name, level in kin.noise.items()}
+    for load, prior in priors.items():
+        found |= prior.numbers(load)
+    return found

@@ -30,9 +30,7 @@ from forceid.estimation.methods.flying import (
     tune_on_flight,
     without_wild_frames,
 )
-from forceid.estimation.methods.look import Look
-from forceid.estimation.methods.problem import Problem
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Look, Problem, Solution
 from forceid.estimation.methods.tuning import (
     cut_force,
     cut_moment,

@@ -11,9 +11,8 @@ from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.body.tracks.late_frames import lateness
 from forceid.estimation.loads.channels import force_channel, tune_channel
-from forceid.estimation.loads.noise import errors_shared, noise_beyond_motion
 from forceid.estimation.loads.pieces.character import with_character
-from forceid.estimation.methods.measured_noise import measured_errors
+from forceid.estimation.methods.noise import errors_shared, measured_errors, noise_beyond_motion
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH

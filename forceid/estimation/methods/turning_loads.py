@@ -20,14 +20,15 @@ from forceid.estimation.loads.fused_tuning import (
     reference_segment,
     tune_together,
 )
-from forceid.estimation.methods.left_over import with_left_over
 from forceid.flight.channels import middle
 from forceid.flight.instruments.protocol import Instrument
 from forceid.flight.model import Flight, Reference
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, settled, smooth_flight
+from forceid.flight.smoother import FlightState, settled, smooth_flight, smoothed_once_more
 from forceid.kalman.engines import Engine
+from forceid.motion import log
 from forceid.records import Array
+from forceid.significance import TENTH
 
 # of a logarithm: what differences show as noise is a ceiling, to which motion adds
 QUIETER = (-0.5, -2.5, -4.5)
@@ -224,3 +225,24 @@ def tuned_and_smoothed(
     state = smooth_flight(flight, force, moment, search.engine, causal, first)
     state, left = with_left_over(flight, force, moment, search.engine, state)
     return Alternative(kind, flight, force, moment, state, left)
+
+
+def with_left_over(
+    flight: Flight, force: LoadPrior, moment: LoadPrior, engine: Engine, state: FlightState
+) -> tuple[FlightState, float]:
+    """A state that claims what its path still moves by as well, and that over its claim before, at most.
+
+    The loads turn with the path; of one that is not at rest, they move on with it, and that is claimed too.
+    """
+    assert state.reference is not None
+    step = log(state.rotation @ state.reference.rotation.swapaxes(1, 2))
+    before = np.sqrt(np.diagonal(state.pose_cov, axis1=1, axis2=2)[:, 3:])
+    left = float((np.abs(step) / before).max())
+    pose = np.concatenate([np.zeros_like(step), step], 1)
+    offs = [np.concatenate([np.cross(step, state.force), np.cross(step, state.moment)], 1)]
+    if left > TENTH:
+        on = smoothed_once_more(flight, force, moment, engine, state.reference)
+        offs.append(np.concatenate([on.force - state.force, on.moment - state.moment], 1))
+    wrench_cov = state.wrench_cov + sum(off[:, :, None] * off[:, None] for off in offs)
+    pose_cov = state.pose_cov + pose[:, :, None] * pose[:, None]
+    return replace(state, pose_cov=pose_cov, wrench_cov=wrench_cov), left

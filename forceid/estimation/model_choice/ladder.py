@@ -13,6 +13,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -25,10 +26,9 @@ from forceid.estimation.body.deformation_residual import (
     errors_gain,
     principal_axes,
 )
-from forceid.estimation.body.kinematics import Kinematics, at_level, kinematics
+from forceid.estimation.body.kinematics import Kinematics, at_level
 from forceid.estimation.body.tracks.marker_errors import marker_errors
-from forceid.estimation.methods.look import Look, look_at
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Look, Solution, look_at
 from forceid.estimation.model_choice.levels import (
     LevelCandidate,
     Step,
@@ -140,19 +140,15 @@ def descend(
 ) -> tuple[LevelChoice, Solution]:
     """From the level that explains the motion, the best one, down to the smallest that is enough."""
     steps = list(steps)
-    solutions: dict[int, Solution] = {}
-    looks: dict[int, Kinematics] = {}
     shown: dict[int, Look] = {}
 
+    @cache
     def look(i: int) -> Kinematics:
-        if i not in looks:
-            looks[i] = candidates[i].seen
-        return looks[i]
+        return candidates[i].seen
 
+    @cache
     def solved(i: int) -> Solution:
-        if i not in solutions:
-            solutions[i] = solve(candidates[i].settings, look(i), shown.get(i))
-        return solutions[i]
+        return solve(candidates[i].settings, look(i), shown.get(i))
 
     def seen(i: int) -> LoadChannels:
         shown[i] = look_at(look(i), motion.gravity, engine)
@@ -199,8 +195,6 @@ def descend(
             solved(i)
         except EstimationError:  # a level at which the flight does not settle explains nothing
             return False
-        if holds(solved(i), motion, look(best), candidates[best].settings):
-            return True
         if from_view(solved(i), top, motion.time) <= WORSE:
             return True
         if steps[i].change > CLEAR:
@@ -218,15 +212,3 @@ def descend(
     several = [i for k, i in enumerate(nested[first:]) if near(i) and (not k or steps[i].change <= CLEAR)]
     taken = next((i for i in several if enough(i)), best)
     return chosen(taken)
-
-
-def holds(solution: Solution, motion: Motion, top: Kinematics, level: Settings) -> bool:
-    """Whether a solution has all shapes that a level is left with under the noise that the solution found.
-
-    top: the kinematics at that level under the noise that the ladder began with.
-    """
-    found, shapes = solution.kinematics, top.shapes
-    if not np.array_equal(found.noise_root["position"], top.noise_root["position"]):
-        assert top.markers is not None
-        shapes = kinematics(top.markers.body, motion, level, found.noise_root).shapes
-    return 0 < len(shapes) <= len(found.shapes) and np.allclose(shapes, found.shapes[: len(shapes)])

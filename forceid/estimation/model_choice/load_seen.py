@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from forceid.estimation.loads.channels import tune_channel
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.kalman.engines import Engine

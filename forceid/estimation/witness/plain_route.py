@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.thin_mass import SLENDER, thinned
-from forceid.estimation.loads.angular_channel import angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
 from forceid.motion import body_axes, fit_rotation, pose_rank, seen_together
-from forceid.principal import cross, summation_operator
+from forceid.principal import cross, cross_matrix, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 from forceid.rounding import SOLVED
 
@@ -179,7 +179,8 @@ def inertia_and_momentum(time: Array, b: Array, mass: Array) -> tuple[Array, Arr
     J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
     known = np.asarray(np.isfinite(b).all((1, 2)))
     if known.sum() > 1:
-        J[known] = np.einsum("n,tnij->tij", mass, squares(b[known]))
+        arm = cross_matrix(b[known])
+        J[known] = np.einsum("n,tnij,tnkj->tik", mass, arm, arm, optimize=True)
         h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
     return J, h
 
@@ -240,8 +241,3 @@ def beside_affine(x: Array, X: Array) -> tuple[Array, float]:
     U = U[:, s > SOLVED * s[0]]
     left = x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)
     return left.reshape(len(x), -1), 1 - U.shape[1] / len(X)
-
-
-def squares(b: Array) -> Array:
-    """|b|^2 I - b b^T (..., 3, 3) of arms b (..., 3)."""
-    return np.asarray((b**2).sum(-1)[..., None, None] * np.eye(3) - b[..., :, None] * b[..., None, :])

@@ -7,7 +7,7 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.methods.solution import Solution
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.witness.plain_route import channel, plain_route
 from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
-from forceid.estimation.joints.accelerations import PartMotion, moving
 from forceid.estimation.joints.bending import BENT_ORDER, Bending, affine_about, carried
+from forceid.estimation.joints.constraints import PartMotion, moving
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.run import estimate_whole

@@ -8,7 +8,7 @@ import pytest
 from evidence.drawn.records.person import Skin, person, resultants
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError
-from forceid.estimation.loads.swept_momentum import swept_momentum
+from forceid.estimation.loads.channels import swept_momentum
 from forceid.estimation.run import estimate_recording
 
 STILL = Skin(shared=0.0, own=0.0, white=2e-5)

@@ -7,9 +7,9 @@ import pytest
 
 from evidence.drawn.thrown_box import draw_throw, judge_throw, stated_settings, write_throw
 from forceid.config import load_settings
-from forceid.estimation.loads.initial_guess import rough_priors
+from forceid.estimation.loads.rough_look import rough_priors
 from forceid.estimation.methods.imu_only import unmarked_flight, unmarked_kinematics
-from forceid.estimation.methods.left_over import with_left_over
+from forceid.estimation.methods.turning_loads import with_left_over
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 from forceid.flight.model import unsettled

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.loads.bandwidth import RESOLVED
+from forceid.estimation.loads.rough_look import RESOLVED
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import LOOKED
 from forceid.estimation.verdict.sensitivity import length

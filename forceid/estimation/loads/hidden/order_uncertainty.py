@@ -14,8 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from forceid.estimation.loads.hidden.left_out import followed_up_to
-from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth
-from forceid.estimation.loads.hidden.slow_turning import slow_turning_growth
+from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth, slow_turning_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState

@@ -10,6 +10,9 @@ where f is the load in use, f_c and P_c the load and its variance under a candid
 given the record. Means over stretches of a sampled track lose nothing of loads so slow. Source: mixtures of
 smoothers (Magill, IEEE Trans. Automatic Control 10 (1965) 434); the likelihood is that of what start, speed
 and a constant load leave (restricted likelihood).
+
+A load that turns with the body swings at the spin in axes of the world, where these stretches stand; slow
+along an axis of the body, it is weighed by the exact likelihood of the channel instead.
 """
 
 from __future__ import annotations
@@ -19,19 +22,26 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from forceid.estimation.loads.hidden.whitened import FAINTEST, NONE_OF_SIX
+from forceid.estimation.loads.hidden.whitened import FAINTEST, NONE_OF_SIX, Whitened
 from forceid.flight.channels import Channel
 from forceid.flight.color import autocorrelation
-from forceid.flight.priors.matern import UNTOLD_ORDER
+from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.records import Array
-from forceid.significance import SIGMAS
+from forceid.flight.tuning import LEAK
+from forceid.records import Array, Flags
+from forceid.significance import CHANCE, PATIENCE, SIGMAS
 
 MEANS = 48  # stretches of a record: at the most cycles below, eight to each
 MOST_CYCLES = MEANS / 8  # in a record, above which its spectrum tells a load
 SLOW_RATES = 6  # candidates, about two to an octave of those that a record of few cycles tells apart
 NEXT_SIZE = 10**0.5  # from one size to the next, in power: a fifth of a log-likelihood at its top
 CORRELATED_AT = 4 * MEANS  # lags at which the correlation of a load is worked out
+TIMES = 2.0  # from one size of a load to the next: a sigma or two of what a likelihood tells of it
+SIZES = 10  # of them at most: the last is five hundred times the first
+CYCLES = (
+    1.0,
+    0.5 * MOST_CYCLES,
+)  # in a record, of loads that are tried: as a trend, and as fast as is slow
 
 
 def slow_growth(channel: Channel, prior: LoadPrior, cycles: float) -> Array:
@@ -153,3 +163,46 @@ def twice_integrated(time: Array) -> Array:
         second[k + 1] = second[k] + step * first[k] + step**2 / 6 * (2 * at[k] + at[k + 1])
         first[k + 1] = first[k] + step / 2 * (at[k] + at[k + 1])
     return second
+
+
+def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
+    """Factors (axis,), one at least, on the claimed deviations of loads along the axes that are `slow`.
+
+    claimed (axis,): variances.
+    """
+    prior, growth, span = found.prior, np.ones(3), float(np.ptp(found.channel.time))
+    edge = len(found.channel.time) // 8
+    inner = slice(edge, len(found.channel.time) - edge)
+    own, (load, var) = found.likelihood(prior), found.smoothed(prior)
+    least = LEAK * float(prior.kernel.std.max())
+    for axis in np.flatnonzero(slow):
+        tried = [(0.0, prior)]
+        for cycles in CYCLES:
+            before = -np.inf
+            for size in max(np.sqrt(claimed[axis]), least) * TIMES ** np.arange(SIZES):
+                other = of_axis(prior, int(axis), size, 2 * np.pi * cycles / span)
+                gain = found.likelihood(other) - own
+                tried.append((gain, other))
+                if gain < before and gain < -PATIENCE:
+                    break
+                before = gain
+        gains = np.array([one for one, _ in tried])
+        weight = np.exp(gains - gains.max()) / np.exp(gains - gains.max()).sum()
+        mixed = 0.0
+        for share, (_, other) in zip(weight, tried, strict=True):
+            if share > CHANCE / len(tried):
+                there, spread = found.smoothed(other)
+                mixed += share * float((spread + (there - load) ** 2)[inner, axis].mean())
+        ratio = mixed / float(var[inner, axis].mean())
+        growth[axis] = np.sqrt(ratio) if ratio > 1 else 1.0  # also where rounding swamps a variance
+    return growth
+
+
+def of_axis(prior: LoadPrior, axis: int, std: float, rate: float) -> LoadPrior:
+    """The prior with another size and rate along an axis."""
+    kernel = prior.kernel
+    assert isinstance(kernel, Matern)
+    at = np.arange(3) == axis
+    return prior.with_kernel(
+        Matern(kernel.order, np.where(at, std, kernel.std), np.where(at, rate, kernel.rate))
+    )

@@ -70,18 +70,13 @@ class Evidence:
                 OUTLIER,
             )
             .reshape(len(some), 3)
-            for some in batched(tried)
+            for some in (tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME))
         ]
         return np.nan_to_num(np.concatenate(found), nan=-np.inf, neginf=-np.inf)
 
     def of(self, pieces: Pieces) -> float:
         """Log-likelihood less cost."""
         return float(self.by_axis([pieces]).sum())
-
-
-def batched(tried: Sequence[Pieces]) -> list[Sequence[Pieces]]:
-    """A few of what is tried at a time."""
-    return [tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME)]
 
 
 def longest(time: Array, pieces: Pieces) -> int:

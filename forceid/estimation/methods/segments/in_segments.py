@@ -19,14 +19,12 @@ from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.segments.joint_gaps import segment_poses
 from forceid.estimation.body.segments.segment_noise import SegmentNoise, segment_noise
-from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, tune_channel
+from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
-from forceid.estimation.loads.noise import noise_beyond_motion
-from forceid.estimation.loads.swept_momentum import swept_momentum
-from forceid.estimation.methods.segments.misplaced_mass import widened_by_misplaced_mass
-from forceid.estimation.methods.segments.passed_noise import with_passed_noise
-from forceid.estimation.methods.solution import Solution, named
+from forceid.estimation.methods.noise import noise_beyond_motion
+from forceid.estimation.methods.problem import Solution, named
+from forceid.estimation.methods.segments.segment_claims import widened_by_misplaced_mass, with_passed_noise
 from forceid.flight.channels import Channel
 from forceid.flight.color import Color
 from forceid.flight.model import Flight

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from forceid.estimation.loads.hidden.mode_motion import motion_growth
+from forceid.estimation.loads.hidden.deforming_body import motion_growth
 from forceid.flight.vibration import Vibration, tune_vibrations, vibrating
 from forceid.kalman.building.process import discretize
 from forceid.kalman.engines import engine

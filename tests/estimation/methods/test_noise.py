@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from forceid.estimation.loads.channels import tune_channel
-from forceid.estimation.loads.noise import noise_beyond_motion
+from forceid.estimation.methods.noise import noise_beyond_motion
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine

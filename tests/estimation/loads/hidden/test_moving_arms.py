@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.loads.hidden.moving_arms import fast_square
+from forceid.estimation.loads.hidden.deforming_body import fast_square
 
 
 def test_variance_is_that_of_the_moment_of_drawn_first_moments_on_moving_arms():

@@ -1,10 +1,20 @@
-"""Claims of how modes move that allow for what the record of each does not tell: its load, and its neighbors.
+"""Claims of a body that deforms: how its modes move, and its moment, as far as the record does not tell.
 
 A mode is smoothed under the likeliest oscillator and load. As of a force, loads of other order, rate and size
 explain its record about as well. And the shapes of a level are axes that nobody chose for the body: what
 swings along one is in the others too, by a share that noise may hide, as a narrow line that their own prior
 takes for noise and does not follow. Before the record is seen, shares are uniform in the logarithm, from next
 to none to all; the error is that under each, weighed by its likelihood. Source: as of `order_uncertainty`.
+
+Forces act on points that deform with the body. First moments K of the forces, with arms in the reference,
+make the moment of K G^T, where G is the map of the deformation. However slowly K varies, a part dG of G that
+is faster than the smooth moment is followed shakes the moment by that of K dG^T. Of K the record tells the
+antisymmetric part alone, by the moment; a symmetric part of entries as large belongs to the claim. Entries
+alike have the variance k = <T.T> / 6, and so
+
+    cov(dT) = k (tr(M) I - M),   M = <dG dG^T>.
+
+Source: pseudo-rigid bodies, section 1; theory of one model, section 2.
 """
 
 from __future__ import annotations
@@ -14,9 +24,12 @@ from itertools import permutations
 
 import numpy as np
 
+from forceid.estimation.body.deforming.affine_maps import affine_shapes_of
+from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.hidden.order_uncertainty import BEYOND, grown_deviation, shares_lost
 from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP, candidates, groups_of, summed_powers
 from forceid.flight.channels import middle
+from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import ModeState, Vibration, vibrating
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Indices
@@ -101,3 +114,33 @@ def shares_of_others(
         ratio = 1 + share[:, None] * line
         found[j].append((k, share, (1 - 1 / ratio) @ powers[:, j] - np.log(ratio) @ count))
     return found
+
+
+def widened_by_arms(state: FlightState, kin: Kinematics, amplitude: Array, band: float) -> FlightState:
+    """The state with a moment that may shake with its arms.
+
+    amplitude (time, mode) m: of the shapes of kin; band Hz: up to which the moment is followed.
+    """
+    if kin.markers is None or not len(kin.shapes):
+        return state
+    strain = np.einsum("tk,kab->tab", amplitude, affine_shapes_of(kin).by_amplitude)
+    M = fast_square(kin.time, strain, band)
+    shaken = state.rotation @ (np.trace(M) * np.eye(3) - M) @ state.rotation.mT
+    cov = state.wrench_cov.copy()
+    cov[:, 3:, 3:] += np.nanmean((state.moment**2).sum(1)) / 6 * shaken
+    return replace(state, wrench_cov=cov)
+
+
+def fast_square(time: Array, strain: Array, band: float) -> Array:
+    """Mean of dG dG^T (3, 3), of the part dG of strain (time, 3, 3) above band Hz.
+
+    >>> t = np.arange(400) / 400
+    >>> swing = np.sin(2 * np.pi * 40 * t)[:, None, None] * np.diag([1.0, 0.0, 0.0])
+    >>> fast_square(t, swing, 20.0)[0].round(2).tolist(), fast_square(t, swing, 60.0)[0].round(2).tolist()
+    ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0])
+    """
+    taper = np.sin(np.pi * (np.arange(len(time)) + 0.5) / len(time)) ** 2
+    taper /= np.sqrt((taper**2).mean())
+    waves = np.fft.rfft(taper[:, None, None] * (strain - strain.mean(0)), axis=0)
+    fast = waves[np.fft.rfftfreq(len(time), float(np.median(np.diff(time)))) > band]
+    return np.asarray(2 * np.einsum("fab,fcb->ac", fast, fast.conj()).real / len(time) ** 2)
