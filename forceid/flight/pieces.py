@@ -77,11 +77,9 @@ def split_in_a_row(tried: Sequence[Pieces], step: Array, begin: float) -> Split:
     parts, pieces = (
         np.cumsum([0, *counts[:-1]]) for counts in ([len(c.step) for c in cuts], [len(t.size) for t in tried])
     )
-    step, owner, piece = (
-        np.concatenate(a)
-        for a in zip(*((c.step, c.owner + k * len(step), c.piece + pieces[k]) for k, c in enumerate(cuts)))
-    )
-    return Split(step, owner, piece, parts)
+    owner = [cut.owner + k * len(step) for k, cut in enumerate(cuts)]
+    piece = [cut.piece + before for cut, before in zip(cuts, pieces, strict=True)]
+    return Split(np.concatenate([c.step for c in cuts]), np.concatenate(owner), np.concatenate(piece), parts)
 
 
 def drawn(
