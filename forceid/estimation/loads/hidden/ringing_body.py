@@ -24,10 +24,12 @@ from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding, Indices
 from forceid.significance import OUTLIER, TENTH, WORSE
 
-DAMPINGS = (0.02, 0.06)  # of critical, of bodies that ring: steel in its joints, and rubber
-SIZES = np.geomspace(TENTH, 1 / FAINTEST, 7)  # of a resonance over the noise at its peak, two a decade
-APART = 0.04  # from one frequency to the next, in logarithm: about the width of the sharper ones
-WIDTHS = 6.0  # half-widths of a resonance within which it is looked at: all but a tenth of its power
+RING_DAMPINGS = (0.02, 0.06)  # of critical, of bodies that ring: steel in its joints, and rubber
+RINGING_SIZES = np.geomspace(
+    TENTH, 1 / FAINTEST, 7
+)  # of a resonance over the noise at its peak, two a decade
+NEXT_RING = 0.04  # from one frequency to the next, in logarithm: about the width of the sharper ones
+RING_WIDTHS = 6.0  # half-widths of a resonance within which it is looked at: all but a tenth of its power
 
 
 @dataclass(frozen=True)
@@ -109,17 +111,17 @@ def resonances(looks: Mapping[str, Whitened], residual: Array, freedoms: int) ->
     spectra["shape"] = shape_spectrum(time, residual, freedoms, look.channel.color)
     frequency, found = [], []
     hidden: dict[str, list[float]] = {name: [] for name in looks}
-    for f in np.exp(np.arange(np.log(slowest), np.log(0.25 / step), APART)):
-        for damping in DAMPINGS:
+    for f in np.exp(np.arange(np.log(slowest), np.log(0.25 / step), NEXT_RING)):
+        for damping in RING_DAMPINGS:
             width = damping * f + 0.25 / span  # Hz; no line is narrower than a record shows it
-            near = np.flatnonzero(np.abs(ordinate - f) < WIDTHS * width)
+            near = np.flatnonzero(np.abs(ordinate - f) < RING_WIDTHS * width)
             line = width**2 / (width**2 + (ordinate[near] - f) ** 2)
             total = 0.0
             for name, spectrum in spectra.items():
                 each = by_size(spectrum, near, line)
-                total += float(np.logaddexp.reduce(each)) - np.log(len(SIZES))
+                total += float(np.logaddexp.reduce(each)) - np.log(len(RINGING_SIZES))
                 if name in looks:
-                    size = float(np.exp(each - np.logaddexp.reduce(each)) @ SIZES)
+                    size = float(np.exp(each - np.logaddexp.reduce(each)) @ RINGING_SIZES)
                     hidden[name].append(2 * size * ordinate[0] * line @ lost[name][near])
             frequency.append(f)
             found.append(total)
@@ -130,7 +132,7 @@ def resonances(looks: Mapping[str, Whitened], residual: Array, freedoms: int) ->
 
 def by_size(spectrum: Spectrum, near: Indices, line: Array) -> Array:
     """Log-likelihood (size,) that resonances of a shape line (near,) gain at some ordinates."""
-    ratio = 1 + SIZES[:, None, None] * (line[:, None] * spectrum.noise[near])
+    ratio = 1 + RINGING_SIZES[:, None, None] * (line[:, None] * spectrum.noise[near])
     gained = (1 - 1 / ratio) * spectrum.power[near] - spectrum.count * np.log(ratio)
     return np.asarray(gained.sum((1, 2)))
 

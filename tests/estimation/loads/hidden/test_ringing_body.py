@@ -8,7 +8,7 @@ from evidence.drawn.records.joined_nets import joined_nets
 from forceid.config import Settings
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.loads.hidden.inner_wheel import STRONG
-from forceid.estimation.loads.hidden.ringing_body import SIZES, Spectrum, by_size, shape_spectrum
+from forceid.estimation.loads.hidden.ringing_body import RINGING_SIZES, Spectrum, by_size, shape_spectrum
 from forceid.estimation.run import estimate_whole
 
 SOFT, STIFF, NOISE = (6.0, 12.0), (400.0, 400.0), 3e-4
@@ -21,7 +21,7 @@ def shape_gain(y, frequency):
     ordinate = np.fft.rfftfreq(len(TIME), TIME[1])[1:-1]
     near = np.flatnonzero(np.abs(ordinate - frequency) < 5)
     line = 1 / (1 + (ordinate[near] - frequency) ** 2)
-    return np.logaddexp.reduce(by_size(spectrum, near, line)) - np.log(len(SIZES))
+    return np.logaddexp.reduce(by_size(spectrum, near, line)) - np.log(len(RINGING_SIZES))
 
 
 def test_a_shape_that_rings_gains_where_it_rings_and_one_of_noise_does_not():
@@ -38,7 +38,7 @@ def test_a_shape_that_rings_gains_where_it_rings_and_one_of_noise_does_not():
 def test_sizes_of_a_resonance_are_weighed_as_the_likelihood_of_their_spectra_says():
     power, noise, line = np.full((3, 2), 5.0), np.full((3, 2), 0.5), np.array([0.2, 1.0, 0.2])
     found = by_size(Spectrum(power, noise, 1.0), np.arange(3), line)
-    for size, gained in zip(SIZES, found, strict=True):
+    for size, gained in zip(RINGING_SIZES, found, strict=True):
         density = 1 + size * line[:, None] * noise
         np.testing.assert_allclose(gained, (-np.log(density) - power / density + power).sum(), rtol=1e-12)
 
