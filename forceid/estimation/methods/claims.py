@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.hidden import free_oscillation, inner_wheel
+from forceid.estimation.loads.hidden import free_oscillation, inner_wheel, ringing_body
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.left_out import (
     as_fast_as_on_modes,
@@ -19,7 +20,7 @@ from forceid.estimation.loads.hidden.left_out import (
     lines_at_spin,
 )
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
-from forceid.estimation.loads.hidden.whitened import whitened
+from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors
@@ -29,6 +30,9 @@ from forceid.estimation.verdict.sensitivity import Unit, length
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.vibration import ModeState
+from forceid.records import Array
+
+POSE = 6  # freedoms of a pose
 
 
 def judge_channels(problem: Problem) -> Problem:
@@ -146,6 +150,9 @@ def allow_for_priors(problem: Problem) -> Problem:
         for name, channel in channels.items()
     }
     growth = growth_along_own(state, looks)
+    if shape := markers_beside_pose(kin, looks):
+        growth, said = ringing_body.allow_for_ringing_body(looks, *shape, state, growth)
+        problem = problem.noting(*said)
     if not inside:
         return replace(problem, growth=growth)
     growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth)
@@ -173,6 +180,22 @@ def may_turn_inside(kin: Kinematics) -> bool:
     """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
     marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
     return not len(kin.shapes) and not marked
+
+
+def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> tuple[Array, int] | None:
+    """What markers show beside the pose of a body taken as rigid, (time, column) m, and of how many freedoms.
+
+    None where shapes follow it, tracks were low-passed, or not every frame of the channels shows it.
+    """
+    if len(kin.shapes) or kin.every > 1 or not kin.attitude or "moment" not in looks:
+        return None
+    time = looks["force"].channel.time
+    shown = np.isin(kin.time, time)
+    y = kin.pose.residual[shown][:, kin.seen].reshape(int(shown.sum()), -1)
+    freedoms = y.shape[1] - POSE
+    if freedoms <= 0 or not np.array_equal(time, looks["moment"].channel.time) or not np.isfinite(y).all():
+        return None
+    return y, freedoms
 
 
 def channels_on_every_axis(problem: Problem) -> dict[str, Channel]:
