@@ -20,7 +20,7 @@ from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times
 from forceid.motion import Frames, Products
-from forceid.records import Array
+from forceid.records import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -38,31 +38,97 @@ class StrainGauges:
 
 
 @dataclass(frozen=True)
+class Followers:
+    """Shapes that nobody sees, as many as count, whose amplitudes are sums of those of leaders (leader,).
+
+    Their weights are constant and not known: std, each by itself, before anything is seen.
+    """
+
+    count: int
+    leaders: Indices
+    std: float
+
+    @property
+    def states(self) -> int:
+        """Weights, shape by shape."""
+        return self.count * len(self.leaders)
+
+    def led(self, weight: Array, motion: Array) -> Array:
+        """Motion (time, shape) by weight (time, state) of what the modes do, motion (time, mode)."""
+        each = weight.reshape(len(weight), self.count, len(self.leaders))
+        return np.asarray(np.einsum("tjk,tk->tj", each, motion[:, self.leaders]))
+
+    def slopes(self, motion: Array) -> Array:
+        """What the weights add to it (time, shape, state)."""
+        slopes = np.einsum("ij,tk->tijk", np.eye(self.count), motion[:, self.leaders])
+        return np.asarray(slopes.reshape(len(motion), self.count, self.states))
+
+
+@dataclass(frozen=True)
 class FlyingModes:
     """The modes of a flight: what frames show of them, their prior, what they weigh, and where they begin.
 
-    path (time, state): chains (q, q', f ...) of all modes, about which a flight is linearized first; gauges:
-    that read their strain; mounting: displacement and tilt (sensor, mode, 3) of gyros and accelerometers,
-    each for a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns inside the body.
+    path (time, state): chains (q, q', f ...) of all modes, then weights of the followers, about which a
+    flight is linearized first; followers: shapes behind the modes that move as these do, None for none;
+    gauges: that read the strain of modes; mounting: displacement and tilt (sensor, mode, 3) of gyros and
+    accelerometers, each for a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns
+    inside the body.
     """
 
     frames: Frames
     prior: Vibration
     products: Products
     path: Array
+    followers: Followers | None = None
     gauges: StrainGauges | None = None
     mounting: tuple[Array, Array] | None = None
     inside: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def amplitude(self) -> Array:
-        """Amplitudes q (time, mode) along the path."""
-        return self.path[:, ModeState.AMPLITUDE :: self.prior.states]
+        """Amplitudes q (time, mode) along the path, of the followers too."""
+        return self.with_followers(self.chains[..., ModeState.AMPLITUDE])
 
     @property
     def rate(self) -> Array:
         """Their rates q' (time, mode)."""
-        return self.path[:, ModeState.RATE :: self.prior.states]
+        return self.with_followers(self.chains[..., ModeState.RATE])
+
+    @property
+    def acceleration(self) -> Array:
+        """Their accelerations q'' (time, mode)."""
+        chains = self.chains[..., : len(ModeState)]
+        return self.with_followers(np.einsum("kb,tkb->tk", self.prior.motion[:, 2], chains))
+
+    @property
+    def own(self) -> int:
+        """States of the chains; behind them stand the weights of the followers."""
+        return len(self.prior.std) * self.prior.states
+
+    @property
+    def chains(self) -> Array:
+        """Chains (time, mode, state) along the path."""
+        return self.path[:, : self.own].reshape(len(self.path), -1, self.prior.states)
+
+    def with_followers(self, motion: Array) -> Array:
+        """Motion (time, mode), and behind it that of the followers."""
+        if self.followers is None:
+            return motion
+        return np.concatenate([motion, self.followers.led(self.path[:, self.own :], motion)], 1)
+
+    def by_states(self, at: slice, *slopes: Array) -> Array:
+        """Slopes (time, ..., state) from those (time, ..., mode) by amplitude, rate and what comes behind.
+
+        at: of the path, where these are; what comes behind is the load, and the acceleration of followers.
+        """
+        each, m = self.prior.states, len(self.prior.std)
+        out = np.zeros((*slopes[0].shape[:-1], self.path.shape[1]))
+        for k, (slope, of) in enumerate(zip(slopes, ("amplitude", "rate", "acceleration"), strict=False)):
+            out[..., k : self.own : each] = slope[..., :m]
+            if self.followers is not None:
+                by_weight = self.followers.slopes(getattr(self, of)[at])
+                out[..., self.own :] += np.einsum("t...j,tjs->t...s", slope[..., m:], by_weight)
+        return out
 
     def part(self, s: slice) -> FlyingModes:
         """A stretch of the flight."""
@@ -99,6 +165,10 @@ def bent(
     """
     step = np.diff(time)
     F_q, Q_q, P_q = chains(modes.prior, step)
+    if modes.followers is not None:
+        more = np.eye(modes.followers.states)
+        F_q, Q_q = block_diagonal(F_q, more), block_diagonal(Q_q, 0 * more)
+        P_q = block_diag(P_q, modes.followers.std**2 * more)
     n, k, T = len(model.x0), len(P_q), len(time)
     theta, own = slice(first, first + 3), slice(n, n + k)
     at_start, at_end = mode_impulses(modes, step, rotation, H, model.F[:, theta, theta])
@@ -109,11 +179,10 @@ def bent(
     u = np.zeros((T - 1, n + k))
     u[:, :n] = model.u
     u[:, theta] -= np.einsum("tij,tj->ti", F[:, theta, own], modes.path[:-1])
-    each = modes.prior.states
-    m = k // each
+    m = len(modes.prior.std)
     rows = np.zeros((T, 6 + m, n + k))
-    rows[:, :6, :n] = model.H
-    rows[:, :6, n::each], rows[:, 6:, n::each] = modes.frames.leak, modes.frames.rows
+    rows[:, :6, :n], rows[:, :6, n:] = model.H, modes.by_states(slice(None), modes.frames.leak)
+    rows[:, 6:, n : n + modes.own : modes.prior.states] = modes.frames.rows
     R = block_diagonal(np.where(np.isfinite(modes.frames.cov), modes.frames.cov, np.eye(6)), np.eye(m))
     return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k)), block_diag(model.P0, P_q), u)
 
@@ -134,13 +203,12 @@ def mode_impulses(
     B = turn @ (np.einsum("tkij,tj->tki", dJ, omega) + by_q).swapaxes(1, 2)
     C = turn @ by_rate.swapaxes(1, 2)
     s = step[:, None, None]
-    at_start, at_end = (np.zeros((len(step), 3, modes.path.shape[1])) for _ in range(2))
     along = 0.5 * (d_theta @ C[:-1] + C[1:])  # times the change of q
     B_start, B_end = d_theta @ B[:-1], B[1:]
-    each = modes.prior.states
-    at_start[:, :, ::each], at_start[:, :, 1::each] = 0.5 * s * B_start - along, s**2 / 12 * B_start
-    at_end[:, :, ::each], at_end[:, :, 1::each] = 0.5 * s * B_end + along, -(s**2) / 12 * B_end
-    return at_start, at_end
+    return (
+        modes.by_states(slice(None, -1), 0.5 * s * B_start - along, s**2 / 12 * B_start),
+        modes.by_states(slice(1, None), 0.5 * s * B_end + along, -(s**2) / 12 * B_end),
+    )
 
 
 def with_strain_channels(model: StateSpace, gauges: StrainGauges, first: int, states: int) -> StateSpace:

@@ -50,7 +50,7 @@ class FlightState:
     (time, 6, 6); innovation (time, channel) of the pose, whitened, nis (time,) of all channels; reference:
     where it was linearized; sensor_innovation (time, channel) whitened, of the sensors' channels used, and
     their bias (channel,) at the end with bias_std; steady (number,) of the sensors with steady_std, zero
-    where not in doubt; modes (time, state): chains of the modes of the body,
+    where not in doubt; modes (time, state): chains of the modes of the body and weights of what follows them,
     modal_cov (time, 6 + 3 mode, 3 mode): of the wrench, and of amplitude, rate and load of each, with these;
     gauge_innovation (time, gauge) whitened, of the strain gauges used; given (time, 6): what force and moment
     have given so far, where one has edges between samples, which its samples do not tell.
@@ -320,9 +320,9 @@ def read_state(
     std = np.sqrt(np.maximum(np.diagonal(P_all[-1]), 0.0))
     modes, modal_cov, deformed, gauged = None, None, 6, 6
     if flight.modes is not None:
-        modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + flight.modes.amplitude.shape[1]
+        modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + len(flight.modes.prior.std)
         gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
-        chains = np.arange(end, end + modes.shape[1]).reshape(-1, flight.modes.prior.states)
+        chains = np.arange(end, end + flight.modes.own).reshape(-1, flight.modes.prior.states)
         moving = chains[:, : len(ModeState)].ravel()
         own = P_all[:, moving[:, None], moving]
         modal_cov = np.concatenate([read_wrench @ P_all[:, :, moving], own], 1)

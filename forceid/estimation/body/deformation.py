@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -24,9 +25,10 @@ class Deformation:
 
     amplitude, rate (time, mode) m, m/s, of shapes that show; inertia (time, 3, 3) and h (time, 3) of the
     shape, body axes; path (time, state) and amplitude_var (time, mode): chains of the amplitudes under their
-    prior, of those of hidden mass too, None where they were not smoothed; load_cov (time, mode, mode): of the
-    loads of elastic modes; answered: the prior of these, with the loads that answer them; with_wrench (time,
-    6, mode): covariance of force and moment with those loads, None where they were not smoothed together.
+    prior, behind them the weights by which hidden mass follows where a flight told these, None where they
+    were not smoothed; load_cov (time, mode, mode): of the loads of elastic modes; answered: the prior of
+    these, with the loads that answer them; with_wrench (time, 6, mode): covariance of force and moment with
+    those loads, None where they were not smoothed together.
     motion_cov (time, 3 mode, 3 mode): of amplitude, rate and acceleration of each affine mode, with the
     moment moment_motion (time, 3, 3 mode) where they were smoothed together; None elsewhere.
     """
@@ -62,9 +64,9 @@ class Deformation:
         """Accelerations (time, mode) m/s2 of the amplitudes; zero where they were not smoothed."""
         if self.prior is None or self.path is None:
             return np.zeros_like(self.rate)
-        chains = self.path.reshape(len(self.path), -1, self.prior.states)[:, : self.rate.shape[1]]
-        own = self.prior.motion[: self.rate.shape[1]]
-        return np.asarray(np.einsum("kb,tkb->tk", own[:, 2], chains[..., : len(ModeState)]))
+        modes, each = len(self.prior.std), self.prior.states
+        chains = self.path[:, : modes * each].reshape(len(self.path), modes, each)
+        return np.asarray(np.einsum("kb,tkb->tk", self.prior.motion[:, 2], chains[..., : len(ModeState)]))
 
 
 def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) -> Deformation:
@@ -86,19 +88,17 @@ def smooth_deformation(kin: Kinematics, engine: Engine, causal: bool = False) ->
     noise_var = np.nan_to_num(kin.amplitude_var, nan=1.0)
     # beside a flight every order costs its passes a state for each mode
     orders = ORDERS if kin.apart else LOAD_ORDERS
-    told = prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine, orders)
-    if kin.hidden is not None:
-        prior = kin.hidden.moving_as(told, 3 * int(kin.seen.sum()) - 6)
+    prior = tune_vibrations(kin.time, kin.amplitude, noise_var, engine, orders)
     path = np.zeros((len(kin.time), len(prior.std) * prior.states))
     var = np.tile(prior.std**2, (len(kin.time), 1))
-    models = vibrating(told, noise_var, np.diff(kin.time))
+    models = vibrating(prior, noise_var, np.diff(kin.time))
     moving = np.zeros((len(kin.time), modes, 3, modes, 3)) if kin.model == "affine" else None
     for j, at in enumerate(range(0, modes * prior.states, prior.states)):
         found = (engine.filter if causal else engine.smooth)(models.one(j), kin.amplitude[:, j])
         path[:, at : at + prior.states], var[:, j] = found.x, found.P[:, 0, 0]
         if moving is not None:
             own = found.P[:, : len(ModeState), : len(ModeState)]
-            moving[:, j, :, j] = told.motion[j] @ own @ told.motion[j].T
+            moving[:, j, :, j] = prior.motion[j] @ own @ prior.motion[j].T
     smooth = deforming(kin, prior, path, var)
     return smooth if moving is None else replace(smooth, motion_cov=moving.reshape(len(var), 3 * modes, -1))
 
@@ -107,10 +107,15 @@ def deforming(
     kin: Kinematics, prior: Vibration | None, path: Array, var: Array, load_cov: Array | None = None
 ) -> Deformation:
     """The deformation of chains along a path."""
-    each, shown = len(ModeState) if prior is None else prior.states, kin.amplitude.shape[1]
-    amplitude, rate = path[:, ::each], path[:, 1::each]
-    J, h = inertia_along(kin, amplitude, rate)
-    return Deformation(amplitude[:, :shown], rate[:, :shown], J, h, prior, path, var, load_cov)
+    each = len(ModeState) if prior is None else prior.states
+    own = kin.amplitude.shape[1] * each
+    amplitude, rate = path[:, :own:each], path[:, 1:own:each]
+    q, q_rate = amplitude, rate
+    if kin.hidden is not None and prior is not None and path.shape[1] > own:
+        led = partial(kin.hidden.followers(prior).led, path[:, own:])
+        q, q_rate = (np.concatenate([one, led(one)], 1) for one in (q, q_rate))
+    J, h = inertia_along(kin, q, q_rate)
+    return Deformation(amplitude, rate, J, h, prior, path, var, load_cov)
 
 
 def together(kin: Kinematics, tuned: ElasticPrior, engine: Engine, causal: bool) -> Deformation:
@@ -134,15 +139,20 @@ def undeformed(kin: Kinematics, engine: Engine, causal: bool = False) -> tuple[K
     deformation, frames = smooth_deformation(kin, engine, causal), kin.frames
     if frames is None or deformation.prior is None or deformation.amplitude_var is None:
         return kin, deformation
-    assert deformation.path is not None
-    off = np.einsum("tik,tk->ti", frames.leak, deformation.path[:, :: deformation.prior.states])
+    shown = deformation.amplitude.shape[1]
+    off = np.einsum("tik,tk->ti", frames.leak[..., :shown], deformation.amplitude)
     center, rotation = frames.center - off[:, :3], np.full_like(frames.rotation, np.nan)
     seen = np.isfinite(center).all(1)
     rotation[seen] = exp(-off[seen, 3:]) @ frames.rotation[seen]
     # errors of a mode that vibrates follow each other for a period: as noise of one frame they count as often
     turn = deformation.prior.frequency * np.median(np.diff(kin.time))
     often = np.clip(2 * np.pi / turn, 1.0, len(kin.time))
-    spread = frames.leak * np.sqrt(often * deformation.amplitude_var)[:, None]
+    var = often * deformation.amplitude_var
+    if kin.hidden is not None:
+        follow = kin.hidden.followers(deformation.prior)
+        led = follow.std**2 * (often * deformation.prior.std**2)[follow.leaders].sum()
+        var = np.pad(var, ((0, 0), (0, follow.count)), constant_values=led)
+    spread = frames.leak * np.sqrt(var)[:, None]
     cov = frames.cov + spread @ spread.swapaxes(1, 2)
     return replace(kin, pose=replace(kin.pose, center=center, rotation=rotation, cov=cov)), deformation
 

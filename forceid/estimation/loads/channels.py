@@ -126,8 +126,11 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
     inertia, h, modes = deformation.inertia, deformation.h, None
     joint = measured or not kin.apart
     if joint and kin.frames is not None and deformation.prior is not None and deformation.path is not None:
-        products, path = products_of(kin), deformation.path
-        modes = FlyingModes(kin.frames, deformation.prior, products, path, inside=kin.inside)
+        products, path, followers = products_of(kin), deformation.path, None
+        if kin.hidden is not None:
+            followers = kin.hidden.followers(deformation.prior)
+            path = np.pad(path, ((0, 0), (0, followers.states)))
+        modes = FlyingModes(kin.frames, deformation.prior, products, path, followers, inside=kin.inside)
     return Flight(
         kin.time,
         new[:, None] * kin.pose.center,

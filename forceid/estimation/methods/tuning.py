@@ -23,6 +23,7 @@ from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.building.lines import Line
+from forceid.kalman.building.process import matern_density
 from forceid.motion import noise_growth
 from forceid.records import Array
 from forceid.rounding import SINGLE
@@ -113,13 +114,20 @@ def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
 
     Absence of evidence is not zero: a deformation hides a load. A load moves rigid and elastic modes of unit
     modal mass alike, but for where it acts: root (axis,) of the mass or the inertia makes one the other.
+    Beside hidden mass a load may be weak at the frequency of the modes alone: what is there passes for noise
+    while the prior is tuned, and a prior without it would make it motion of that mass.
     """
     kin, modes, kernel = problem.kin, problem.deformation.prior, prior.kernel
     if not problem.hides or modes is None or not isinstance(kernel, Matern):
         return prior
     size = load_on_unit_mass(kin, modes) * root
     rate = modes.rate[0] if kin.elastic is not None else modes.frequency[modes.std.argmax()]
-    weak = kernel.std < np.exp(-SIGMAS * UNEVEN) * size
+    found, like = kernel.std, size
+    if kin.elastic is None:  # what hidden mass does in the band of the modes is as open as its weights
+        largest = modes.frequency[(modes.std * modes.frequency**2).argmax()]
+        found = np.sqrt(matern_density(kernel.order, kernel.std, kernel.rate, largest))
+        like = np.sqrt(matern_density(kernel.order, size, rate, largest))
+    weak = found < np.exp(-SIGMAS * UNEVEN) * like
     std, rates = np.where(weak, size, kernel.std), np.where(weak, rate, kernel.rate)
     return prior.with_kernel(Matern(kernel.order, std, rates)) if weak.any() else prior
 

@@ -13,7 +13,6 @@ from forceid.flight.instruments.moved import Moved, in_body
 from forceid.flight.instruments.protocol import BentMount
 from forceid.flight.instruments.sensors import Sensors
 from forceid.flight.modes import FlyingModes
-from forceid.flight.vibration import ModeState
 from forceid.motion import exp
 from forceid.records import Array
 
@@ -24,9 +23,9 @@ def bending(sensors: Sensors, moved: Moved, modes: FlyingModes, steady: Array) -
     Slopes are by the states of the chains of the modes, along whose path both are taken.
     """
     assert modes.mounting is not None
-    w2, b = modes.prior.frequency**2, modes.prior.damping
-    q, rate = modes.amplitude, modes.rate
-    second = modes.path[:, ModeState.LOAD :: modes.prior.states] - w2 * q - 2 * b * rate
+    q, rate, second = modes.amplitude, modes.rate, modes.acceleration
+    w2, b = np.zeros((2, q.shape[1]))  # of followers, which swing as their leaders do
+    w2[: len(modes.prior.std)], b[: len(modes.prior.std)] = modes.prior.frequency**2, modes.prior.damping
     here = in_body(moved)
     J_inv, omega = here.J_inv, here.omega
     dJ, dh, dh_rate = modes.products.slopes(q, rate)
@@ -49,7 +48,6 @@ def bending(sensors: Sensors, moved: Moved, modes: FlyingModes, steady: Array) -
             own = steady[: len(sensors.owner)][sensors.owner == i]
             mount = BentMount(S, r, Phi, Psi, q, rate, second, back, w2, b, d_omega, d_alpha, own)
             y[:, i, s], *slopes = instrument.bend(here, mount)
-            for k, slope in enumerate(slopes):
-                rows[:, i, s, :, k :: modes.prior.states] = slope
+            rows[:, i, s] = modes.by_states(slice(None), *np.broadcast_arrays(*slopes))
     used = sensors.used
     return y.reshape(len(q), -1)[:, used], rows.reshape(len(q), len(used), -1)[:, used]

@@ -5,7 +5,9 @@ in a way that no marker shows. Only six numbers of that motion matter, its momen
 six shapes stand for it, of nodes that move as independently as markers do. They do so about a rigid motion
 that nobody sees: the one fitted to the markers is off by what these deform, and a node far out by a multiple
 of it. A body known as a whole has its mass at four nodes without markers, which make its mass, center and
-inertia. Source: theory of one model, section 2.
+inertia. Modes of a body move all of its mass at once: so these shapes follow the modes that markers show, by
+constant weights that nobody knows, and the motion of the whole tells of them what it can.
+Source: theory of one model, section 2.
 """
 
 from __future__ import annotations
@@ -18,11 +20,13 @@ from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.inertia import moments_of_whole
 from forceid.estimation.body.markers import MarkerSet
 from forceid.estimation.body.tetrahedron import tetrahedron
+from forceid.flight.modes import Followers
 from forceid.flight.vibration import Vibration
 from forceid.motion import Frames, Products, inertia_products
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 from forceid.rounding import SINGLE
+from forceid.significance import TENTH
 
 
 @dataclass(frozen=True)
@@ -30,13 +34,15 @@ class HiddenMass:
     """Shapes (mode, node, 3) of mass without markers, each for one standard deviation of a marker by itself.
 
     mass (node,) kg or (dof, dof) of nodes at shape (node, 3) m: those of the body, and four more where it is
-    known as a whole. leak (6, mode): the rigid motion that a shape gives what carries markers, m and rad.
+    known as a whole. leak (6, mode): the rigid motion that a shape gives what carries markers, m and rad;
+    freedom: coordinates of markers beside the rigid motion.
     """
 
     mass: Array
     shape: Array
     shapes: Array
     leak: Array
+    freedom: int
 
     def products(self, shapes: Array) -> Products:
         """What amplitudes of shapes (mode, node, 3) of the body, and then of these, do to the inertia."""
@@ -46,35 +52,24 @@ class HiddenMass:
 
     def beside(self, frames: Frames) -> Frames:
         """What frames say of the shapes that markers show and of these, which only move their poses."""
-        T, m = frames.observed.shape
-        k = len(self.shapes)
-        turn = np.zeros((T, 6, 6))
+        turn = np.zeros((len(frames.rotation), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = np.nan_to_num(frames.rotation)
-        rows = np.zeros((T, m + k, m + k))
-        rows[:, :m, :m] = frames.rows
-        observed = np.pad(frames.observed, ((0, 0), (0, k)), constant_values=np.nan)
-        leak = np.concatenate([frames.leak, turn @ self.leak], 2)
-        return replace(frames, leak=leak, observed=observed, rows=rows)
+        return replace(frames, leak=np.concatenate([frames.leak, turn @ self.leak], 2))
 
     def carried(self, position: Array) -> tuple[Array, Array]:
         """Displacement and tilt (point, mode, 3) that the shapes give points (point, 3) among the markers."""
         moved = (summation_operator(position) @ self.leak).reshape(len(position), 3, -1).swapaxes(1, 2)
         return np.asarray(moved), np.tile(self.leak[3:].T, (len(position), 1, 1))
 
-    def moving_as(self, told: Vibration, freedom: int) -> Vibration:
-        """The prior of the shapes told and of these, which swing as the one told that takes most force.
+    def followers(self, told: Vibration) -> Followers:
+        """These shapes as they follow the modes that markers show, those that take next to no force left out.
 
-        freedom: coordinates of markers beside the rigid motion, among which the variance told is shared.
+        A marker by itself moves by what all modes do, shared among the coordinates that are free.
         """
-        hasty = told.std * told.frequency**2
-        largest, k = int(hasty.argmax()), len(self.shapes)
-        share = float(np.sqrt((hasty**2).sum() / freedom)) / told.frequency[largest] ** 2
-
-        def more(a: Array) -> Array:
-            return np.append(a, np.full(k, a[largest]))
-
-        std = np.append(told.std, np.full(k, share))
-        return Vibration(more(told.frequency), more(told.damping), std, more(told.rate), told.order)
+        hasty = (told.std * told.frequency**2) ** 2
+        ascending = np.argsort(hasty)
+        leaders = ascending[np.cumsum(hasty[ascending]) > TENTH**2 * hasty.sum()]
+        return Followers(len(self.shapes), np.sort(leaders), float(self.freedom**-0.5))
 
 
 def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
@@ -102,7 +97,7 @@ def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
     raw[:, free] = axes @ root.T
     raw = raw.reshape(len(axes), *shape.shape)
     alpha, shapes = split_rigid(raw, shape, mass)
-    return HiddenMass(mass, shape, shapes, -alpha.T)
+    return HiddenMass(mass, shape, shapes, -alpha.T, 3 * int(markers.seen.sum()) - 6)
 
 
 def of_fit(markers: MarkerSet, rigid: Array) -> Array:
