@@ -25,9 +25,7 @@ from forceid.records import Array, Finding, Indices
 from forceid.significance import OUTLIER, TENTH, WORSE
 
 RING_DAMPINGS = (0.02, 0.06)  # of critical, of bodies that ring: steel in its joints, and rubber
-RINGING_SIZES = np.geomspace(
-    TENTH, 1 / FAINTEST, 7
-)  # of a resonance over the noise at its peak, two a decade
+RINGING_SIZES = np.geomspace(TENTH, 1 / FAINTEST, 7)  # over the noise at the peak, two a decade
 NEXT_RING = 0.04  # from one frequency to the next, in logarithm: about the width of the sharper ones
 RING_WIDTHS = 6.0  # half-widths of a resonance within which it is looked at: all but a tenth of its power
 
@@ -55,9 +53,9 @@ class Resonances:
     hidden: dict[str, Array]
 
     @property
-    def odds(self) -> float:
-        """How much likelier the record is with one at some frequency than with none."""
-        return float(np.exp(np.logaddexp.reduce(self.evidence))) / len(self.evidence)
+    def gained(self) -> float:
+        """Log-likelihood that the record gains by one at some frequency, over none."""
+        return float(np.logaddexp.reduce(self.evidence) - np.log(len(self.evidence)))
 
 
 def allow_for_ringing_body(
@@ -69,7 +67,7 @@ def allow_for_ringing_body(
     as many columns as no pose fits away.
     """
     found = resonances(looks, residual, freedoms)
-    if found is None or not found.odds > STRONG:
+    if found is None or not found.gained > np.log(STRONG):
         return growth, ()
     weight = np.exp(found.evidence - np.logaddexp.reduce(found.evidence))
     own, more = np.eye(6), {name: weight @ hidden for name, hidden in found.hidden.items()}
