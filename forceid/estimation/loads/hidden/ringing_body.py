@@ -117,13 +117,15 @@ def resonances(looks: Mapping[str, Whitened], residual: Array, freedoms: int) ->
             total = 0.0
             for name, spectrum in spectra.items():
                 each = by_size(spectrum, near, line)
-                total += float(np.logaddexp.reduce(each)) - np.log(len(RINGING_SIZES))
+                gained = float(np.logaddexp.reduce(each)) - np.log(len(RINGING_SIZES))
+                # a load alone may oscillate: the body is seen to ring where its shape does
+                total += gained if name in looks or gained > 0 else -np.inf
                 if name in looks:
                     size = float(np.exp(each - np.logaddexp.reduce(each)) @ RINGING_SIZES)
                     hidden[name].append(2 * size * ordinate[0] * line @ lost[name][near])
             frequency.append(f)
             found.append(total)
-    if not found:
+    if not np.isfinite(found).any():
         return None
     return Resonances(np.array(frequency), np.array(found), {n: np.array(h) for n, h in hidden.items()})
 
