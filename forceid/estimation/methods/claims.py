@@ -187,7 +187,7 @@ def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> tuple
 
     None where shapes follow it, tracks were low-passed, or not every frame of the channels shows it.
     """
-    if len(kin.shapes) or kin.every > 1 or not kin.attitude or "moment" not in looks:
+    if len(kin.shapes) or kin.every > 1 or not kin.attitude or len(looks) < 2:
         return None
     time = looks["force"].channel.time
     shown = np.isin(kin.time, time)

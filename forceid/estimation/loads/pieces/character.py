@@ -128,10 +128,11 @@ def drawn_anew(f: Filtered, vectors: int) -> Array:
         own = np.arange(LOAD.start + axis, vectors, 3)
         std = np.sqrt(np.diagonal(model.P0)[own])
         root = std[:, None] * np.linalg.cholesky(model.P0[np.ix_(own, own)] / np.outer(std, std))
-        S = np.eye(len(own)) + root.T @ bends[:, own[:, None], own] @ root
-        v = slopes[:, own] @ root
-        likely = 0.5 * np.einsum("ti,ti->t", v, np.linalg.solve(S, v[..., None])[..., 0])
-        gain += np.maximum(likely - 0.5 * np.linalg.slogdet(S)[1], 0.0)
+        shown, directions = np.linalg.eigh(root.T @ bends[:, own[:, None], own] @ root)
+        shown = np.maximum(shown, 0.0)  # a covariance: less than nothing is rounding
+        v = np.einsum("ti,tij->tj", slopes[:, own] @ root, directions)
+        likely = 0.5 * (v**2 / (1 + shown)).sum(1)
+        gain += np.maximum(likely - 0.5 * np.log1p(shown).sum(1), 0.0)
     return gain
 
 
