@@ -14,7 +14,7 @@ import numpy as np
 
 from forceid.flight.channels import driven, tuning_segments
 from forceid.flight.tuning import ORDERS
-from forceid.kalman.building.lines import AT_ONCE
+from forceid.kalman.building.line_search import AT_ONCE
 from forceid.kalman.building.process import Process, matern, matern_density
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace

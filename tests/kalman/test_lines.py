@@ -13,9 +13,8 @@ from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
-from forceid.kalman.building.lines import (
+from forceid.kalman.building.line_search import (
     Candidate,
-    Line,
     excite,
     find_line,
     let_drift,
@@ -23,6 +22,8 @@ from forceid.kalman.building.lines import (
     line_evidence,
     whiten,
 )
+from forceid.kalman.building.lines import PER_CYCLE, Line
+from forceid.kalman.building.process import discretize
 
 MASS, STEP, COUNT, NOISE = 0.13, 2e-3, 400, 1e-4
 TIME = STEP * np.arange(COUNT)
@@ -97,6 +98,29 @@ def test_a_unit_of_any_line_is_read_as_its_direction_wherever_it_stands(body_axe
         gained = model.F[40, 3:6] @ unit / STEP
         middle = Rotation.from_rotvec(9.0 * (TIME[40] + 0.5 * STEP) * np.array([0.2, 0.4, 1.0])).as_matrix()
         np.testing.assert_allclose(gained, middle[:, i] if turns else wanted[0], atol=0.02)
+
+
+@pytest.mark.parametrize("off", [-0.05, 0.08])  # cycles over the record
+def test_line_of_loose_frequency_holds_one_a_little_off_to_second_order(off):
+    """Of a phasor that keeps its phase in the middle, by closed form."""
+    load = replace(line(bandwidth=0.0), loose=1 / PER_CYCLE / SPAN).process
+    middle, beside = TIME - 0.5 * SPAN, 2 * np.pi * off / SPAN
+    wanted = np.exp(2j * np.pi * 20.0 * TIME + 1j * beside * middle)
+    x = np.array([1.0, 0.0, 0.0, beside])  # the phasor and its derivative, as at the start
+    x[:2] += -0.5 * SPAN * x[2:]
+    F, _ = discretize(load, STEP)
+    path = np.empty(COUNT)
+    for k in range(COUNT):
+        path[k], x = load.output @ x, F @ x
+    assert np.abs(path - wanted.real).max() < 0.6 * (np.pi * off) ** 2
+    assert np.abs(path - np.cos(2 * np.pi * 20.0 * TIME)).max() > 3 * (np.pi * off) ** 2
+
+
+def test_size_of_a_line_of_loose_frequency_is_stated_in_the_middle_of_the_record():
+    load = replace(line(bandwidth=0.0), loose=1 / PER_CYCLE / SPAN).process
+    F, _ = discretize(load, 0.5 * SPAN)
+    np.testing.assert_allclose((F @ load.P0 @ F.T)[:2, :2], 0.3**2 * np.eye(2), atol=1e-12)
+    assert np.linalg.eigvalsh(load.P0).min() > 0
 
 
 def test_ring_down_is_driven_by_nothing_and_a_driven_line_keeps_its_size():
@@ -192,12 +216,16 @@ def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_wh
     rng = np.random.default_rng(40)
     white = rng.standard_normal((COUNT, 3))
     white[:, 1] += 0.8 * np.sin(2 * np.pi * 20.2 * TIME)
-    assert line_candidates(TIME, white, 10.0, []) == [Candidate(20.0, named=True)]
-    (other,) = line_candidates(TIME, white, 0.0, [])
+    assert line_candidates(TIME, white, 10.0) == [Candidate(20.0, named=True, known=True)]
+    (other,) = line_candidates(TIME, white, 0.0)
     assert other.frequency == pytest.approx(20.2, abs=0.6 / SPAN)
     assert not other.named
-    assert line_candidates(TIME, white, 10.0, [20.2]) == []
-    quiet = [line_candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0, []) for _ in range(50)]
+    assert line_candidates(TIME, white, 10.0, looked=[20.2]) == []
+    held = [line(20.2, axis=0), line(20.2, axis=2)]
+    (named,) = line_candidates(TIME, white, 0.0, held)  # along y, on which none is held
+    assert named == Candidate(20.2, named=True)
+    assert line_candidates(TIME, white, 0.0, [line(20.2, axis=1)]) == []
+    quiet = [line_candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0) for _ in range(50)]
     assert sum(map(len, quiet)) <= 1
 
 

@@ -28,7 +28,7 @@ from forceid.flight.model import Reference, linear_flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import smooth_flight
 from forceid.flight.tuning import ORDERS
-from forceid.kalman.building.lines import ROOM
+from forceid.kalman.building.line_search import ROOM
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace

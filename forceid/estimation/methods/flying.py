@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +13,7 @@ from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
 from forceid.estimation.loads.lines import Lines, more_lines
 from forceid.estimation.methods.problem import Problem
-from forceid.kalman.building.lines import AT_ONCE
+from forceid.kalman.building.line_search import AT_ONCE
 from forceid.timing import stage
 
 
@@ -62,15 +63,18 @@ def without_wild_frames(problem: Problem) -> Problem:
 
 
 @stage("lines")
-def beside_more_lines(problem: Problem) -> Problem:
-    """The problem to be solved again with the lines that the innovations show; itself where none are."""
+def beside_more_lines(problem: Problem, harmonics: Collection[str]) -> Problem:
+    """The problem to be solved again with the lines that the innovations show; itself where none are.
+
+    At harmonics of the spin, in the loads of these names alone.
+    """
     settings, kin, priors = problem.settings, problem.kin, problem.priors
     if settings.lines == "none":
         return problem
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": priors["force"]} if len(kin.shapes) and kin.unfollowed.any() else priors
     asked = () if isinstance(settings.lines, str) else settings.lines
-    more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked)
+    more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked, harmonics)
     if not len(problem.lines) < len(more) <= 6 * AT_ONCE:  # as many as one look may find of each component
         return problem
     return replace(problem, lines=more, near=problem.apiece)

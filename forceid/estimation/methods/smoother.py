@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import reduce
 
 from forceid.config import Settings
@@ -88,8 +88,12 @@ def estimate_flight(
     what a look at them has shown, where there was one.
     """
     given = kinematics(body, motion, settings) if kin is None else kin
-    problem = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given, shown)))
-    problem = choose_axes(problem)
+    apart = beside_lines(with_frames_that_agree(Problem(body, motion, settings, engine, given, shown)))
+    problem = choose_axes(apart)
+    # a load that turns with the body holds harmonics of the spin; one that does not may have lines there
+    still = [load for load, prior in problem.priors.items() if prior.body_axes is None]
+    if (again := beside_lines(apart, still)) is not apart:
+        problem = choose_axes(again)
     with stage("claims"):
         return solution_of(through(CLAIMS, problem))
 
@@ -108,10 +112,13 @@ def with_frames_that_agree(problem: Problem) -> Problem:
             return problem
 
 
-def beside_lines(problem: Problem) -> Problem:
-    """The problem solved with the lines of its loads, again and again until it shows no further ones."""
+def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
+    """The problem solved with the lines of its loads, again and again until it shows no further ones.
+
+    At harmonics of the spin, in the loads of these names alone.
+    """
     while True:
-        more = beside_more_lines(problem)
+        more = beside_more_lines(problem, harmonics)
         if more.lines is problem.lines:
             return problem
         try:

@@ -1,4 +1,5 @@
-"""Lines of a load in its chain: behind all other states, two each, the line and its quadrature.
+"""Lines of a load in its chain, behind all other states: each the line, its quadrature, and what a frequency
+that is off adds to both.
 
 A line drives all three axes as its direction says, where that turns by the mean of a step. Source: principal
 equations 4e.
@@ -33,11 +34,11 @@ def add_lines(
     F, Q, P0 = chain
     for line, own in zip(lines, places(len(P0), lines), strict=True):
         F_line, Q_line = discretize_steps(integrate(integrate(line.process, 0.0), 0.0), unique)
-        spread = np.zeros((len(unique), len(P0), 4))
-        # its Y and H along its direction, its two states as they are
+        spread = np.zeros((len(unique), len(P0), 2 + line.states))
+        # its Y and H along its direction, its own states as they are
         early, mean = swept(step, rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))
         spread[:, :3, 0], spread[:, 3:6, 1] = (turn @ line.direction @ axes for turn in (early, mean))
-        spread[:, own, 2:] = np.eye(2)
+        spread[:, own, 2:] = np.eye(line.states)
         F[:, :, own] = spread @ F_line[:, :, 2:]
         Q += spread @ Q_line @ spread.swapaxes(1, 2)
         P0[own, own] = line.process.P0
@@ -64,5 +65,5 @@ def line_rate(chain: Array, lines: tuple[Line, ...]) -> Iterator[Array]:
 
 def places(states: int, lines: tuple[Line, ...]) -> list[slice]:
     """Where the states of each line are in a chain of so many."""
-    first = states - 2 * len(lines)
-    return [slice(first + 2 * i, first + 2 * i + 2) for i in range(len(lines))]
+    stop = states - sum(line.states for line in lines) + np.cumsum([line.states for line in lines])
+    return [slice(int(end) - line.states, int(end)) for line, end in zip(lines, stop, strict=True)]

@@ -4,7 +4,7 @@ A prior of another kind is a `Kernel` in a file of its own and a row in `table`;
 has from `LoadPrior`, and nothing outside of this folder knows which kernel a prior holds.
 
 A load drives a chain Y' = H, H' = load. Its states come in threes along the axes of the prior: Y, H, the
-constant mean of the load, the states of the kernel; behind them two a line. The axes stand still in the
+constant mean of the load, the states of the kernel; behind them those of lines. The axes stand still in the
 laboratory, or turn with the body: a load that does (a thrust, a leak, a fin) is slow only there, and its
 states are kept in world axes all the same. Source: principal equations 4e, 4f.
 """
@@ -132,7 +132,7 @@ class LoadPrior:
     @property
     def states(self) -> int:
         """Of the chain."""
-        return self.vectors + 2 * len(self.lines)
+        return self.vectors + sum(line.states for line in self.lines)
 
     @property
     def noise(self) -> Array:
@@ -215,7 +215,7 @@ class LoadPrior:
 
         Lines that are new, behind the others, rest.
         """
-        new = 2 * (len(self.lines) - len(was.lines))
+        new = self.states - was.states
         if not np.array_equal(self.axes, was.axes):
             turned = chain[:, : was.vectors].reshape(len(chain), -1, 3) @ (was.axes.T @ self.axes)
             chain = np.concatenate([turned.reshape(len(chain), -1), chain[:, was.vectors :]], 1)

@@ -1,34 +1,22 @@
-"""Lines of a load: phasors along fixed directions, found in what a prior without them leaves unexplained.
+"""Lines of a load: phasors along fixed directions, beside a load that falls smoothly with frequency.
 
 A load that turns with a spinning body, or is struck by it once a turn, holds lines at multiples of the spin.
-A prior that falls smoothly with frequency takes them for noise. Against such a prior a coherent line is a
-regression: its cosine and sine, sent through the same filter as the measurement, are its regressors, and
-the evidence for it follows in closed form. Source: principal equations 4e (spin harmonics).
+Source: principal equations 4e (spin harmonics).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import combinations
-from typing import Any
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from forceid.compiled import engine as compiled
 from forceid.kalman.building.process import Process, resonator
-from forceid.kalman.model import Filtered, StateSpace, expand, same_at_all_times
-from forceid.records import Array
-from forceid.rounding import ITERATIONS, ROUNDED
-from forceid.significance import NUMBER, OUTLIER, PATIENCE
+from forceid.records import Array, Indices
 
-COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
-DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
-AT_ONCE = 4  # lines that one look takes up, the tallest ones
-PER_CYCLE = 8  # frequencies per cycle a record at which the evidence is computed
-ALONG = tuple(s for n in (1, 2, 3) for s in combinations(range(3), n))  # axes that a line may lie along
-ROOM = 40_000_000  # numbers held at a time, 320 MB
+PER_CYCLE = 8  # frequencies per cycle a record at which the evidence of a line is computed
 
 
 @dataclass(frozen=True)
@@ -37,7 +25,9 @@ class Line:
 
     driven: a keeps its std for ever, and forgets its phase at `bandwidth`; else it rings down from the start
     of the record at that rate, as a nutation or a struck body does. turns: with the body, in whose axes the
-    direction stands then; else it stands still in those of the world.
+    direction stands then; else it stands still in those of the world. loose: std Hz of the frequency about
+    that given, 1 / PER_CYCLE of a cycle over the record; zero where it is known, or a phase that drifts
+    follows it.
     """
 
     frequency: float
@@ -46,8 +36,9 @@ class Line:
     direction: Array
     driven: bool = True
     turns: bool = False
+    loose: float = 0.0
 
-    @property
+    @cached_property
     def process(self) -> Process:
         """The load along its direction: a and its quadrature."""
         return self.scaled(1.0)
@@ -55,19 +46,38 @@ class Line:
     def scaled(self, share: ArrayLike) -> Process:
         """The process of (...) shares of the load."""
         load = resonator(self.frequency, self.std * np.asarray(share), self.bandwidth)
-        return load if self.driven else replace(load, Qc=0 * load.Qc)
+        if not self.driven:
+            load = replace(load, Qc=0 * load.Qc)
+        return loosened(load, self.loose) if self.loose else load
+
+    @property
+    def states(self) -> int:
+        """Of the process."""
+        return 2 if self.loose == 0 else 4
+
+    @property
+    def taken(self) -> Indices:
+        """World axes along which the load acts; one that turns with the body comes along all."""
+        return np.arange(3) if self.turns else np.flatnonzero(self.direction)
 
     def along(self, axes: Array) -> Line:
         """The same line seen from other axes, given as columns."""
         return replace(self, direction=self.direction @ axes)
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A frequency Hz at which a line may be; named: known beforehand, as a harmonic of the spin is."""
+def loosened(line: Process, loose: float) -> Process:
+    """A line whose frequency is known to `loose` Hz, 1 / PER_CYCLE of a cycle over the record.
 
-    frequency: float
-    named: bool
+    To first order its phasor gains the derivative by frequency, times the time from the middle of the record:
+    two states more, which turn with it and add up. So the record corrects the frequency, and the claim holds
+    what is left of its error.
+    """
+    A, Qc, P0 = line.A, line.Qc, line.P0
+    still, var = np.zeros_like(A), (2 * np.pi * loose) ** 2 * P0
+    back = -0.5 / PER_CYCLE / loose  # s, from the middle to the start
+    A = np.block([[A, np.broadcast_to(np.eye(2), A.shape)], [still, A]])
+    P0 = np.block([[P0 + back**2 * var, back * var], [back * var, var]])
+    return Process(A, np.block([[Qc, still], [still, still]]), P0, np.append(line.output, [0.0, 0.0]))
 
 
 def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
@@ -75,165 +85,7 @@ def near(frequency: float, taken: Iterable[float], time: Array) -> bool:
     return any(abs(frequency - f) * np.ptp(time) <= 1 for f in taken)
 
 
-def line_candidates(time: Array, innovation: Array, spin: float, taken: Iterable[float]) -> list[Candidate]:
-    """Frequencies that stand out of whitened innovations (time, channel), strongest first.
-
-    A harmonic (once, twice) of the spin (Hz) needs an ordinate of PATIENCE times the mean of its channel; any
-    other frequency more, by the logarithm of how many there are. taken: lines that the prior holds already.
-    """
-    span, count = float(np.ptp(time)), len(time)
-    step = span / (count - 1)
-    frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
-    v = winsorized(innovation)
-    power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
-    stands = (power / np.maximum((v**2).sum(0), 1.0)).max(1)
-    for f in taken:
-        stands[np.abs(frequency - f) * span <= 1] = 0.0
-    stands[frequency * span < 2] = 0.0  # so slow is any smooth load
-    harmonics = [h for h in (spin, 2 * spin) if 0 < h < 0.5 / step]
-    found: list[tuple[float, Candidate]] = []
-    for h in harmonics:
-        near = np.abs(frequency - h) * span <= 1
-        if (best := stands[near].max(initial=0.0)) > PATIENCE:
-            found.append((best, Candidate(h, named=True)))
-        stands[near] = 0.0
-    while stands.max(initial=0.0) > PATIENCE + np.log(2 * count):
-        k = int(stands.argmax())
-        found.append((stands[k], Candidate(float(frequency[k]), named=False)))
-        stands[np.abs(frequency - frequency[k]) * span <= 2] = 0.0
-    return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
-
-
-def winsorized(innovation: Array) -> Array:
-    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none."""
-    v = np.nan_to_num(innovation)
-    typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
-    return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
-
-
-def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
-    """Signals (time, channel, column) as innovations of a filter whose gains they go through, whitened."""
-    F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
-    gains = filtered.gains
-    K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
-    if compiled is not None:
-        return np.asarray(compiled.whitened(F, H, K, W, signal))
-    F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
-    error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
-    for k in range(len(signal)):
-        error[k] = signal[k] - H[k] @ x
-        if k < len(signal) - 1:
-            x = F[k] @ (x + K[k] @ error[k])
-    return np.asarray(W @ error)
-
-
-def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:
-    """What the channels see of unit lines from rest: (time, channel, direction, root, 2).
-
-    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
-    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
-    states of a line at the first sample.
-    """
-    step = np.diff(time)
-    F, H = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
-    turned = root * step[:, None]  # (step, root)
-    phase = np.exp(root * (time - time[0])[:, None])
-    grown = np.expm1(turned)
-    pushed, moved = grown / root * phase[:-1], (grown - turned) / root**2 * phase[:-1]
-    x = np.zeros((len(time), 6, 3, len(root)), complex)
-    by_load = x[1:]
-    by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
-    by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
-    moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
-    for F_k, now, then in zip(F, moving[:-1], moving[1:], strict=True):
-        then += F_k @ now
-    seen: Array = (H @ moving).reshape(len(time), -1, *x.shape[2:], 2)
-    seen[..., 1] *= -1
-    return seen
-
-
-def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
-    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
-
-    information (..., axis, 2, axis, 2) and vector (..., axis, 2) of the amplitudes of cosine and sine. By
-    expectation and maximization in the coordinates in which the amplitudes are known apart.
-    """
-    n, pick = 2 * len(axes), np.array(axes)
-    among = information[..., pick, :, :, :][..., pick, :].reshape(*information.shape[:-4], n, n)
-    known, turn = np.linalg.eigh(among)
-    known = np.maximum(known, ROUNDED * known[..., -1:])
-    some = known[..., -1] > 0
-    known = np.where(some[..., None], known, 1.0)
-    y = vector[..., pick, :].reshape(*vector.shape[:-2], n)
-    y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
-    var = (y2 / known**2).mean(-1, keepdims=True)
-    some &= var[..., 0] > 0
-    for _ in range(ITERATIONS):
-        post = var / (1 + var * known)
-        var = (post**2 * y2 + post).mean(-1, keepdims=True)
-    post = var / (1 + var * known)
-    gained = 0.5 * (post * y2 - np.log1p(var * known)).sum(-1)
-    return np.where(some, gained, 0.0), np.where(some, np.sqrt(var[..., 0]), 0.0)
-
-
-def find_line(
-    model: StateSpace, filtered: Filtered, time: Array, axes: Array, candidate: Candidate
-) -> tuple[Line, ...]:
-    """Lines at or near a candidate frequency along x, y, z, where the evidence is for them; else none.
-
-    model: three channels, and the load without these lines, as in `excite`; filtered: what it made of the
-    record. Each axis has to gain PATIENCE, and so has a frequency that is not a harmonic's own. Axes that
-    would explain the record as well (a nutation shows a moment about either cross axis) share the line, and
-    so does any with which it explains more: that there is a line need not be shown again.
-    World axes, because supports, fields and jets that act in a line stand still in the laboratory: a free
-    direction is wrong by an angle that the record fixes to some degrees only, and leaks onto axes that
-    have no line.
-    """
-    span, center = float(np.ptp(time)), candidate.frequency
-    v = winsorized(filtered.innovation)
-    count = np.array([len(along) for along in ALONG])
-
-    def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
-        signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
-        white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
-        information = np.einsum("tcafi,tcbfj->faibj", white, white, optimize=True)
-        vector = np.einsum("afi->fai", np.tensordot(v, white, 2))
-        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in ALONG]), 0, -1)
-        return gained, std
-
-    def best_of(frequency: Array, decay: Array) -> tuple[float, float, int, float, Array, Array]:
-        frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
-        possible = (frequency * span >= 1) & (frequency < 0.5 * (len(time) - 1) / span)
-        frequency, decay = frequency[possible], decay[possible]
-        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
-        gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
-        price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
-        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
-        price += np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
-        worth = gained - price[:, None] - PATIENCE * count
-        f, best = np.unravel_index(int(worth.argmax()), worth.shape)
-        return float(frequency[f]), float(decay[f]), int(best), float(worth[f, best]), gained[f], std[f]
-
-    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE / span
-    at, decay, best, worth, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
-    if worth > 0 and (at != center or decay * span > COHERENT):
-        finer = np.append(at + off / PER_CYCLE, center)
-        at, decay, best, worth, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
-    if worth <= 0:
-        return ()
-    # those that explain it as well, and once there is a line, each that it is likelier with
-    alike = count == count[best]
-    alike &= gained > gained[best] - PATIENCE
-    base = {axis for i in np.flatnonzero(alike) for axis in ALONG[i]}
-    more = [i for i, along in enumerate(ALONG) if base <= {*along}]
-    shared = max(more, key=lambda i: gained[i] - NUMBER * count[i])
-    size = float(std[shared])
-    return tuple(Line(at, size, decay, np.eye(3)[axis], driven=False) for axis in ALONG[shared])
-
-
-def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
-    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^2."""
-    tried = [line, *(replace(line, bandwidth=b / span, driven=True) for b in DRIFTS)]
-    value = [likelihood(t) for t in tried]
-    best = int(np.argmax(value))
-    return tried[best] if value[best] > value[0] + 2 * NUMBER else line
+def axes_left(frequency: float, lines: Iterable[Line], time: Array) -> tuple[int, ...]:
+    """World axes along which none of the lines is near a frequency."""
+    taken = [line.taken for line in lines if near(frequency, [line.frequency], time)]
+    return tuple(set(range(3)).difference(*taken))

@@ -10,7 +10,8 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.building.lines import Line, excite, near, whiten
+from forceid.kalman.building.line_search import excite, whiten
+from forceid.kalman.building.lines import Line, axes_left, near
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Finding
 from forceid.significance import WORSE
@@ -25,25 +26,34 @@ def widened_by_ringing(
 
     A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
     one component is in the others too. Where the record does not show it, its two amplitudes are as unknown
-    there as the noise leaves them. A driven line has a direction of its own, and says nothing of others.
+    there as the noise leaves them. So are those of a load that keeps its phase along the axes on which its
+    line is too weak to be found: its direction is free. One whose phase drifts has a direction of its own,
+    and says nothing of others.
     """
     lines = [line for prior in priors.values() for line in prior.lines]
     cov, span = state.wrench_cov.copy(), float(np.ptp(flight.time))
     rings: tuple[Finding, ...] = ()
+    seen: list[float] = []
     for frequency in sorted({line.frequency for line in lines}):
+        if near(frequency, seen, flight.time):
+            continue
+        seen.append(frequency)
         same = [line for line in lines if near(frequency, [line.frequency], flight.time)]
-        if any(line.driven or line.bandwidth * span < DECAYED for line in same):
-            continue  # what goes on in any component is driven
+        if any(line.driven for line in same):
+            continue
         line = same[0]
+        steady = any(line.bandwidth * span < DECAYED for line in same)  # what goes on is driven
+        held = {name: [line.frequency for line in prior.lines] for name, prior in priors.items()}
+        holding = [name for name, lines in held.items() if near(frequency, lines, flight.time)]
         for name, prior in priors.items():
+            if steady and name not in holding:
+                continue
             first = 0 if name == "force" else 3
             for axis, var in hidden_variance(flight, state, prior, first, line, engine).items():
                 cov[:, first + axis, first + axis] += var
-        held = {name: [line.frequency for line in prior.lines] for name, prior in priors.items()}
-        shown = " and ".join(name for name, lines in held.items() if near(frequency, lines, flight.time))
-        before, after = (np.trace(np.nanmean(a, 0)[:3, :3]) for a in (state.wrench_cov, cov))
-        if not rings and after > WORSE**2 * before:
-            rings = (note("free-oscillation", frequency_hz=frequency, load=shown),)
+        before, after = (np.trace(np.nanmean(a[:, :3, :3], 0)) for a in (state.wrench_cov, cov))
+        if not (rings or steady) and after > WORSE**2 * before:
+            rings = (note("free-oscillation", frequency_hz=frequency, load=" and ".join(holding)),)
     return replace(state, wrench_cov=cov), rings
 
 
@@ -51,11 +61,7 @@ def hidden_variance(
     flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
 ) -> dict[int, Array]:
     """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
-    holds = np.zeros(3, bool)
-    for own in prior.lines:
-        if near(line.frequency, [own.frequency], flight.time):
-            holds |= np.abs(own.direction) > 0
-    if holds.all():
+    if not (left := axes_left(line.frequency, prior.lines, flight.time)):
         return {}
     about = state.reference
     carrier = None if about is None else about.rotation
@@ -67,7 +73,7 @@ def hidden_variance(
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
     load = np.stack([phase.real, -phase.imag], 1)
     found = {}
-    for axis in np.flatnonzero(~holds):
+    for axis in left:
         information = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
-        found[int(axis)] = np.einsum("ti,ij,tj->t", load, np.linalg.pinv(information), load)
+        found[axis] = np.einsum("ti,ij,tj->t", load, np.linalg.pinv(information), load)
     return found

@@ -20,7 +20,7 @@ from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel, Start
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
-from forceid.kalman.building.lines import find_line, line_candidates
+from forceid.kalman.building.line_search import find_line, line_candidates
 from forceid.kalman.engines import engine
 from forceid.records import HiddenLoad
 from forceid.scenes.recipe import SceneRecipe, simulate

@@ -1,0 +1,240 @@
+"""Lines of a load, found in what a prior without them leaves unexplained.
+
+A prior that falls smoothly with frequency takes them for noise. Against such a prior a coherent line is a
+regression: its cosine and sine, sent through the same filter as the measurement, are its regressors, and
+the evidence for it follows in closed form. Source: principal equations 4e (spin harmonics).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from forceid.compiled import engine as compiled
+from forceid.kalman.building.lines import PER_CYCLE, Line
+from forceid.kalman.model import Filtered, StateSpace, expand, same_at_all_times
+from forceid.records import Array
+from forceid.rounding import ITERATIONS, ROUNDED
+from forceid.significance import NUMBER, OUTLIER, PATIENCE, SIGMAS
+
+COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
+DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
+AT_ONCE = 4  # lines that one look takes up, the tallest ones
+ALONG = tuple(s for n in (1, 2, 3) for s in combinations(range(3), n))  # axes that a line may lie along
+CYCLES_BESIDE = 16  # cycles a record, to either side, over which the level about a line is taken
+ROOM = 40_000_000  # numbers held at a time, 320 MB
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A frequency Hz at which a line may be.
+
+    named: beforehand, so that it is not searched for; known: nor is it uncertain, as that of the spin.
+    """
+
+    frequency: float
+    named: bool
+    known: bool = False
+
+
+def line_candidates(
+    time: Array, innovation: Array, spin: float, lines: Iterable[Line] = (), looked: Iterable[float] = ()
+) -> list[Candidate]:
+    """Frequencies that stand out of whitened innovations (time, channel), strongest first.
+
+    They stand out by minus the logarithm of the chance that noise gives one channel, or all together, as
+    much. A harmonic (once, twice) of the spin (Hz) and a line that the prior holds along other axes need
+    PATIENCE; any other frequency more, by the logarithm of how many there are. Not lines that the prior holds
+    along the axis of the channel, nor frequencies looked at already.
+    """
+    span, count = float(np.ptp(time)), len(time)
+    step = span / (count - 1)
+    frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
+    v = winsorized(innovation)
+    power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
+    share = power / local_level(v)[1:-1] / np.maximum((v**2).sum(0), 1.0)
+    for line in lines:
+        share[np.ix_(np.abs(frequency - line.frequency) * span <= 1, line.taken)] = 0.0
+    joint = share.sum(1)  # of three channels, a gamma variate
+    stands = np.maximum(share.max(1), joint - np.log1p(joint + 0.5 * joint**2))
+    for f in looked:
+        stands[np.abs(frequency - f) * span <= 1] = 0.0
+    stands[frequency * span < 2] = 0.0  # so slow is any smooth load
+    harmonics = [h for h in (spin, 2 * spin) if 0 < h < 0.5 / step]
+    found: list[tuple[float, Candidate]] = []
+    for h in (*harmonics, *(line.frequency for line in lines)):
+        near = np.abs(frequency - h) * span <= 1
+        if (best := stands[near].max(initial=0.0)) > PATIENCE:
+            found.append((best, Candidate(h, named=True, known=h in harmonics)))
+        stands[near] = 0.0
+    while stands.max(initial=0.0) > PATIENCE + np.log(2 * count):
+        k = int(stands.argmax())
+        found.append((stands[k], Candidate(float(frequency[k]), named=False)))
+        stands[np.abs(frequency - frequency[k]) * span <= 2] = 0.0
+    return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
+
+
+def local_level(v: Array) -> Array:
+    """Mean square of innovations (time, channel) about each half cycle a record, over all; one at most.
+
+    What a prior without a line makes of one is a load far too strong at all frequencies about it: there the
+    innovations are small, and the line stands out of these, though not out of all. Half of the ordinates of
+    white noise exceed log 2 of their mean; what chance may take off the median is put back.
+    """
+    power = np.abs(np.fft.rfft(v, 2 * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
+    error = (
+        1 / np.log(2) / np.sqrt(2 * CYCLES_BESIDE)
+    )  # relative, of a median of so many that are independent
+    around = median_filter(power, (4 * CYCLES_BESIDE + 1, 1)) / np.log(2) * (1 + SIGMAS * error)
+    return np.asarray(np.clip(around, 1 / len(v), 1.0))
+
+
+def winsorized(innovation: Array) -> Array:
+    """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none."""
+    v = np.nan_to_num(innovation)
+    typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
+    return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
+
+
+def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
+    """Signals (time, channel, column) as innovations of a filter whose gains they go through, whitened."""
+    F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
+    gains = filtered.gains
+    K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
+    if compiled is not None:
+        return np.asarray(compiled.whitened(F, H, K, W, signal))
+    F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
+    error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
+    for k in range(len(signal)):
+        error[k] = signal[k] - H[k] @ x
+        if k < len(signal) - 1:
+            x = F[k] @ (x + K[k] @ error[k])
+    return np.asarray(W @ error)
+
+
+def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:
+    """What the channels see of unit lines from rest: (time, channel, direction, root, 2).
+
+    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
+    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
+    states of a line at the first sample.
+    """
+    step = np.diff(time)
+    F, H = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
+    turned = root * step[:, None]  # (step, root)
+    phase = np.exp(root * (time - time[0])[:, None])
+    grown = np.expm1(turned)
+    pushed, moved = grown / root * phase[:-1], (grown - turned) / root**2 * phase[:-1]
+    x = np.zeros((len(time), 6, 3, len(root)), complex)
+    by_load = x[1:]
+    by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
+    by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
+    moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
+    for F_k, now, then in zip(F, moving[:-1], moving[1:], strict=True):
+        then += F_k @ now
+    seen: Array = (H @ moving).reshape(len(time), -1, *x.shape[2:], 2)
+    seen[..., 1] *= -1
+    return seen
+
+
+def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
+    """Log-likelihood (...) that lines on some axes gain, and the std (...) they share, that which gains most.
+
+    information (..., axis, 2, axis, 2) and vector (..., axis, 2) of the amplitudes of cosine and sine. By
+    expectation and maximization in the coordinates in which the amplitudes are known apart.
+    """
+    n, pick = 2 * len(axes), np.array(axes)
+    among = information[..., pick, :, :, :][..., pick, :].reshape(*information.shape[:-4], n, n)
+    known, turn = np.linalg.eigh(among)
+    known = np.maximum(known, ROUNDED * known[..., -1:])
+    some = known[..., -1] > 0
+    known = np.where(some[..., None], known, 1.0)
+    y = vector[..., pick, :].reshape(*vector.shape[:-2], n)
+    y2 = np.where(some[..., None], (turn.swapaxes(-1, -2) @ y[..., None])[..., 0] ** 2, 0.0)
+    var = (y2 / known**2).mean(-1, keepdims=True)
+    some &= var[..., 0] > 0
+    for _ in range(ITERATIONS):
+        post = var / (1 + var * known)
+        var = (post**2 * y2 + post).mean(-1, keepdims=True)
+    post = var / (1 + var * known)
+    gained = 0.5 * (post * y2 - np.log1p(var * known)).sum(-1)
+    return np.where(some, gained, 0.0), np.where(some, np.sqrt(var[..., 0]), 0.0)
+
+
+def find_line(
+    model: StateSpace,
+    filtered: Filtered,
+    time: Array,
+    axes: Array,
+    candidate: Candidate,
+    open_axes: tuple[int, ...] = (0, 1, 2),
+) -> tuple[Line, ...]:
+    """Lines near a candidate frequency along some of x, y, z, where the evidence is for them; else none.
+
+    model: three channels, and the load without these lines, as in `excite`; filtered: what it made of the
+    record; open_axes: those that come in question. A line has to gain PATIENCE, a frequency that is not a
+    harmonic's own as much again, each further axis NUMBER. Axes that would explain the record as well (a
+    nutation shows a moment about either cross axis) share the line, and so does any with which it explains
+    more.
+    World axes, because supports, fields and jets that act in a line stand still in the laboratory: a free
+    direction is wrong by an angle that the record fixes to some degrees only, and leaks onto axes that
+    have no line.
+    """
+    span, center = float(np.ptp(time)), candidate.frequency
+    v = winsorized(filtered.innovation)
+    level = local_level(v)[round(2 * center * span)]
+    sets = [along for along in ALONG if {*along} <= {*open_axes}]
+    count = np.array([len(along) for along in sets])
+
+    def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
+        signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
+        white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+        information = np.einsum("tcafi,tcbfj,c->faibj", white, white, 1 / level, optimize=True)
+        vector = np.einsum("afi->fai", np.tensordot(v / level, white, 2))
+        gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in sets]), 0, -1)
+        return gained, std
+
+    def best_of(frequency: Array, decay: Array) -> tuple[float, float, int, float, Array, Array]:
+        frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
+        possible = (frequency * span >= 1) & (frequency < 0.5 * (len(time) - 1) / span)
+        frequency, decay = frequency[possible], decay[possible]
+        parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
+        gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))
+        price = np.where((frequency == center) & candidate.named, 0.0, PATIENCE)
+        # one that does not keep its phase has a bandwidth to fit, and a kind to choose
+        price += np.where(decay * span > COHERENT, 2 * NUMBER, 0.0)
+        worth = gained - price[:, None] - PATIENCE - NUMBER * (count - 1)
+        f, best = np.unravel_index(int(worth.argmax()), worth.shape)
+        return float(frequency[f]), float(decay[f]), int(best), float(worth[f, best]), gained[f], std[f]
+
+    off = np.arange(-PER_CYCLE, PER_CYCLE + 1) / PER_CYCLE / span
+    at, decay, best, worth, gained, std = best_of(center + off, np.array([COHERENT, *DECAYS]) / span)
+    if worth > 0 and (at != center or decay * span > COHERENT):
+        finer = np.append(at + off / PER_CYCLE, center)
+        at, decay, best, worth, gained, std = best_of(finer, decay * np.array([0.6, 0.8, 1.0, 1.25, 1.6]))
+    if worth <= 0:
+        return ()
+    # those that explain it as well, and once there is a line, each that it is likelier with
+    alike = count == count[best]
+    alike &= gained > gained[best] - PATIENCE
+    base = {axis for i in np.flatnonzero(alike) for axis in sets[i]}
+    more = [i for i, along in enumerate(sets) if base <= {*along}]
+    shared = max(more, key=lambda i: gained[i] - NUMBER * count[i])
+    known = candidate.known and at == center
+    size, loose = float(std[shared]), 0.0 if known or decay * span > COHERENT else 1 / PER_CYCLE / span
+    each = np.eye(3)[list(sets[shared])]
+    return tuple(Line(at, size, decay, along, driven=False, loose=loose) for along in each)
+
+
+def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
+    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^2."""
+    tried = [line, *(replace(line, bandwidth=b / span, driven=True) for b in DRIFTS)]
+    value = [likelihood(t) for t in tried]
+    best = int(np.argmax(value))
+    return tried[best] if value[best] > value[0] + 2 * NUMBER else line
