@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.hidden_loads import WRONG, slow_part
-from evidence.drawn.records.scored import rms
+from evidence.drawn.records.scored import judged_part, rms
 from forceid.records import Array
 
 LOADS = ("force", "moment")
@@ -66,11 +66,12 @@ def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
     >>> over_claim(np.full((400, 3), 3.0), np.ones((400, 3)), np.full(3, 10.0), 100.0).__round__(6)
     3.0
     """
+    error, std = judged_part(error), judged_part(std)  # first: the claims of its ends hold of its ends alone
     seen = np.isfinite(error + std).all(1)
     if not seen.any():
         return float("nan")
     slow = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(error[seen].T, band, strict=True)]
-    return float(np.sqrt(np.mean(slow)) / rms(std[seen]))
+    return float(np.sqrt(np.mean(slow) / np.mean(std[seen] ** 2)))
 
 
 def scores(found: Any, truth: Sequence[Array], band: Array, rate: float) -> dict[str, tuple[float, ...]]:
