@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,19 +64,12 @@ def world(inside: str, joint: str = "<freejoint/>", beside: str = "", of: str = 
     return f"<worldbody>{beside}<body name='body' {of}>{joint}{inside}</body></worldbody>"
 
 
-def started(place: Any, turn: Rotation, velocity: Any, spin: Any) -> Callable[[Any, Any], None]:
+def started(place: Any, turn: Rotation, velocity: Any, spin: Any) -> tuple[Array, Array]:
     """A start of a free body: place (3,) m, attitude, velocity (3,) m/s, spin (3,) rad/s in body axes."""
-
-    def settle(model: Any, data: Any) -> None:
-        data.qpos[:3], data.qpos[3:7] = place, turn.as_quat(scalar_first=True)
-        data.qvel[:3], data.qvel[3:6] = velocity, spin
-
-    return settle
+    return np.concatenate([place, turn.as_quat(scalar_first=True)]), np.concatenate([velocity, spin])
 
 
-def flung(
-    rng: np.random.Generator, speed: float, spin: Array, high: float = 0.0
-) -> Callable[[Any, Any], None]:
+def flung(rng: np.random.Generator, speed: float, spin: Array, high: float = 0.0) -> tuple[Array, Array]:
     """A start high m above the floor, turned any way, at speed m/s any way, with spin (3,) rad/s."""
     turn = Rotation.random(random_state=rng)
     return started(np.append(rng.standard_normal(2), high), turn, speed * direction(rng), spin)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -45,15 +46,12 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
         inside = (
             f'<body pos="{length[k - 1]} 0 0">{of[kinds[k - 1]]}{lumps(links[k], masses[k])}{inside}</body>'
         )
-    start, swing = flung(rng, rng.uniform(1, 4), rng.uniform(-4, 4, 3)), rng.uniform(-6, 6, 4)
+    q, v = flung(rng, rng.uniform(1, 4), rng.uniform(-4, 4, 3))
+    start = q, np.append(v, rng.uniform(-6, 6, 4))
     push = float(rng.random() < 0.5) * np.sum(masses) * GRAVITY * rng.uniform(0.1, 0.5) * direction(rng)
     w = 2 * np.pi * rng.uniform(0.3, 2)
 
-    def settle(model: Any, data: Any) -> None:
-        start(model, data)
-        data.qvel[6:] = swing
-
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         data.xfrc_applied[BODY, :3] = np.sin(w * data.time) * push
 
     names = [f"m{k}" for k in range(3 * count)]
@@ -68,7 +66,7 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
         for k, kind in enumerate(kinds)
     ]
     return Scene(
-        world(lumps(links[0], masses[0]) + inside), settle, drive, mass=np.concatenate(masses),
+        world(lumps(links[0], masses[0]) + inside), start, drive, mass=np.concatenate(masses),
         joints=(BODY + 1, BODY + 2), settings={"part": part, "joint": joint},
     )  # fmt: skip
 
@@ -87,17 +85,9 @@ def cable(rng: np.random.Generator, camera: Camera) -> Scene:
         inside = f'{point}<body pos="{rod} 0 0" euler="{bent}">{bend}{inside}</body>'
     turn = Rotation.from_euler("zy", [rng.uniform(0, 6), rng.uniform(0, 1.2)]).as_quat(scalar_first=True)
     spin, sway = rng.uniform(-3, 3, 3), rng.uniform(-1, 1, 2 * (count - 1))
-    thrown = flung(rng, rng.uniform(1, 4), spin)
-
-    def settle(model: Any, data: Any) -> None:
-        if hung:
-            data.qpos[:4], data.qvel[:3] = turn, spin
-        else:
-            thrown(model, data)
-        data.qvel[-len(sway) :] = sway
-
+    q, v = (turn, spin) if hung else flung(rng, rng.uniform(1, 4), spin)
     joint = '<joint type="ball"/>' if hung else "<freejoint/>"
-    return Scene(world(inside, joint), settle, mass=np.full(count, mass / count))
+    return Scene(world(inside, joint), (q, np.append(v, sway)), mass=np.full(count, mass / count))
 
 
 def block(rng: np.random.Generator, dropped: bool) -> Scene:
@@ -107,7 +97,6 @@ def block(rng: np.random.Generator, dropped: bool) -> Scene:
     nodes = int(np.prod(grid))
     soft = 2 * np.pi * rng.uniform(5, 25)
     young, slow = soft**2 * mass / float(spacing.mean()), 2 * rng.uniform(0.01, 0.05) / soft
-    size = (np.array(grid) - 1) * spacing
     flex = (
         f'<flexcomp name="block" type="grid" dim="3" count="{words(grid)}" spacing="{words(spacing)}" '
         f'mass="{mass}" radius="0.002"><elasticity young="{young}" poisson="0.2" damping="{slow}"/>'
@@ -115,23 +104,20 @@ def block(rng: np.random.Generator, dropped: bool) -> Scene:
         f'friction="{rng.uniform(0.1, 0.7)}"/></flexcomp>'
     )
     spin, ring = rng.uniform(-6, 6, 3), rng.uniform(-1.5, 1.5, (3, 3))
-    turn = Rotation.random(random_state=rng)
+    X = spacing * (np.array(list(product(*map(range, grid)))) - (np.array(grid) - 1) / 2)
+    about = Rotation.random(random_state=rng).apply(X)
     speed = direction(rng) * rng.uniform(0, 4) * [1, 1, 0 if dropped else 1]
-    high = np.array([0.0, 0.0, np.linalg.norm(size) / 2 + rng.uniform(0.05, 0.3)])
+    high = np.array([0.0, 0.0, np.linalg.norm(X[0]) + rng.uniform(0.05, 0.3)])
     drag = 0.0 if dropped else rng.uniform(0.02, 0.3) * mass / nodes
 
-    def settle(model: Any, data: Any) -> None:
-        X = model.body_pos[BODY + 1 :]  # of the vertices
-        about = turn.apply(X - X.mean(0))
-        data.qpos[:] = (about + high - X).ravel()
-        data.qvel[:] = (speed + np.cross(spin, about) + about @ ring).ravel()
+    start = (about + high - X).ravel(), (speed + np.cross(spin, about) + about @ ring).ravel()
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         v = data.qvel.reshape(-1, 3)
         data.xfrc_applied[BODY + 1 :, :3] = -drag * np.linalg.norm(v, axis=1)[:, None] * v
 
     inside, each = world(flex, "", FLOOR if dropped else ""), np.full(nodes, mass / nodes)
-    return Scene(inside, settle, drive, mass=each, at_vertices=True)
+    return Scene(inside, start, drive, mass=each, at_vertices=True)
 
 
 def soft_block(rng: np.random.Generator, camera: Camera) -> Scene:

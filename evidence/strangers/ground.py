@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,31 +9,31 @@ from scipy.spatial.transform import Rotation
 
 from evidence.strangers.bodies import Solid, flung, started, words, world
 from evidence.strangers.simulated import BODY, GRAVITY, Camera, Scene
+from forceid.records import Array
 
 FLOOR = '<geom type="plane" size="0 0 1"/>'
 TOUCHING = 'integrator="implicitfast" cone="elliptic"'
+Start = tuple[Array, Array]
 CREEP = 0.02  # m/s: of a slip, below which friction falls off
 
 
-def bouncing(rng: np.random.Generator, body: Solid, shape: str, settle: Callable[[Any, Any], None]) -> Scene:
+def bouncing(rng: np.random.Generator, body: Solid, shape: str, start: Start) -> Scene:
     """A body that falls on the floor with a shape; a contact lasts 5 to 40 ms by itself."""
     lasts, ratio = rng.uniform(0.005, 0.04), rng.uniform(0.05, 0.4)
     solref, slide = f"{lasts / np.pi / ratio} {ratio}", rng.uniform(0.1, 0.7)
     inside = world(body.inertial + shape + body.sites(rng), beside=FLOOR)
     of = f'<default><geom solref="{solref}" friction="{slide}" solimp="0.95 0.95 0.001"/></default>'
-    return Scene(of + inside, settle, options=TOUCHING)
+    return Scene(of + inside, start, options=TOUCHING)
 
 
-def sliding(
-    rng: np.random.Generator, body: Solid, radius: float, low: float, settle: Callable[[Any, Any], None]
-) -> Scene:
-    """A body that stays on the floor, on a sphere low m below its origin, with Coulomb's friction of its weight.
+def sliding(rng: np.random.Generator, body: Solid, radius: float, low: float, start: Start) -> Scene:
+    """A body that stays on the floor, on a sphere low m below its origin, with the friction of Coulomb.
 
     That of the simulator lifts what slides, which then chatters.
     """
     slide, shape = rng.uniform(0.1, 0.7), f'<geom type="sphere" size="{radius}" pos="0 0 {-low}"/>'
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         R = data.xmat[BODY].reshape(3, 3)
         touch = data.xpos[BODY] - low * R[:, 2] - [0.0, 0.0, radius]
         slip = (data.qvel[:3] + np.cross(R @ data.qvel[3:6], touch - data.xpos[BODY])) * [1, 1, 0]
@@ -44,7 +43,7 @@ def sliding(
 
     inside = world(body.inertial + shape + body.sites(rng), beside=FLOOR)
     of = '<default><geom condim="1" solref="0.006 1" solimp="0.95 0.95 0.001"/></default>'
-    return Scene(of + inside, settle, drive, options=TOUCHING)
+    return Scene(of + inside, start, drive, options=TOUCHING)
 
 
 def bouncing_box(rng: np.random.Generator, camera: Camera) -> Scene:

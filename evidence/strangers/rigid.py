@@ -26,7 +26,7 @@ def thrown(rng: np.random.Generator, body: Solid, speed: float, spin: Array, dra
     off = 0.2 * body.half * rng.uniform(-1, 1, 3)
     push, slow = drag * body.mass * GRAVITY / speed**2, slow * float(np.trace(body.inertia))
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         v, w = velocity_of(data)
         R = data.xmat[BODY].reshape(3, 3)
         F = -R @ (push * (R.T @ v)) * np.linalg.norm(v)
@@ -63,7 +63,7 @@ def quadrotor(rng: np.random.Generator, camera: Camera) -> Scene:
     places = 0.7 * arm * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     held = body.inertia * rng.uniform(1, 4)
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         now = thrust[np.searchsorted(steps, data.time)]
         R, (_, w) = data.xmat[BODY].reshape(3, 3), velocity_of(data)
         up = np.outer(now, [0.0, 0.0, 1.0])
@@ -92,17 +92,13 @@ def satellite(rng: np.random.Generator, camera: Camera) -> Scene:
         f'<inertial pos="0 0 0" mass="{0.02 * body.mass}" diaginertia="{words([own] * 3)}"/></body>'
     )
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         data.xfrc_applied[BODY] = (size * np.sin(w * data.time + phase)).ravel()
         data.qfrc_applied[-1] = motor
 
-    start = flung(rng, rng.uniform(0, 1), spin)
-
-    def settle(model: Any, data: Any) -> None:
-        start(model, data)
-        data.qvel[-1] = turning
-
-    return Scene(world(body.inertial + body.sites(rng) + wheel), settle, drive, gravity=0.0)
+    q, v = flung(rng, rng.uniform(0, 1), spin)
+    start = np.append(q, 0.0), np.append(v, turning)
+    return Scene(world(body.inertial + body.sites(rng) + wheel), start, drive, gravity=0.0)
 
 
 def shaker(rng: np.random.Generator, camera: Camera) -> Scene:
@@ -121,11 +117,11 @@ def shaker(rng: np.random.Generator, camera: Camera) -> Scene:
     twist = (body.inertia @ rng.standard_normal((3, lines))).T * rng.uniform(5, 100)
     phase = rng.uniform(0, 6.28, lines)
 
-    def drive(model: Any, data: Any) -> None:
+    def drive(data: Any) -> None:
         data.xfrc_applied[BODY] = np.sin(w * data.time + phase) @ np.hstack([push, twist])
 
     inside = world(body.inertial + body.sites(rng), joint, of='gravcomp="1"')
-    return Scene(inside, lambda model, data: None, drive)
+    return Scene(inside, (np.zeros(0), np.zeros(0)), drive)
 
 
 def pendulum(rng: np.random.Generator, camera: Camera) -> Scene:
@@ -140,9 +136,5 @@ def pendulum(rng: np.random.Generator, camera: Camera) -> Scene:
     joint = f'<joint {kind} pos="{words(-low)}" damping="{slow}"/>'
     tilt, speed = rng.uniform(0.2, 2.0), rng.uniform(-2, 2, 3)
     turn = Rotation.from_rotvec(tilt * axis).as_quat(scalar_first=True)
-
-    def settle(model: Any, data: Any) -> None:
-        data.qpos[:] = turn if loose else tilt
-        data.qvel[:] = speed[: model.nv]
-
-    return Scene(world(body.inertial + body.sites(rng), joint), settle)
+    start = (turn, speed) if loose else (np.array([tilt]), speed[:1])
+    return Scene(world(body.inertial + body.sites(rng), joint), start)

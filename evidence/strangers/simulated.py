@@ -25,15 +25,16 @@ WHEEL = "wheel"  # joint of a wheel inside the body: the last body, of one momen
 class Scene:
     """What is to move: one body, the first of the world, with all that hangs on it.
 
-    inside: the XML of the world; settle(model, data) sets where it starts; drive(model, data) loads it before
-    every step. options: attributes of the simulator. mass (marker,) kg: the user tells masses of markers, and
-    else the whole; at_vertices: markers are the vertices of a soft body, and its sites otherwise. joints:
-    bodies that joints hold, whose wrench is asked for. settings: stated to forceid beside the file.
+    inside: the XML of the world; start: the first of its coordinates and of its velocities, the rest is zero;
+    drive(data) loads it before every step. options: attributes of the simulator. mass (marker,) kg: the user
+    tells masses of markers, and else the whole; at_vertices: markers are the vertices of a soft body, and its
+    sites otherwise. joints: bodies that joints hold, whose wrench is asked for. settings: stated to forceid
+    beside the file.
     """
 
     inside: str
-    settle: Callable[[Any, Any], None]
-    drive: Callable[[Any, Any], None] = lambda model, data: None
+    start: tuple[Array, Array]
+    drive: Callable[[Any], None] = lambda data: None
     options: str = 'integrator="RK4"'
     gravity: float = GRAVITY
     mass: Array | None = None
@@ -102,12 +103,13 @@ def moved(scene: Scene, model: Any, steps: int) -> Array:
     import mujoco
 
     data = mujoco.MjData(model)
-    scene.settle(model, data)
+    for values, to in zip(scene.start, (data.qpos, data.qvel), strict=True):
+        to[: len(values)] = values
     mujoco.mj_forward(model, data)
     path = np.empty((steps + 1, model.nq))
     path[0] = data.qpos
     for k in range(steps):
-        scene.drive(model, data)
+        scene.drive(data)
         mujoco.mj_step(model, data)
         path[k + 1] = data.qpos
     if not np.isfinite(path).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:

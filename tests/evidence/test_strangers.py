@@ -24,7 +24,7 @@ def rng():
 def test_the_truth_is_what_acted_without_the_weight(rng):
     body = Solid.drawn(rng, np.array([0.1, 0.15, 0.2]), 1.3)
 
-    def drive(model, data):
+    def drive(data):
         data.xfrc_applied[BODY] = np.concatenate([PUSH, TWIST])
 
     start = flung(rng, 3.0, np.array([2.0, -4.0, 3.0]))
@@ -52,10 +52,10 @@ def center_of(x, body):
 def test_of_a_wheel_only_what_spins_it_up_counts(rng):
     scene = satellite(rng, CAMERA)
 
-    def spin_up(model, data):
+    def spin_up(data):
         data.qfrc_applied[-1] = 0.3
 
-    still = recorded(replace(scene, drive=lambda model, data: None), CAMERA, rng).truth
+    still = recorded(replace(scene, drive=lambda data: None), CAMERA, rng).truth
     driven = recorded(replace(scene, drive=spin_up), CAMERA, rng).truth
     # a wheel that coasts changes its rate as the body around it does, if little
     assert np.linalg.norm(still["moment"], axis=1).max() < 0.05
