@@ -112,7 +112,8 @@ def moved(scene: Scene, model: Any, steps: int) -> Array:
         scene.drive(data)
         mujoco.mj_step(model, data)
         path[k + 1] = data.qpos
-    if not np.isfinite(path).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+    bad = mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC
+    if any(data.warning[kind].number for kind in bad):  # and began again from where it started
         raise FloatingPointError("the simulator lost the scene")
     return path
 
