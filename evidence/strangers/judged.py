@@ -23,7 +23,9 @@ HEADS = (
 
 @dataclass(frozen=True, repr=False)
 class Judged:
-    """What came of a record. over: rms error over rms claim, of force and moment; relative: over rms truth.
+    """What came of a record. over: rms error over rms claim, of force and moment, within the band.
+
+    plain: the same without a band, which steps and waves beyond it are in; relative: over the rms of truth.
 
     NaN where nothing is claimed. verdict: ok, degraded, refused, crashed or not simulated; codes: of its
     findings, or what it crashed of; facts: how it was watched; seconds of CPU.
@@ -34,6 +36,7 @@ class Judged:
     verdict: str
     codes: tuple[str, ...]
     over: tuple[float, ...] = (np.nan, np.nan)
+    plain: tuple[float, ...] = (np.nan, np.nan)
     relative: tuple[float, ...] = (np.nan, np.nan)
     facts: str = ""
     seconds: float = 0.0
@@ -50,8 +53,8 @@ class Judged:
 
     def __repr__(self) -> str:
         values = ", ".join(
-            f"{name} {off:.2f} ({100 * part:.3g} %)"
-            for name, off, part in zip(LOADS, self.over, self.relative, strict=True)
+            f"{name} {off:.2f}, plain {plain:.2f} ({100 * part:.3g} %)"
+            for name, off, plain, part in zip(LOADS, self.over, self.plain, self.relative, strict=True)
         )
         said = f"{self.verdict}{' SILENT' if self.silent else ''}"
         parts = f"{self.kind} {self.seed}: {said}", values, f"{self.seconds:.1f} s", ", ".join(self.codes)
@@ -75,19 +78,20 @@ def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
 
 
 def scores(found: Any, truth: Sequence[Array], band: Array, rate: float) -> dict[str, tuple[float, ...]]:
-    """Error over claim within the band (6,) Hz, and over the truth, of force and moment.
+    """Error over claim within the band (6,) Hz, without one, and error over the truth, of force and moment.
 
     Each is (time, 3), or (time, joint, 3), and then over all joints. A truth far below the claim is none.
     """
-    over, relative = [], []
+    over, plain, relative = [], [], []
     for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
         error, std = getattr(found, name) - true, getattr(found, f"{name}_std")
         flat, claimed = (a.reshape(len(a), -1) for a in (error, std))
         wide = np.tile(np.where(np.isfinite(band), band, np.inf)[3 * k : 3 * k + 3], flat.shape[1] // 3)
         over.append(over_claim(flat, claimed, wide, rate))
+        plain.append(over_claim(flat, claimed, np.full_like(wide, np.inf), rate))
         there = rms(true) > NEGLIGIBLE * rms(std)
         relative.append(float(rms(error) / rms(true)) if there else float("nan"))
-    return {"over": tuple(over), "relative": tuple(relative)}
+    return {"over": tuple(over), "plain": tuple(plain), "relative": tuple(relative)}
 
 
 def counted(kind: str, of: Sequence[Judged]) -> list[str]:
