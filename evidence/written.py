@@ -16,7 +16,8 @@ def asked(module: str, about: str | None, page: bool = True, **options: Any) -> 
     """What a study is asked on the command line.
 
     module: as `python -m` names it; about: its docstring; page: whether it writes into a folder, `output`;
-    options: by name, with their defaults: numbers and words, tuples of them, and False for a switch.
+    options: by name, with their defaults: numbers and words, tuples of them, and False for a switch; a study
+    that can do without a folder has `output` among them.
     `command` is the line that asks for the same again.
     """
     head = (about or "").split("\n\n")[0]
@@ -34,7 +35,7 @@ def asked(module: str, about: str | None, page: bool = True, **options: Any) -> 
             taken |= {"nargs": "+", "type": type(default[0])}
         else:
             taken["type"] = type(default)
-        short = ["-j"] if name == "jobs" else []
+        short = [f"-{name[0]}"] if name in ("jobs", "output") else []
         parser.add_argument(*short, f"--{name.replace('_', '-')}", **taken)
     found = parser.parse_args()
     words = [f"python -m {module}", *(["-o docs"] if page else [])]

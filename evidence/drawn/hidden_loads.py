@@ -57,7 +57,7 @@ median, and the largest of all that call themselves `ok`."""
 
 
 def slow_part(error: Array, band: float, rate: float) -> Array:
-    """What of an error (time,) lies below a frequency, in the central three quarters.
+    """What of an error (time,) lies below a frequency.
 
     Of less than three cycles: its mean, weighed so that no faster part of it leaks in.
     """
@@ -66,7 +66,7 @@ def slow_part(error: Array, band: float, rate: float) -> Array:
         return np.full(1, weight @ error / weight.sum())
     if band < 0.45 * rate:
         error = sosfiltfilt(butter(4, 2 * band / rate, output="sos"), error)
-    return judged_part(error)
+    return error
 
 
 def amplitude_of(error: Array, frequency: float, t: Array) -> float:
@@ -96,7 +96,7 @@ def judge_record(case: DrawnRecord, found: Estimate) -> dict[str, float]:
         slow, waves = error, case.kind == "oscillation" and case.facts["load"] == name
         if waves:
             slow = np.where(float(case.facts["frequency"]) > band, without_wave(error, case, t), error)
-        parts = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(slow.T, band, strict=True)]
+        parts = [np.mean(judged_part(slow_part(e, b, rate)) ** 2) for e, b in zip(slow.T, band, strict=True)]
         scores[name] = float(np.sqrt(np.mean(np.array(parts) / (std**2).mean(0))))
         scores[f"{name}_plain"] = float(np.sqrt(np.mean((judged_part(error) / std) ** 2)))
         if waves:

@@ -1,0 +1,108 @@
+"""What forceid says of a stranger: error over claim, and whether it is silently wrong; counted by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evidence.drawn.hidden_loads import WRONG, slow_part
+from evidence.drawn.records.scored import judged_part, rms
+from forceid.records import Array
+
+LOADS = ("force", "moment")
+NEGLIGIBLE = 0.1  # times the claim
+NEAR, FAR = 1.5, 3.0  # error over claim: one that is degraded was so in vain, or still claims too little
+HEADS = (
+    "kind", "records", "ok and right", "degraded, within 1.5", "degraded, beyond 3", "silent", "refused",
+    "crashed", "force: error over claim", "moment: error over claim", "CPU (s)",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class Judged:
+    """What came of a record. over: rms error over rms claim, of force and moment, within the band.
+
+    plain: the same without a band, which steps and waves beyond it are in; relative: over the rms of truth.
+
+    NaN where nothing is claimed. verdict: ok, degraded, refused, crashed or not simulated; codes: of its
+    findings, or what it crashed of; facts: how it was watched; seconds of CPU.
+    """
+
+    kind: str
+    seed: int
+    verdict: str
+    codes: tuple[str, ...]
+    over: tuple[float, ...] = (np.nan, np.nan)
+    plain: tuple[float, ...] = (np.nan, np.nan)
+    relative: tuple[float, ...] = (np.nan, np.nan)
+    facts: str = ""
+    seconds: float = 0.0
+
+    @property
+    def worst(self) -> float:
+        """The larger error over claim, 0 where none is known."""
+        return float(np.nan_to_num(self.over).max())
+
+    @property
+    def silent(self) -> bool:
+        """Whether it calls itself ok and is off by more than twice its claim."""
+        return self.verdict == "ok" and self.worst > WRONG
+
+    def __repr__(self) -> str:
+        values = ", ".join(
+            f"{name} {off:.2f}, plain {plain:.2f} ({100 * part:.3g} %)"
+            for name, off, plain, part in zip(LOADS, self.over, self.plain, self.relative, strict=True)
+        )
+        said = f"{self.verdict}{' SILENT' if self.silent else ''}"
+        parts = f"{self.kind} {self.seed}: {said}", values, f"{self.seconds:.1f} s", ", ".join(self.codes)
+        return "; ".join([*parts, self.facts])
+
+
+def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
+    """Rms of an error (time, axis) within its band (axis,) Hz over the rms claim, central three quarters.
+
+    Samples without an estimate are left out. NaN where there is none.
+
+    >>> over_claim(np.full((400, 3), 3.0), np.ones((400, 3)), np.full(3, 10.0), 100.0).__round__(6)
+    3.0
+    """
+    error, std = judged_part(error), judged_part(std)  # first: the claims of its ends hold of its ends alone
+    seen = np.isfinite(error + std).all(1)
+    if not seen.any():
+        return float("nan")
+    slow = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(error[seen].T, band, strict=True)]
+    return float(np.sqrt(np.mean(slow) / np.mean(std[seen] ** 2)))
+
+
+def scores(found: Any, truth: Sequence[Array], band: Array, rate: float) -> dict[str, tuple[float, ...]]:
+    """Error over claim within the band (6,) Hz, without one, and error over the truth, of force and moment.
+
+    Each is (time, 3), or (time, joint, 3), and then over all joints. A truth far below the claim is none.
+    """
+    over, plain, relative = [], [], []
+    for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
+        error, std = getattr(found, name) - true, getattr(found, f"{name}_std")
+        flat, claimed = (a.reshape(len(a), -1) for a in (error, std))
+        wide = np.tile(np.where(np.isfinite(band), band, np.inf)[3 * k : 3 * k + 3], flat.shape[1] // 3)
+        over.append(over_claim(flat, claimed, wide, rate))
+        plain.append(over_claim(flat, claimed, np.full_like(wide, np.inf), rate))
+        there = rms(true) > NEGLIGIBLE * rms(std)
+        relative.append(float(rms(error) / rms(true)) if there else float("nan"))
+    return {"over": tuple(over), "plain": tuple(plain), "relative": tuple(relative)}
+
+
+def counted(kind: str, of: Sequence[Judged]) -> list[str]:
+    """A kind in the table."""
+    ok = sum(j.verdict == "ok" and not j.silent for j in of)
+    worst = np.array([j.worst for j in of if j.verdict == "degraded"])
+    silent = sum(j.silent for j in of)
+    out = [sum(j.verdict == level for j in of) for level in ("refused", "crashed")]
+    numbers = len(of), ok, (worst <= NEAR).sum(), (worst > FAR).sum(), silent, *out
+    middle = []
+    for off in np.array([j.over for j in of]).T:
+        known = off[np.isfinite(off)]
+        middle.append(f"{np.median(known):.2f}" if len(known) else "")
+    return [kind, *map(str, numbers), *middle, f"{np.median([j.seconds for j in of]):.1f}"]

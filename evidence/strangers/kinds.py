@@ -1,0 +1,69 @@
+"""The kinds of scene, and what comes of a record: drawn, moved, written as a file, estimated, judged."""
+
+from __future__ import annotations
+
+import tempfile
+import traceback
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from evidence.strangers import deforming, ground, rigid
+from evidence.strangers.judged import LOADS, Judged, scores
+from evidence.strangers.simulated import Camera, recorded
+from forceid.config import load_settings
+from forceid.errors import ForceIdError
+from forceid.estimation.run import estimate_recording
+from forceid.files.stored.hdf5 import read_motion, write_motion
+from forceid.records import Verdict
+
+KINDS = {
+    "box in air": rigid.box_in_air, "javelin": rigid.javelin, "quadrotor": rigid.quadrotor,
+    "pendulum": rigid.pendulum, "bouncing box": ground.bouncing_box, "bouncing ball": ground.bouncing_ball,
+    "rolling": ground.rolling, "chain": deforming.three_links, "cable": deforming.cable,
+    "shaker": rigid.shaker, "top": ground.top, "satellite": rigid.satellite,
+    "soft block": deforming.soft_block, "soft block dropped": deforming.soft_block_dropped,
+}  # fmt: skip
+
+
+def run(job: tuple[str, int]) -> list[Judged]:
+    """What came of the record of a kind and a seed; of a chain also what came of its joints."""
+    kind, seed = job
+    rng = np.random.default_rng([seed, *kind.encode()])
+    camera = Camera.drawn(rng)
+    scene = KINDS[kind](rng, camera)
+    try:
+        recording = recorded(scene, camera, rng)
+    except FloatingPointError as error:
+        return [Judged(kind, seed, "not simulated", (str(error),))]
+    facts = (
+        f"{camera.rate:.0f} Hz, {camera.samples} samples, {len(recording.body.node)} markers, "
+        f"{1e3 * camera.noise:.2f} mm {'stated' if camera.stated else 'not stated'}"
+        f"{', gaps' if camera.lost else ''}"
+    )
+    began = process_time()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "stranger.h5"
+            write_motion(path, recording)
+            recording = read_motion(path)
+        found = estimate_recording(recording, load_settings(**scene.settings))
+    except Exception as error:
+        known = isinstance(error, ForceIdError)
+        where = "" if known else traceback.format_exc().splitlines()[-2].strip()
+        said = "refused" if known else "crashed"
+        codes = (f"{type(error).__name__}: {error} {where}",)
+        return [Judged(kind, seed, said, codes, facts=facts, seconds=process_time() - began)]
+    took, truth = process_time() - began, recording.truth
+
+    def judged(name: str, said: Verdict, off: dict[str, tuple[float, ...]]) -> Judged:
+        return Judged(name, seed, said.level, said.codes, facts=facts, seconds=took, **off)
+
+    band = found.hidden.band if found.hidden else np.full(6, np.inf)
+    rows = [judged(kind, found.verdict, scores(found, [truth[n] for n in LOADS], band, camera.rate))]
+    if found.interface is not None:
+        joints, whole = [truth[f"joint_{n}"] for n in LOADS], np.full(6, np.inf)  # no band is claimed there
+        off = scores(found.interface, joints, whole, camera.rate)
+        rows.append(judged(f"{kind}: joints", found.interface.verdict, off))
+    return rows
