@@ -137,7 +137,7 @@ def still(kin: Kinematics) -> Products:
 
 def to_go_on(prior: LoadPrior) -> LoadPrior:
     """The prior of what is to come: that of the loudest piece, with lines that stand still in the world."""
-    lines = tuple(line for line in prior.lines if not line.turns)
+    lines = tuple(line.onward for line in prior.lines if not line.turns)
     return LoadPrior(replace(prior.tuned, pieces=None), prior.axes, prior.start, lines)
 
 

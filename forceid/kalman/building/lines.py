@@ -60,6 +60,14 @@ class Line:
         """World axes along which the load acts; one that turns with the body comes along all."""
         return np.arange(3) if self.turns else np.flatnonzero(self.direction)
 
+    @property
+    def onward(self) -> Line:
+        """The same beyond its record: where the frequency is loose, a phase that wanders as far over as long."""
+        if not self.loose:
+            return self
+        wander = (2 * np.pi * self.loose) ** 2 / (PER_CYCLE * self.loose)
+        return replace(self, bandwidth=wander, driven=True, loose=0.0)
+
     def along(self, axes: Array) -> Line:
         """The same line seen from other axes, given as columns."""
         return replace(self, direction=self.direction @ axes)
