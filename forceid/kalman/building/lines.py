@@ -62,7 +62,7 @@ class Line:
 
     @property
     def onward(self) -> Line:
-        """The same beyond its record: where the frequency is loose, a phase that wanders as far over as long."""
+        """The same beyond its record: a loose frequency as a phase that wanders as far over as long."""
         if not self.loose:
             return self
         wander = (2 * np.pi * self.loose) ** 2 / (PER_CYCLE * self.loose)
