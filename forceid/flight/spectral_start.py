@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from forceid.flight.channels import driven, lags, load_chain, second_difference, start_of
 from forceid.flight.color import Color
 from forceid.flight.whittle import UNIT, Ordinates, Spectrum, ordinates
-from forceid.kalman.building.lines import Line
+from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import matern
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Flags
@@ -122,7 +122,7 @@ def sight(channels: Channels, order: int, points: Array, level: Array) -> Sight:
     std = np.exp(points[:, 0]) / rate ** (order - 0.5)
     parts: list[tuple[Ordinates, Array, Array]] = []
     for t, y, var in channels.runs:
-        held = [line.scaled(np.abs(line.direction)) for line in channels.lines]
+        held = along_axes(channels.lines)
         chain = load_chain(matern(order, std, rate), start_of(t, y, channels.gain), held)
         model = driven(chain, channels.gain, var * noise, channels.drift * noise, np.diff(t), channels.color)
         v = channels.engine.innovations(model, y).T

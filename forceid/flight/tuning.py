@@ -23,7 +23,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.spectral_start import Channels, Peak, first_sight, sight
-from forceid.kalman.building.lines import Line
+from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.tuning.search import maximize, promise_apart
@@ -80,7 +80,7 @@ def tune_loads(
         noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
         for t, y, var in runs:
-            held = [line.scaled(np.abs(line.direction[axis])) for line in lines]
+            held = along_axes(lines, axis)
             start, seen = start_of(t, y, gain), (gain, var[:, axis] * noise, drift[axis] * noise)
 
             def chain(haste: float, start: Start = start, held: list[Process] = held) -> Process:

@@ -49,8 +49,10 @@ def ascended(
             while not level > best + GAINED_SHARE * share * gain and share > SHORTEST:
                 share /= 3
                 level = value(p + share * step)
-        if level > best:
+        gained = level - best
+        if gained > 0:
             p, best = p + share * step, level
+        if gained > NO_GAIN:
             new, sure = slope_of(value, p, best, H), False
             s, y = share * step, slope - new
             slope, curved = new, float(s @ y)

@@ -138,12 +138,11 @@ def by_the_flight(
     if not np.isfinite(white).any() or np.nanmean(white**2) < NIS_BAND[1]:
         return priors
     try:
-        _, force, moment = tune_together(
-            flight, priors["force"], priors["moment"], engine, first=state.reference
-        )
+        pair = priors["force"], priors["moment"]
+        _, _, moment = tune_together(flight, *pair, engine, first=state.reference, alone=True)
     except EstimationError:
         return priors
-    return priors | {"force": force, "moment": moment}
+    return priors | {"moment": moment}
 
 
 def wandering(

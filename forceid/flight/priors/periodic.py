@@ -28,7 +28,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import AT_LIMIT, ORDERS, PROBE, tune_loads
 from forceid.kalman.building.line_search import AT_ONCE, COHERENT, winsorized
-from forceid.kalman.building.lines import Line
+from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern, resonator, superpose
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.kalman.model import StateSpace
@@ -157,7 +157,7 @@ class BeatSearch:
     def models(self, load: Process, axis: Indices, noise: Array) -> Iterator[tuple[StateSpace, Array]]:
         """Models (model,) of loads (model,) along axes, the std of the noise times `noise`; what they see."""
         for time, y, var in self.runs:
-            beside = [line.scaled(np.abs(line.direction[axis])) for line in self.lines]
+            beside = along_axes(self.lines, axis)
             chain = load_chain(load, start_of(time, y, self.gain), beside)
             seen = var[:, axis] * noise**2, self.drift[axis] * noise**2
             yield driven(chain, self.gain, *seen, np.diff(time)), y[:, axis, None]

@@ -73,6 +73,16 @@ class Line:
         return replace(self, direction=self.direction @ axes)
 
 
+def along_axes(lines: Iterable[Line], axis: Indices | slice = slice(None)) -> list[Process]:
+    """Processes (axis,) of lines, by themselves along each axis: lines of one frequency are one of them."""
+    found: dict[tuple[float, ...], tuple[Line, Array]] = {}
+    for line in lines:
+        kind = line.frequency, line.bandwidth, line.driven, line.loose
+        alike, var = found.get(kind, (line, np.zeros(3)))
+        found[kind] = alike, var + (line.std * line.direction) ** 2
+    return [replace(line, std=1.0).scaled(np.sqrt(var[axis])) for line, var in found.values()]
+
+
 def loosened(line: Process, loose: float) -> Process:
     """A line whose frequency is known to `loose` Hz, 1 / PER_CYCLE of a cycle over the record.
 

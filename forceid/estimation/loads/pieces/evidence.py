@@ -11,6 +11,7 @@ from forceid.flight.channels import Channel, driven_in_pieces, load_chain
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman.building.lines import along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
 from forceid.records import Array
@@ -55,7 +56,7 @@ class Evidence:
         kernel, axes, noise = prior.kernel, prior.axes, prior.tuned.noise**2
         assert isinstance(kernel, Matern)
         drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
-        lines = [line.scaled(np.abs(line.direction)) for line in (line.along(axes) for line in prior.lines)]
+        lines = along_axes(line.along(axes) for line in prior.lines)
 
         def chain(haste: float) -> Process:
             return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
