@@ -144,7 +144,11 @@ def allow_for_priors(problem: Problem) -> Problem:
     }
     inside = "moment" in channels and problem.body.internal_momentum is None and may_turn_inside(kin)
     turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
-    beside = {"moment": inner_wheel.signals(channels["moment"].time, turned["moment"])} if inside else {}
+    beside = {}
+    if inside:
+        clock = channels["moment"].time
+        force = state.force[np.isin(problem.flight.time, clock)]
+        beside["moment"] = inner_wheel.signals(clock, turned["moment"], force)
     looks = {
         name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
         for name, channel in channels.items()
@@ -155,7 +159,9 @@ def allow_for_priors(problem: Problem) -> Problem:
         problem = problem.noting(*said)
     if not inside:
         return replace(problem, growth=growth)
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth)
+    arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
+    weightless = not problem.motion.gravity.any()
+    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, arm, weightless)
     return replace(problem, growth=growth).noting(*said)
 
 

@@ -2,10 +2,16 @@
 
 Markers show R J omega. With a momentum h inside, in body axes, that changes by -R (omega x h + h') more than
 any moment from outside does. The torque h' of what spins a wheel up is a moment like any other; a constant h
-leaves a pattern that the motion fixes, and the record is more or less likely with it. A wheel that would take
-the moment beyond its claim is said, unless the record excludes it, and degrades the verdict where it is more
-likely than none; its moment is no part of the claim, which would say nothing of the rest then. A smaller one
-is in the claim. Source: principal equations 2.4.
+leaves a pattern that the motion fixes, and the record is more or less likely with it. So does a force that
+acts at a point which stands still, in the body or beside it: the foot of a top turns it as a wheel would that
+takes its momentum away. Beforehand a wheel is as likely as none, and where there is none, a force at a point
+in the body, at one beside it, and at neither.
+
+A wheel that would take the moment beyond its claim is said, unless the record excludes it, and degrades the
+verdict where it is more likely than none; its moment is no part of the claim, which would say nothing of the
+rest then. A smaller one is in the claim. What flies without weight touches nothing, and turns by wheels as a
+rule: there any wheel that the record does not exclude degrades the verdict, and is in the claim. Source:
+principal equations 2.4.
 """
 
 from __future__ import annotations
@@ -13,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.whitened import Whitened
@@ -40,42 +47,57 @@ class Wheel:
     h: Array
 
 
-def signals(time: Array, rotation: Array) -> Array:
-    """What a constant momentum inside takes from the channel of a moment (time, 3, body axis)."""
-    turned = np.cumsum(0.5 * np.diff(time)[:, None, None] * (rotation[1:] + rotation[:-1]), 0)
-    return -np.concatenate([np.zeros((1, 3, 3)), turned])
+def signals(time: Array, rotation: Array, force: Array) -> Array:
+    """What the channel of a moment (time, 3, 9) sees of a momentum inside, and of the force at a point.
+
+    Of each unit: a momentum along the axes of the body; a lever along these, and along those of the world.
+    force (time, 3) N, world axes.
+    """
+    levers = np.concatenate([rotation, np.tile(np.eye(3), (len(time), 1, 1))], 2)
+    moment = np.cross(levers, force[:, :, None], axis=1)
+    pushed = cumulative_trapezoid(moment, time, axis=0, initial=0)
+    moved = -cumulative_trapezoid(rotation, time, axis=0, initial=0)
+    return np.concatenate([moved, cumulative_trapezoid(pushed, time, axis=0, initial=0)], 2)
 
 
-def allow_for_wheels(look: Whitened, state: FlightState, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
+def allow_for_wheels(
+    look: Whitened, state: FlightState, growth: Array, arm: float, weightless: bool
+) -> tuple[Array, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
-    look: at the channel of the moment, beside `signals`.
+    look: at the channel of the moment, beside `signals`; arm m: of a force, the radius of gyration.
     """
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
     claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, 3:, 3:]))
-    found = wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
-    total = 1 + sum(wheel.odds for wheel in found)
+    wheel, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6))
+    found = wheels(wheel, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
+    without = (
+        1.0 if weightless else float(np.mean([1.0, *(np.exp(gained(point, arm)[0]) for point in points)]))
+    )
+    total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
-    within = [wheel for wheel in found if (wheel.off <= SIGMAS * claimed).all()]
+    odds = sum(wheel.odds for wheel in beyond)
+    excluded = STRONG * odds <= total - odds
+    allowed = found if weightless and not excluded else [wheel for wheel in found if wheel not in beyond]
     own = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
-    more = np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in within))
+    more = np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in allowed))
     own[..., 3:, 3:] = axes * more @ axes.mT
     growth = np.asarray(own @ growth)
-    odds = sum(wheel.odds for wheel in beyond)
-    if STRONG * odds <= total - odds:
+    if excluded:
         return growth, ()
     first = max(beyond, key=lambda wheel: wheel.odds)
-    wheel = note(
-        "inner-wheel" if odds > total - odds else "inner-wheel-possible",
+    likelier = "inner-wheel" if odds > total - odds else "inner-wheel-possible"
+    said = note(
+        "inner-wheel-weightless" if weightless else likelier,
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],
         made=float(np.linalg.norm(first.off)),
         moment=length(state.moment[inner]),
     )
-    return growth, (wheel,)
+    return growth, (said,)
 
 
 def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
@@ -86,14 +108,19 @@ def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
     if most == 0.0:
         return []
     edge = len(look.loads) // 8
-    made = look.loads[edge : len(look.loads) - edge]
+    made, found = look.loads[edge : len(look.loads) - edge], []
     scale = float(np.sqrt(np.einsum("tah,tah->", made, made) / len(made)))
     count = 1 + max(int(np.log(max(most * scale / least, 1.0)) / SPACING), 0)
-    A, none, found = look.signals.reshape(-1, 3), look.evidence(), []
     for size in most * np.exp(-SPACING * np.arange(count)):
-        h, cov = look.amounts(size)
-        gained = look.evidence(h) - none - 0.5 * h @ h / size**2
-        gained -= 0.5 * np.linalg.slogdet(np.eye(3) + size**2 * A.T @ A)[1]
+        more, h, cov = gained(look, float(size))
         off = np.mean((made @ h) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
-        found.append(Wheel(float(size), float(np.exp(min(gained, 500.0))) / count, np.sqrt(off), h))
+        found.append(Wheel(float(size), float(np.exp(more)) / count, np.sqrt(off), h))
     return found
+
+
+def gained(look: Whitened, size: float) -> tuple[float, Array, Array]:
+    """Log-likelihood that signals gain of amounts normal with std size; the amounts, and their covariance."""
+    A, (h, cov) = look.signals.reshape(-1, look.signals.shape[2]), look.amounts(size)
+    more = look.evidence(h) - look.evidence() - 0.5 * h @ h / size**2
+    more -= 0.5 * np.linalg.slogdet(np.eye(len(h)) + size**2 * A.T @ A)[1]
+    return min(float(more), 500.0), h, cov

@@ -112,6 +112,10 @@ class Whitened:
         load = (rows @ found.x[:, own, None])[..., 0]
         return load, np.asarray(np.einsum("tai,tij,taj->ta", rows, found.P[:, own, own], rows))
 
+    def beside(self, columns: slice) -> Whitened:
+        """The same with some of the signals alone."""
+        return replace(self, signals=self.signals[..., columns], loads=self.loads[..., columns])
+
     def amounts(self, std: float) -> tuple[Array, Array]:
         """How much of each signal (column,) there is, and its covariance.
 

@@ -102,20 +102,56 @@ def test_a_wheel_that_a_larger_moment_hides_is_said_until_it_is_stated():
         assert np.sqrt(np.mean((error / stated.moment_std)[30:-30] ** 2)) < 2.0
 
 
-def test_a_wheel_that_is_said_leaves_the_claim_as_it_is_without_one():
-    # a body spun at a constant rate: no moment and no wheel, or a wheel that takes all momentum and a moment
+def spun(weight):
+    """A body spun at a constant rate: no moment and a wheel that takes all momentum, or the moment and none.
+
+    weight (3,) m/s2. Returned with the moment from outside where nothing turns inside.
+    """
     t, spin = np.arange(240) / RATE, np.array([6.0, -4.0, 5.0])
     R = Rotation.from_rotvec(np.outer(t, spin)).as_matrix()
-    rng = np.random.default_rng(4)
-    x = np.einsum("tab,nb->tna", R, X) + NOISE * rng.standard_normal((len(t), 5, 3))
+    x = np.einsum("tab,nb->tna", R, X) + 0.5 * t[:, None, None] ** 2 * weight
+    x = x + NOISE * np.random.default_rng(4).standard_normal(x.shape)
     body = Body(tuple("abcde"), X, total_mass=1.0, mass_center=np.zeros(3), inertia=J)
-    recording = Recording(body, Motion(t, x, gravity=np.zeros(3), noise_std={"position": NOISE}))
+    recording = Recording(body, Motion(t, x, gravity=weight, noise_std={"position": NOISE}))
+    return recording, np.cross(spin, np.einsum("tab,bc,tdc,d->ta", R, J, R, spin))
+
+
+def test_a_wheel_that_is_said_leaves_the_claim_as_it_is_without_one():
+    recording, true = spun(np.array([0.0, 0.0, -9.81]))
     open_, stated = estimated(recording), estimated(recording, internal_momentum=(0, 0, 0))
     assert WHEELS & {*open_.verdict.codes}
     assert claimed(open_) < 2 * claimed(stated)
-    true = np.cross(spin, np.einsum("tab,bc,tdc,d->ta", R, J, R, spin))
     error = (open_.moment - true) / open_.moment_std
     assert 0.3 < np.sqrt(np.mean(error[30:-30] ** 2)) < 2.0
+
+
+def test_without_weight_a_wheel_that_the_record_does_not_exclude_is_claimed_and_degrades_the_verdict():
+    recording, true = spun(np.zeros(3))
+    open_, stated = estimated(recording), estimated(recording, internal_momentum=(0, 0, 0))
+    assert "inner-wheel-weightless" in open_.verdict.codes
+    assert open_.verdict.level == "degraded"
+    for outside in (true, 0 * true):
+        error = (open_.moment - outside) / open_.moment_std
+        assert np.sqrt(np.mean(error[30:-30] ** 2)) < 2.0
+    error = (stated.moment - true) / stated.moment_std
+    assert 0.3 < np.sqrt(np.mean(error[30:-30] ** 2)) < 2.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_foot_of_a_top_is_no_wheel(seed):
+    """Steady precession, by closed form: the weight turns the spin around."""
+    t, mass, foot, tilt, around = np.arange(300) / RATE, 0.3, 0.08, 0.5, 3.0
+    across, along = 6e-4, 1.2e-3  # kg m2, about the mass center
+    tipped = mass * 9.81 * foot + (across + mass * foot**2) * around**2 * np.cos(tilt)
+    spin = tipped / (along * around) - around * np.cos(tilt)
+    angles = np.stack([around * t, np.full(len(t), tilt), spin * t], 1)
+    R = Rotation.from_euler("ZXZ", angles).as_matrix()
+    x = np.einsum("tab,nb->tna", R, 0.3 * X + [0.0, 0.0, foot])
+    x = x + NOISE * np.random.default_rng(seed).standard_normal(x.shape)
+    inertia = np.diag([across, across, along])
+    body = Body(tuple("abcde"), 0.3 * X, total_mass=mass, mass_center=np.zeros(3), inertia=inertia)
+    motion = Motion(t, x, gravity=np.array([0.0, 0.0, -9.81]), noise_std={"position": NOISE})
+    assert "inner-wheel" not in estimated(Recording(body, motion)).verdict.codes
 
 
 def test_where_the_spin_shows_that_nothing_turns_inside_the_claim_stays_as_if_it_were_stated():
