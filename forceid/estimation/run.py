@@ -311,7 +311,7 @@ def assemble(
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     findings = [
         *findings,
-        *judge_leakage(leaks),
+        *judge_leakage(leaks, kin),
         *judge_overlap(kin, solution.deformation.amplitude, solution.priors, force_std),
         *judge_size(kin),
         *judge_haste(kin, state.force),

@@ -16,6 +16,7 @@ from forceid.flight.instruments import INSTRUMENTS
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
+from forceid.significance import TENTH
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
@@ -23,7 +24,6 @@ SHORT = 50  # frames below which they cannot tell how a load varies, nor whether
 BRIDGED, SCATTERED = 5, 0.1  # frames lost in a row, and part of all frames, that the claim accounts for
 FAST = 0.8 * np.pi  # rad a frame; at pi the sense of the turn is lost
 NEARLY_RIGID = 0.15  # sine of its angle with rigid motion below which a shape passes for one
-NEARLY_LINE = 10.0  # condition of the markers beyond which a turn is fixed by little
 
 
 LEVELS: tuple[Level, ...] = ("ok", "degraded", "refused")
@@ -128,14 +128,19 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
     return found
 
 
-def judge_leakage(found: Leakage | None) -> list[Finding]:
-    """Markers that barely fix a turn, and shapes that look like rigid motion from where the markers are."""
+def judge_leakage(found: Leakage | None, kin: Kinematics) -> list[Finding]:
+    """Markers nearly on a line, whose noise turns the body farther than a claim is linear; shapes that look
+    like rigid motion from where the markers are.
+    """
     if found is None:
         return []
     said = []
-    if NEARLY_LINE < found.condition < np.inf:
-        turn = found.rotation_sigma.max()
-        said.append(note("markers-nearly-on-line", condition=found.condition, turn_deg=turn))
+    turned = kin.pose.cov[np.isfinite(kin.pose.cov).all((1, 2)), 3:, 3:]
+    turn = np.sqrt(np.linalg.eigvalsh(turned)[:, -1].mean()) if len(turned) else 0.0
+    if np.isfinite(found.condition) and turn > TENTH:
+        said.append(
+            note("markers-nearly-on-line", condition=found.condition, turn_deg=float(np.degrees(turn)))
+        )
     for k in np.flatnonzero(found.sine < NEARLY_RIGID):
         part = found.to_rigid[k]
         said.append(note("shape-looks-rigid", shape=found.name[k], sine=found.sine[k], percent=part))
