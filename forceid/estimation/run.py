@@ -315,7 +315,7 @@ def assemble(
         *judge_overlap(kin, solution.deformation.amplitude, solution.priors, force_std),
         *judge_size(kin),
         *judge_haste(kin, state.force),
-        *([] if kin.model == SEGMENTS else judged_shape(kin, recording, left)),
+        *([] if kin.model == SEGMENTS else judged_shape(kin, recording, left, settings)),
         *judge_roughness(solution.priors),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
@@ -349,10 +349,13 @@ def assemble(
     return replace(result, **turning)
 
 
-def judged_shape(kin: Kinematics, recording: Recording, left: float | None) -> list[Finding]:
-    """What is to say of a shape, where the body is taken to have one."""
+def judged_shape(
+    kin: Kinematics, recording: Recording, left: float | None, settings: Settings
+) -> list[Finding]:
+    """What is to say of a shape, where the body has one; parts stand where their joints let them."""
     body, motion = recording.body, recording.motion
-    return [*judge_reference(body, kin), *judge_shape(kin, motion, body, left), *judge_common(kin)]
+    elsewhere = [] if settings.part else judge_reference(body, kin)
+    return [*elsewhere, *judge_shape(kin, motion, body, left), *judge_common(kin)]
 
 
 def reach(solution: Solution) -> Array:

@@ -88,8 +88,8 @@ def linked_part(solution: Solution, highest: int, engine: Engine) -> LinkedPart 
 
 
 def tuned_linked(
-    parts: list[LinkedPart], constraints: Constraints, widening: float, engine: Engine
-) -> tuple[Priors, Bending, float]:
+    parts: list[LinkedPart], constraints: Constraints, widening: float, engine: Engine, near: Array
+) -> tuple[Priors, Bending, float, Array]:
     """Priors of every part, and bending of the joints, under which all parts and their constraints are
     likeliest; how likely.
 
@@ -98,7 +98,8 @@ def tuned_linked(
     of all forces move together, those of all moments, and those of all bending. How likely: the markers,
     given the constraints, and where the parts begin; that these hold is likelier the smaller the loads, and
     tells nothing of them. Bending is taken as large as the markers let it be by a standard error: what is
-    believed too still holds the joints, and all that they pass, too well.
+    believed too still holds the joints, and all that they pass, too well. near (6,): from where the search
+    begins, as logarithms; last, where it ended.
     """
     each = [{name: widened_prior(p, widening) for name, p in part.smoothing.priors.items()} for part in parts]
     start, time = bending_of(parts, constraints), len(constraints.gap)
@@ -113,12 +114,12 @@ def tuned_linked(
         except EstimationError:  # numbers so far off that a covariance loses its sign
             return -np.inf
 
-    if not start.std.any():
-        best = bfgs_maximum(lambda by: likely(np.pad(by, (0, 2))), np.zeros(4))
-        return both_moved(each, best), start, likely(np.pad(best, (0, 2)))
-    best = bfgs_maximum(likely, np.zeros(6))
+    bends = bool(start.std.any())
+    free = 6 if bends else SIZE_OF_BENDING
+    best = np.pad(bfgs_maximum(lambda by: likely(np.pad(by, (0, 6 - free))), near[:free]), (0, 6 - free))
     highest = likely(best)
-    return both_moved(each, best), start.moved(as_far(likely, best, highest)[4:]), highest
+    bending = start.moved(as_far(likely, best, highest)[4:]) if bends else start
+    return both_moved(each, best), bending, highest, best
 
 
 def bending_of(parts: list[LinkedPart], constraints: Constraints) -> Bending:

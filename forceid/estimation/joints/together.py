@@ -56,13 +56,15 @@ def smooth_linked_parts(
     if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
         return None
     found: list[tuple[float, list[LinkedPart], Priors, Bending, Constraints, list[Finding]]] = []
+    near = np.zeros(6)
     for order in orders_of(solutions):
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
         constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions)
         tied = stacked_constraints([balance[0], *constraints])
-        priors, bending, likely = tuned_linked(linked, tied, 6 * len(parts) / balance[1], passes)
+        widening = 6 * len(parts) / balance[1]
+        priors, bending, likely, near = tuned_linked(linked, tied, widening, passes, near)
         found.append((likely, linked, priors, bending, tied, findings))
         if likely < max(value for value, *_ in found):
             break
