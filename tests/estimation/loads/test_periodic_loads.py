@@ -14,6 +14,7 @@ from forceid.estimation.loads import channels
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 from forceid.flight.priors.periodic import Periodic
+from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import tune_loads
 
 ROOT = Path(__file__).parents[3]
@@ -52,7 +53,7 @@ def test_of_rotating_bodies_whose_load_repeats_the_force_is_told_at_least_as_wel
 @pytest.mark.long
 def test_parts_that_joints_hold_may_have_priors_of_loads_that_repeat(monkeypatch):
     def repeating(*channels):
-        tuned = tune_loads(*channels)
+        tuned = tune_loads(*(None if isinstance(one, Tuned) else one for one in channels))  # anew each time
         return replace(tuned, kernel=Periodic(tuned.kernel.std, 5.0, tuned.kernel.rate.max(), 1.0, 4))
 
     monkeypatch.setattr(channels, "PRIORS", {"matern": tune_loads, "periodic": repeating})
