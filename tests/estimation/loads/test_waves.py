@@ -8,6 +8,7 @@ from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
 
+pytestmark = pytest.mark.long
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
@@ -16,11 +17,8 @@ def shaken(seed):
     rng = np.random.default_rng([31, seed])
     rate, count = rng.choice([100.0, 200.0, 500.0]), int(rng.integers(200, 500))
     time, mass, noise = np.arange(count) / rate, rng.uniform(0.2, 3.0), 10 ** rng.uniform(-4, -3.3)
-    w = (
-        2
-        * np.pi
-        * np.append(rng.uniform(3 / time[-1], min(0.1 * rate, 25.0), rng.integers(1, 4)), 0.7 / time[-1])
-    )
+    hertz = rng.uniform(3 / time[-1], min(0.1 * rate, 25.0), rng.integers(1, 4))
+    w = 2 * np.pi * np.append(hertz, 0.7 / time[-1])
     way = rng.standard_normal((len(w), 3))
     size = noise * 10 ** rng.uniform(0.0, 1.0, len(w)) * w**2 * mass / np.linalg.norm(way, axis=1)
     size[-1] = mass  # the slow one
