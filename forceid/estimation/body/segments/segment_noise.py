@@ -1,12 +1,9 @@
-"""The errors of segments, told by the gaps at their joints: how large each is, how slow, and when.
+"""The errors of segments, told by the gaps at their joints: how large they are, how slow, and when.
 
-A gap is the error of one segment less that of its neighbor. Skin moves neighbors alike in part, and those
-farther apart independently: then the covariances of all gaps are sums of the variances of segments and of the
-covariances of neighbors, and so these are found. A gap has the variances of its two less twice what these
-have in common; two gaps of one segment share its variance; two gaps whose segments are neighbors, what these
-have in common. The mass center takes of every segment the share of the mass that its markers place. What all
-segments have in common no gap shows, and tissue that moves with the body, alike on both sides of it, shows as
-more than it is.
+A gap is the error of one segment less that of its neighbor. Errors of segments are taken to be alike in size
+and independent, so that half of the joints have gaps of more than twice the variance of one, half of less: a
+joint whose center is badly placed shows that as well, and does not rule the median. The mass center takes of
+every segment the share of the mass that its markers place. What all segments have in common no gap shows.
 """
 
 from __future__ import annotations
@@ -15,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import nnls
 
 from forceid.estimation.body.segments.joint_gaps import SegmentPoses, joint_gaps
 from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECTRAL
@@ -29,14 +25,14 @@ NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: s
 
 @dataclass(frozen=True)
 class SegmentNoise:
-    """Errors of the segments of a body, world axes, one color for all.
+    """Errors of the segments of a body, world axes, one size and color for all.
 
-    cov (3, segment, segment) m2 along each axis, in the mean over the record; size (time,): how large errors
-    are at a time, of mean square one; share (segment, node): of a node that markers of the segment
-    place.
+    var (3,) m2 of a segment along each axis, in the mean over the record; size (time,): how large errors are
+    at a time, of mean square one; share (segment, node): of a node that markers of the segment place.
     """
 
-    cov: Array
+    var: Array
+    most: float
     size: Array
     color: Color
     share: Array
@@ -44,7 +40,7 @@ class SegmentNoise:
     def of_center(self, mass: Array) -> Array:
         """Covariance (3, 3) m2 of the mass center of nodes of masses (node,), in the mean over the record."""
         part = self.share @ (mass / mass.sum())
-        return np.diag(self.cov @ part @ part)
+        return np.diag(self.var) * float(part @ part)
 
     def numbers(self, mass: Array) -> dict[str, float]:
         """What a result file says of them: of the mass center (m), in the mean, and the color."""
@@ -56,24 +52,21 @@ class SegmentNoise:
     def of_momentum(self, mass: Array, arm: Array) -> Array:
         """Covariance (time, 3, 3) of sum m u x e, nodes at arms u (time, node, 3) from the mass center."""
         lever = cross_matrix(np.einsum("sn,n,tna->tsa", self.share, mass, arm, optimize=True))
-        moved = np.einsum("bsr,trcb->tscb", self.cov, lever, optimize=True)
-        return np.asarray(np.einsum("tsab,tscb->tac", lever, moved, optimize=True))
+        return np.asarray(np.einsum("tsab,b,tscb->tac", lever, self.var, lever, optimize=True))
 
 
 def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise | None:
     """The errors of segments as the joint gaps show them; None where too few frames do."""
-    assert body.joint_segment is not None
     gaps = bridged_gaps(time, joint_gaps(body, poses))
     if gaps is None or len(gaps) < SPECTRAL:
         return None
-    at = np.searchsorted(poses.segment, body.joint_segment.astype(int))
-    sides, joint = np.zeros((len(at), len(poses.segment))), np.arange(len(at))
-    sides[joint, at[:, 0]], sides[joint, at[:, 1]] = -1.0, 1.0
     step = float(np.ptp(time)) / (len(time) - 1)
     color = color_of(gaps, step)
     even = evened(gaps, step, color)
-    cov = np.stack([covariance(sides, even[..., a].T @ even[..., a] / len(even)) for a in range(3)])
-    return SegmentNoise(cov, local_size(even, step, color), color, shares(body, poses))
+    var = (even**2).mean(0)
+    usual = 0.5 * np.median(var, axis=0)
+    most = float(np.sqrt((var.max(0) / usual).mean()))
+    return SegmentNoise(usual, most, local_size(even, step, color), color, shares(body, poses))
 
 
 def bridged_gaps(time: Array, gaps: Array) -> Array | None:
@@ -126,44 +119,6 @@ def evened(gaps: Array, step: float, color: Color) -> Array:
     gain[2:] = 1 / np.sqrt(color.density(w[2:]) * w[2:])
     gain *= np.sqrt(n / (gain[2:] ** 2 * color.density(w[2:])).sum())
     return np.asarray(np.fft.irfft(waves * gain[:, None, None], 2 * n, axis=0)[:n])
-
-
-def covariance(sides: Array, cov: Array) -> Array:
-    """Covariance (segment, segment) of errors whose differences have a covariance (joint, joint).
-
-    sides (joint, segment): 1 and -1 for the two of each joint, which alone have errors in common, in the same
-    direction. By least squares over all pairs of gaps; where these tell little of a segment, it is as its
-    neighbors, one without a joint as the mean of all, and where gaps tell nothing of what two have in common,
-    nothing.
-
-    >>> sides = np.array([[-1.0, 1, 0], [0, -1, 1]])
-    >>> covariance(sides, sides @ np.diag([1.0, 4, 9]) @ sides.T).round(1).diagonal().tolist()
-    [1.0, 4.0, 9.0]
-    """
-    first, second = np.triu_indices(len(sides))
-    own = np.maximum(np.diagonal(cov), np.finfo(float).tiny)
-    beside = np.abs(sides)
-    meets = [(k, k) for k in range(sides.shape[1])]
-    # gaps on either side of a joint tell what its two segments have in common
-    meets += [(int(row.argmin()), int(row.argmax())) for row in sides if (beside.sum(0)[row != 0] > 1).all()]
-    rows = np.zeros((len(first), len(meets)))
-    for column, (a, b) in zip(rows.T, meets, strict=True):
-        column += sides[first, a] * sides[second, b]
-        if a != b:
-            column += sides[first, b] * sides[second, a]
-    weight = 1 / np.sqrt(own[first] * own[second])
-    shown = beside.any(0)
-    alike = 0.5 * beside.T @ own / np.maximum(beside.sum(0), 1)
-    faint = TENTH**2 / np.maximum(alike, np.finfo(float).tiny)
-    prior = np.zeros((len(alike), len(meets)))
-    prior[:, : len(alike)] = np.diag(faint)
-    found = nnls(np.concatenate([rows * weight[:, None], prior]),
-                 np.concatenate([cov[first, second] * weight, faint * alike]))[0]  # fmt: skip
-    out = np.zeros((len(alike), len(alike)))
-    for (a, b), value in zip(meets, found, strict=True):
-        out[a, b] = out[b, a] = value
-    out[~shown, ~shown] = np.diagonal(out)[shown].mean()
-    return out
 
 
 def local_size(even: Array, step: float, color: Color) -> Array:

@@ -1,9 +1,8 @@
 """Smoother and filter of a body of segments: a person, a machine. No shape of it is asked for.
 
 All mass is seen at mass points, so force and moment each drive a linear channel, the mass center and what
-arms sweep about it. They are followed up to where motion ends; the claims have the errors that joint gaps
-show below that, and what the loads are off those found where these are taken for all errors there are.
-Nothing turns as a whole that a load could turn with, so no lines are searched.
+arms sweep about it, under the errors of segments that joint gaps show. Nothing turns as a whole that a load
+could turn with, so no lines are searched.
 """
 
 from __future__ import annotations
@@ -22,11 +21,9 @@ from forceid.estimation.body.segments.segment_noise import SegmentNoise, segment
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
-from forceid.estimation.methods.noise import noise_beyond_motion
 from forceid.estimation.methods.problem import Solution, named
-from forceid.estimation.methods.segments.segment_claims import widened_by_misplaced_mass, with_passed_noise
+from forceid.estimation.methods.segments.segment_claims import widened_by_misplaced_mass
 from forceid.flight.channels import Channel
-from forceid.flight.color import Color
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
@@ -53,73 +50,50 @@ def estimate_in_segments(
     if noise is None:
         return None
     kin = replace(kin, model=SEGMENTS)
-    (white, colored), arm = driven_channels(kin, motion, noise)
-    tune = partial(tuned, engine=engine, kind=settings.load_prior)
-    causal = settings.method == "filter"
-    with stage("force"):
-        priors = {"force": tune(white["force"])}
-    with stage("moment"):
-        priors["moment"] = tune(white["moment"])
-    with stage("flight"):
-        states = {load: smoothed(channel, priors[load], engine, causal) for load, channel in white.items()}
-        state = both(kin, motion, states["force"], states["moment"])
+    channels, arm = driven_channels(kin, motion, noise)
+    tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
+    causal, priors, states = settings.method == "filter", {}, {}
+    for load, channel in channels.items():
+        with stage(load):
+            priors[load] = tune(channel)
+            states[load] = smoothed(channel, priors[load], engine, causal)
+    state = both(kin, motion, states["force"], states["moment"])
     with stage("claims"):
         looks = {
             load: whitened(channel, priors[load], engine)
-            for load, channel in white.items()
+            for load, channel in channels.items()
             if priors[load].kernel.rivals
         }
-        state = grown(state, growth_along_own(state, looks))
-        errors = {load: channel.noise_cov for load, channel in colored.items()}
-        state = with_passed_noise(state, white, priors, noise.color, errors, engine)
-        others = [smoothed(channel, tune(channel), engine, causal).force for channel in colored.values()]
+        state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
+        louder = {load: replace(ch, noise_cov=noise.most**2 * ch.noise_cov) for load, ch in channels.items()}
+        others = [smoothed(channel, tune(channel), engine, causal).force for channel in louder.values()]
         state = widened_by_difference(state, np.concatenate(others, 1))
         off = settings.body_std.mass_center or CENTER_STD
         mass = kin.inertia.weight
-        state = widened_by_misplaced_mass(state, white, priors, poses, noise.share, mass, arm, off, engine)
+        state = widened_by_misplaced_mass(state, channels, priors, poses, noise.share, mass, arm, off, engine)
     still = np.zeros((len(motion.time), 0))
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     numbers = named(replace(kin, noise_root={}), priors) | noise.numbers(kin.inertia.weight)
     return Solution(kin, deformation, state, engine.name, numbers, {}, (), priors)
 
 
-def driven_channels(
-    kin: Kinematics, motion: Motion, noise: SegmentNoise
-) -> tuple[tuple[dict[str, Channel], dict[str, Channel]], Array]:
-    """What force and moment drive, and the arms (time, node, 3) m of the mass points.
-
-    Once with white noise as large as where the motion of the mass center ends, once with errors of segments.
-    """
+def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tuple[dict[str, Channel], Array]:
+    """What force and moment drive, by load, and the arms (time, node, 3) m of the mass points."""
     assert motion.position is not None
     mass, known = kin.inertia.weight, None if motion.known is None else motion.known.turned
     Y, arm = swept_momentum(motion.position, mass, known)
     if np.isfinite(Y).all(1).sum() < LEAST_FRAMES:
         raise EstimationError("shows all mass in too few frames", "the recording", "restore the markers")
     force, share = force_channel(kin, motion.gravity), mass / mass.sum()
-    moment = Channel(kin.time, Y, 1.0, np.zeros((len(Y), 3, 3)), np.zeros((3, 3)))
     filled = np.zeros(motion.position.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
     lever = cross_matrix(mass[:, None] * arm)
-    turning = lever @ lever.mT
     lost = (filled @ share**2)[:, None, None] * np.eye(3)
-    lost_turn = np.einsum("tn,tnab->tab", filled, turning)
-    white = noise_beyond_motion(force) ** 2 * force.noise_cov
-    each = float(np.trace(white.mean(0))) / 3 / float((share**2).sum())  # m2, of a mass point
-    size = noise.size[:, None, None] ** 2
-
-    def seen(of_force: Array, of_moment: Array, color: Color | None) -> dict[str, Channel]:
-        return {
-            "force": replace(force, noise_cov=of_force + lost, color=color),
-            "moment": replace(moment, noise_cov=of_moment + lost_turn, color=color),
-        }
-
-    plain = seen(white, each * turning.sum(1), None)
-    return (plain, seen(size * noise.of_center(mass), size * noise.of_momentum(mass, arm), noise.color)), arm
-
-
-def tuned(channel: Channel, engine: Engine, kind: str) -> LoadPrior:
-    """The prior of the load of a channel under its noise as it is, in the mean over the record."""
-    mean = np.broadcast_to(channel.noise_cov.mean(0), channel.noise_cov.shape)
-    return tune_channel(replace(channel, noise_cov=mean), AS_IT_IS, (), engine=engine, kind=kind)
+    lost_turn = np.einsum("tn,tnab->tab", filled, lever @ lever.mT)
+    turning = noise.of_momentum(mass, arm).mean(0)
+    return {
+        "force": replace(force, noise_cov=noise.of_center(mass) + lost, color=noise.color),
+        "moment": Channel(kin.time, Y, 1.0, turning + lost_turn, np.zeros((3, 3)), noise.color),
+    }, arm
 
 
 def widened_by_difference(state: FlightState, other: Array) -> FlightState:
