@@ -38,6 +38,9 @@ def run(
     Bodies in parts are scenes too, and solvers methods: plate_16, plate_64, strips, checkerboard, solid_8.
     So are affine bodies: polar_1e2, polar_1e6, polar_1e12, ball, balls_1000, stiff_ball, held_block.
 
+    A motion file without truth is charted on its twins: the same body, markers, clock, gaps and noise, under
+    a load that is known, drawn from what the estimate leaves open. So it tells which method is for your data.
+
     Example: forceid chart flexible_boomerang squats1.h5 -o charts --short
     """
     from evidence.chart.page import overview

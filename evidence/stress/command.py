@@ -27,7 +27,7 @@ def run(
         list[str] | None,
         typer.Argument(
             metavar="[SCENE...]",
-            help="Failures by name, or groups of them; or all.",
+            help="Failures by name, or groups of them; or all. Motion files: faults on twins of each.",
             autocompletion=failures,
         ),
     ] = None,
@@ -48,13 +48,27 @@ def run(
     Writes DIR/stress.md, stress.json and a picture a failure. What is finished is kept in DIR/stress.jsonl:
     started again after an interruption, or with more of them, the command goes on from there.
 
+    Of a motion file, twins with a known load meet faults instead: how far the recording is from breaking, in
+    DIR/stress_NAME.md.
+
     Example: forceid stress outliers jitter -o stress --short
+
+    Example: forceid stress squats1.h5 -o stress --short
     """
+    own = [Path(word) for word in scenes or [] if word.endswith(".h5")]
+    for path in own:
+        from evidence.stress.own_file import told
+
+        words = ["forceid stress", path.name, "-o", output.name, *(["--short"] if short else [])]
+        print(told(path, output, seeds or 1, short, " ".join(words)))
+    scenes = [word for word in scenes or [] if not word.endswith(".h5")]
+    if own and not scenes:
+        return
     from evidence.journal import Journal
     from evidence.stress.failure_table import failures_named
     from evidence.stress.run import as_plain, key_of, maps_of, plan
 
-    chosen = failures_named(scenes or [])
+    chosen = failures_named(scenes)
     count = seeds or (1 if short else SEEDS)
     todo = plan(chosen, count, short)
     journal, keys = Journal.opened(output / "stress.jsonl"), {job: key_of(job) for job in todo}

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import forceid
+from evidence.subjects.flights.twin import twin
 from forceid.errors import ConfigError, DataError
 from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Array, Recording
@@ -78,10 +79,16 @@ def sources(asked: Sequence[str], bodies: Collection[str] = ()) -> list[Path]:
 def records(source: Path, seeds: int) -> Iterator[Case]:
     """The case of a source once for every seed of its noise; of a motion file, the one that there is.
 
-    The first seed is the recipe's own; those that follow count up from it.
+    The first seed is the recipe's own; those that follow count up from it. A motion file without truth has
+    its twins instead, one a seed.
     """
     if source.suffix == ".h5":
-        yield case_of(source.stem, read_motion(source), True, str(source))
+        recording = read_motion(source)
+        if "force" in recording.truth:
+            yield case_of(source.stem, recording, True, str(source))
+            return
+        for k in range(seeds):
+            yield case_of(source.stem, twin(recording, np.random.default_rng(k), str(source)), False)
         return
     first = load_recipe(source).seed
     for k in range(seeds):

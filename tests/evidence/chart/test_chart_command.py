@@ -60,3 +60,15 @@ def test_a_chart_goes_on_where_it_was_interrupted(few, recording, tmp_path, monk
 def test_a_misspelled_scene_names_the_nearest(tmp_path, capsys):
     assert main(["chart", "frisby", "-o", str(tmp_path)]) == 2
     assert "did you mean 'frisbee'?" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_a_recording_without_truth_is_charted_and_stressed_on_its_twins(few, tmp_path, capsys):
+    path, out = tmp_path / "mine.h5", tmp_path / "out"
+    write_motion(path, replace(spinning(5, 160), truth={}))
+    assert main(["chart", str(path), "-o", str(out), "--short"]) == 0
+    assert "twin of" in (out / "chart.md").read_text()
+    assert main(["stress", str(path), "-o", str(out), "--short"]) == 0
+    assert "wrong masses (share of each)" in capsys.readouterr().out
+    assert (out / "stress_mine.png").stat().st_size > 0
+    assert "Without a fault: right" in (out / "stress_mine.md").read_text()

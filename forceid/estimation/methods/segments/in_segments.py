@@ -54,7 +54,7 @@ def estimate_in_segments(
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
     causal, priors, states = settings.method == "filter", {}, {}
     for load, channel in channels.items():
-        with stage(load):
+        with stage("force" if load == "force" else "moment"):
             priors[load] = tune(channel)
             states[load] = smoothed(channel, priors[load], engine, causal)
     state = both(kin, motion, states["force"], states["moment"])
