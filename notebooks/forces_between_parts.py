@@ -17,8 +17,7 @@ from scipy.linalg import eigh, null_space
 
 import forceid
 from forceid.partition import link_resultants, topology
-from forceid.partition.elements import bar
-from forceid.partition.grids import gathered, solid_parts
+from forceid.partition.grids import bar, gathered, solid_parts
 from forceid.partition.saddle import deficiency, four_field, reduced_matrix
 
 BLUE, VERMILION, GREEN, GRAY = "#0072B2", "#D55E00", "#009E73", "#8A8F98"

@@ -13,8 +13,7 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.flight.attitude import turn_along, turned
-from forceid.flight.instruments.dead_reckoning import gyro_rate, reckoned
-from forceid.flight.instruments.turn_count import path_read
+from forceid.flight.instruments.dead_reckoning import gyro_rate, path_read, reckoned
 from forceid.flight.model import (
     Flight,
     Reference,

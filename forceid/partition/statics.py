@@ -13,9 +13,15 @@ import numpy as np
 
 from forceid.errors import EstimationError
 from forceid.partition.operators.conjugate_gradient import Iterations
-from forceid.partition.solution.accuracy import SaddleSolve, in_balance, norm, ratio, refine_solution
+from forceid.partition.solution.accuracy import (
+    SaddleSolve,
+    condition_verdict,
+    in_balance,
+    norm,
+    ratio,
+    refine_solution,
+)
 from forceid.partition.solution.assembly import Assembly
-from forceid.partition.solution.error_verdict import condition_verdict
 from forceid.records import Array, Verdict
 
 BALANCE_LIMIT = 1e-9  # of the loads' own size, that the resultant on a floating body may be

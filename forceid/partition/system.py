@@ -18,9 +18,8 @@ from forceid.partition.operators.conjugate_gradient import Iterations, projected
 from forceid.partition.operators.inverse import all_symmetric, rigid_modes
 from forceid.partition.operators.topology import Topology, topology
 from forceid.partition.saddle import Saddle, factored_saddle
-from forceid.partition.solution.accuracy import norm, ratio
+from forceid.partition.solution.accuracy import REACHED, SOUND, norm, ratio
 from forceid.partition.solution.assembly import Assembly
-from forceid.partition.solution.error_verdict import REACHED, SOUND
 from forceid.partition.solution.interface_forces import InterfaceForces, interface_forces
 from forceid.partition.statics import Statics, displaced, solve_at_rest
 from forceid.records import Array

@@ -5,8 +5,7 @@ import pytest
 
 from forceid.config import validate
 from forceid.errors import ConfigError
-from forceid.files.formats.clusters import marker_clusters, resting_markers
-from forceid.files.formats.segments import mass_points
+from forceid.files.formats.segments import marker_clusters, mass_points, resting_markers
 from forceid.files.formats.sources import import_sources
 from forceid.files.schema import motion_groups
 from forceid.files.stored.hdf5 import read_motion

@@ -7,8 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from forceid.partition.elements import assemble_elements, bar
-from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
+from forceid.partition.grids import Parts, assemble_elements, bar, box_grid, gathered, solid_parts
 from forceid.partition.system import PartitionedSystem
 
 PRECONDITIONERS = ("none", "lumped", "dirichlet")

@@ -5,7 +5,7 @@ from scipy.linalg import eigh, expm, null_space
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition.coupling.commands import mean_control, solve_commands
-from forceid.partition.elements import assemble_elements, bar, box_element
+from forceid.partition.grids import assemble_elements, bar, box_element
 from forceid.principal.operator import summation_operator
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from forceid.errors import DataError
-from forceid.partition.elements import assemble_elements, bar, box_element, elasticity, strain_of
-from forceid.partition.grids import solid_parts
+from forceid.partition.grids import assemble_elements, bar, box_element, elasticity, solid_parts, strain_of
 from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.principal.operator import summation_operator
 

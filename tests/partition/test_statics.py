@@ -11,8 +11,7 @@ from scipy.linalg import block_diag
 
 from forceid.errors import DataError, EstimationError
 from forceid.partition import PartitionedSystem
-from forceid.partition.elements import assemble_elements, box_element
-from forceid.partition.grids import solid_parts
+from forceid.partition.grids import assemble_elements, box_element, solid_parts
 from forceid.partition.operators.inverse import validated_symmetric, zero_modes
 from forceid.partition.saddle import deficiency, four_field, reduced_matrix
 from forceid.partition.statics import relieved

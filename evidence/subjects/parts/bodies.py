@@ -15,8 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from forceid.partition.elements import assemble_elements, bar, box_element
-from forceid.partition.grids import Parts, box_grid, gathered, solid_parts
+from forceid.partition.grids import (
+    Parts,
+    assemble_elements,
+    bar,
+    box_element,
+    box_grid,
+    gathered,
+    solid_parts,
+)
 from forceid.partition.operators.topology import compatible, without_fixed
 from forceid.partition.system import PartitionedSystem
 from forceid.principal.operator import summation_operator

@@ -23,8 +23,8 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FAST
 from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
+from forceid.flight.instruments.dead_reckoning import rate_read
 from forceid.flight.instruments.sensors import Sensors
-from forceid.flight.instruments.turn_count import rate_read
 from forceid.flight.model import COARSE, Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState

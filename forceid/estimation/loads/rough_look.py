@@ -8,8 +8,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.channels import angular_channel
 from forceid.flight.channels import Start, lags, second_difference
 from forceid.flight.instruments import ACCELEROMETER, GYRO
-from forceid.flight.instruments.dead_reckoning import reckoned
-from forceid.flight.instruments.turn_count import rate_read
+from forceid.flight.instruments.dead_reckoning import rate_read, reckoned
 from forceid.flight.model import Flight
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned

@@ -14,11 +14,17 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.formats.channels import Channels
-from forceid.files.formats.clusters import marker_clusters, resting_markers
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
 from forceid.files.formats.mocap import Markers, Plates, read_c3d, read_mot, read_trc
-from forceid.files.formats.segments import Points, build_body, known_name, mass_points
+from forceid.files.formats.segments import (
+    Points,
+    build_body,
+    known_name,
+    marker_clusters,
+    mass_points,
+    resting_markers,
+)
 from forceid.files.formats.signals import Signals, motion_signals
 from forceid.files.formats.tdms import read_tdms
 from forceid.files.formats.uff import read_uff

@@ -1,11 +1,11 @@
-"""How far a solution in parts is off: one more, of what it leaves of its equations and of what nobody knows.
+"""How far a solution in parts is off, and the verdict on it, with what in the body or its loads costs digits.
 
 A solution leaves r_s = f_s - K_s u_s - B_s lambda_s of every part, and gaps B^T u - L_f u_f between them.
 Solved for by the same means they make a correction, which is what the solution is off. Beside them stand
 loads of random sign: rounding of the given ones, what they are out of balance, and what rigid modes strain
 their part beyond rounding. Up to rounding K_s R_s is zero here: stiff parts that move far would else carry as
-much of it as soft ones carry force.
-Source: principal equations 2.9, 6; N. J. Higham, Accuracy and Stability of Numerical Algorithms, chapter 12.
+much of it as soft ones carry force. Source: principal equations 2.9, 6, which asks for 1e-8 of conjugate
+gradients; N. J. Higham, Accuracy and Stability of Numerical Algorithms, chapter 12.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forceid.errors import EstimationError
 from forceid.partition.solution.assembly import Assembly
-from forceid.records import Array
+from forceid.records import Array, Finding, Verdict
 
 UNIT = float(np.finfo(float).eps) / 2  # of a number, which rounding takes or adds
 ROUNDING_FACTOR = 5.0  # times rounding, so that one draw of its signs is seldom too small; less for several
@@ -29,6 +30,11 @@ EVEN = 100.0  # ratio of stiffnesses up to which it does not matter which of two
 LEAST_FORCE = 1e-6  # of the loads at the interface, below which multipliers are measured by these
 
 SaddleSolve = Callable[[Array, Array, float], tuple[Array, Array]]
+SOUND = 1e-8  # error up to which a solution is ok
+USELESS = 1e-3  # error from which it is refused, or ten times the tolerance that was asked for
+REACHED = 100.0  # times the tolerance, that an error is when nothing but the tolerance is in the way
+JUMP = 1e4  # ratio of the stiffnesses of parts, that is told
+CANCELED = 1e4  # ratio of the loads on the parts and of what they add up to, that is told
 
 
 @dataclass(frozen=True)
@@ -166,3 +172,57 @@ def norm(x: Array) -> float:
 def ratio(part: float, whole: float) -> float:
     """Part over whole; none of nothing."""
     return part / whole if part > 0 and whole > 0 else 0.0
+
+
+def condition_verdict(system: Assembly, f: Array, best: Refined, tolerance: float) -> Verdict:
+    """The verdict on the best solution under loads f (dof,); EstimationError where it is useless."""
+    if best.worse <= SOUND:
+        return Verdict()
+    cause, step = cause_of(system, f, best, tolerance)
+    off = (
+        f"the motions are off by {best.error:.1g} of their size, the forces by {best.lam_error:.1g}: {cause}"
+    )
+    if not best.worse <= max(USELESS, 10 * tolerance):
+        raise EstimationError(off, "", step)
+    errors = {"error": best.error, "lam_error": best.lam_error}
+    return Verdict("degraded", (Finding("inaccurate-solution", "degraded", errors, f"{off}; {step}"),))
+
+
+def cause_of(system: Assembly, f: Array, best: Refined, tolerance: float) -> tuple[str, str]:
+    """What costs a solution its digits, and what to do about it."""
+    doubt = best.doubt
+    rounding, strain = norm(doubt.rounding), norm(doubt.strain)
+    if strain > max(rounding, doubt.imbalance):
+        at = int(np.argmax([norm(doubt.strain[d]) for d in system.topology.dofs]))
+        force = ratio(strain, norm(f))
+        return (
+            f"rigid modes of partition {at} strain it, by forces of {force:.1g} of the loads",
+            "give stiffness and rigid modes of one shape with more digits, or leave the modes out",
+        )
+    if doubt.imbalance > rounding:
+        out = ratio(doubt.imbalance, norm(f))
+        return (
+            f"nothing holds the body, and the loads are out of balance by {out:.1g} of their size",
+            "balance them, hold the body, or ask for inertia relief with relief=True",
+        )
+    if best.worse <= REACHED * tolerance:
+        return f"conjugate gradients were stopped at {tolerance:.1g} of the gaps", "ask for a lower tolerance"
+    canceled = ratio(norm(f), norm(system.topology.assembled(f)))
+    if canceled > CANCELED:
+        return (
+            f"loads on the partitions are {canceled:.1g} times what they add up to",
+            "take what only cancels between partitions out of them",
+        )
+    mean = np.array([K.diagonal().mean() for K in system.stiffness])
+    some = mean[mean > 0]
+    jump = float(some.max() / some.min()) if len(some) else 1.0
+    if jump > JUMP:
+        if best.lam_error > best.error:
+            lost = "the forces between stiff ones are lost in the rounding of how far these move"
+        else:
+            lost = "the loads of stiff ones are known to rounding, which soft ones have to carry"
+        return f"stiffness jumps by {jump:.1g} between partitions, and {lost}", "join very stiff partitions"
+    return (
+        "little holds the body or a part of it, and rounding of the loads moves it: a near mechanism",
+        "look for a part that hangs on little stiffness, and hold it",
+    )
