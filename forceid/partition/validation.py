@@ -32,11 +32,11 @@ def real_array(given: Any, where: str, axes: int | None = None) -> Any:
     return A
 
 
-def finite(given: Any, where: str, next_step: str = "") -> Array:
+def finite(given: Any, where: str) -> Array:
     """An array of floats, none of them NaN or infinite. Raises DataError."""
     A = np.asarray(real_array(given, where), dtype=float)
     if not np.isfinite(A).all():
-        raise DataError("holds numbers that are not finite", where, next_step)
+        raise DataError("holds numbers that are not finite", where)
     return A
 
 

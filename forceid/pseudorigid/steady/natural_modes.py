@@ -63,10 +63,8 @@ class SpinningBody:
     spectrum: Spectrum
 
 
-def spinning_body(
-    material: Any, second_moment: Array, rate: float, start: tuple[float, float, float] = (1.0, 1.0, 1.0)
-) -> SpinningBody:
-    """Steady spin of an isotropic, compressible body about axis 3, E diagonal, from `start` at rest.
+def spinning_body(material: Any, second_moment: Array, rate: float) -> SpinningBody:
+    """Steady spin of an isotropic, compressible body about axis 3, E diagonal, from F = I at rest.
 
     rate 1/s. By Newton's method, with the rate raised in steps where one does not do. DataError where E is
     not diagonal, or where nothing holds the body together at this rate. Source: pseudo-rigid bodies, 12.6.
@@ -82,15 +80,13 @@ def spinning_body(
         raise DataError("is not diagonal", "second_moment", "turn the body to its principal axes")
     check_finite("spinning body", rate=rate)
     for steps in CONTINUED:
-        a: Array | None = np.array(start, float)
+        a: Array | None = np.ones(3)
         for part in np.linspace(0, 1, steps + 1):
             a = newton_stretch(material, e, (rate * part) ** 2, a) if a is not None else None
         if a is not None:
             break
     if a is None:
-        raise DataError(
-            f"is {rate:g} 1/s, and no steady spin was found there", "rate", "lower it, or give a start"
-        )
+        raise DataError(f"is {rate:g} 1/s, and no steady spin was found there", "rate", "lower it")
     axis = np.array([0.0, 0.0, rate])
     spectrum = rotating_spectrum(material, E, np.diag(a), axis, np.zeros(3))
     momentum = rate * float((e * a**2)[:2].sum())
