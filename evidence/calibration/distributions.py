@@ -148,16 +148,16 @@ def between(span: Span, unit: str = "") -> str:
 
 WORDS = {
     "body": f"rigid, in {100 * SOFT_SHARE:.0f} % deforming affinely (St. Venant and Kirchhoff, "
-    f"{between(SWINGS, 'Hz')}, strains of {between(STRAINS)} at the start); longest edge {between(SIZES, 'm')}, "
-    f"inertia of any principal axes, {between(DENSITIES, 'kg/m3')}",
+    f"{between(SWINGS, 'Hz')}, strains of {between(STRAINS)} at the start); longest edge "
+    f"{between(SIZES, 'm')}, inertia of any principal axes, {between(DENSITIES, 'kg/m3')}",
     "what is told of it": f"{shares(TOLD)}; wrong by {100 * MASS_OFF:.0f} % in mass, "
     f"{100 * INERTIA_OFF:.0f} % in inertia and {100 * CENTER_OFF:.0f} % of the size in the center (standard "
     "deviations)",
     "markers": f"{between(MARKERS)}; {shares(PLACES)} (within {between(THIN)} of the size off it)",
     "motion": f"{between(SPEEDS, 'm/s')} and {between(SPINS, 'rad/s')} at the start; weight in "
     f"{100 * (1 - WEIGHTLESS):.0f} %, carried by a constant force beside in records of over {FALLS:g} s",
-    "loads": f"{shares(LOADS)}; force and moment each move or turn the body by {between(SHOWN)} times the error "
-    "of a pose within the time in which they change, half its size or a radian and "
+    "loads": f"{shares(LOADS)}; force and moment each move or turn the body by {between(SHOWN)} times "
+    "the error of a pose within the time in which they change, half its size or a radian and "
     f"{STRONGEST:g} m/s2 at most; blows of {between((1e3 * PULSES[0], 1e3 * PULSES[1]), 'ms')} and "
     f"{between(JUMPS, 'm/s')}; drag of {between(DRAGS)} times the weight at first with damped turns, or a "
     f"spring; beside {100 * BESIDE:.0f} % of the oscillations, steps and impacts a smooth load acts",

@@ -20,8 +20,8 @@ KINDS = ("load", "error", "told", "place", "stated", "soft")  # by which results
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of record `number`: verdict (ok, degraded, refused, crashed), codes of its findings; degrading: of
-    those that are more than a note.
+    """What came of record `number`: verdict (ok, degraded, refused, crashed), codes of its findings, and of
+    those that are more than a note: degrading.
 
     Of force and moment, NaN where none is known, over the central three quarters: over: rms error over rms
     claim within the band; beside: rms error over that of the witness; inside: share of the components within

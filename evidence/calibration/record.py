@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,9 +14,10 @@ from evidence.calibration.bodies import Moved, drawn_body, told_body
 from evidence.calibration.camera import seen, stated
 from evidence.calibration.distributions import Drawn, drawn_kinds
 from evidence.calibration.flight import Flown, flown
-from evidence.calibration.loads import Load, State, drawn_load
+from evidence.calibration.loads import State, drawn_load
 from forceid.records import Array, Motion, Recording
 
+Again = Callable[[Array], Flown | None]
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s2
 
 
@@ -23,15 +25,16 @@ GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s2
 class DrawnRecord:
     """A record as its user has it, with the truth; what was drawn, and what the user sets beside the file.
 
-    body, load, flight: what truly moved; halved: how often load and spin were halved.
+    body, flight: what truly moved; again: the same flight at other times; halved: how often load and spin
+    were.
     """
 
     drawn: Drawn
     recording: Recording
     settings: dict[str, Any]
     body: Moved
-    load: Load
     flight: Flown
+    again: Again
     halved: int
 
 
@@ -52,25 +55,24 @@ def drawn_record(seed: int, number: int) -> DrawnRecord:
     load = drawn_load(drawn, body, time[-1], at, rng)
     if drawn.held:
         load = replace(load, constant=-body.mass * gravity)
-    flight, halved = followed(body, time, at, turn.as_quat(), (strain + strain.T) / 2, load, gravity)
+
+    def flies(times: int) -> Again:
+        less, weaker = replace(at, w=at.w / 2**times), load.halved(times)
+        return lambda t: flown(body, t, less, turn.as_quat(), (strain + strain.T) / 2, weaker, gravity)
+
+    flight, again, halved = followed(flies, time)
     x = flight.center[:, None] + np.einsum("tab,nb->tna", flight.F, body.markers)
     told, settings = told_body(drawn, body, rng)
     motion = Motion(time, seen(drawn, x, rng), gravity=gravity, noise_std=stated(drawn, rng))
     truth = {"force": flight.force, "moment": flight.moment}
-    return DrawnRecord(drawn, Recording(told, motion, truth), settings, body, load, flight, halved)
+    return DrawnRecord(drawn, Recording(told, motion, truth), settings, body, flight, again, halved)
 
 
-def followed(
-    body: Moved, time: Array, start: State, q: Array, strain: Array, load: Load, gravity: Array
-) -> tuple[Flown, int]:
-    """The flight under a load, or under half of it and of the spin, and so on, so that a camera can follow.
-
-    Also how often it was halved.
-    """
+def followed(flies: Callable[[int], Again], time: Array) -> tuple[Flown, Again, int]:
+    """The first flight that a camera can follow, of those under ever less load and spin, and its number."""
     for times in range(of.HALVED):
-        found = flown(
-            body, time, replace(start, w=start.w / 2**times), q, strain, load.halved(times), gravity
-        )
+        again = flies(times)
+        found = again(time)
         if found is not None:
-            return found, times
+            return found, again, times
     raise FloatingPointError("no camera can follow this body")
