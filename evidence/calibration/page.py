@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import binomtest, t
 
 from evidence.calibration.distributions import WORDS
-from evidence.calibration.judged import Outcome
+from evidence.calibration.judged import PATIENCE, Outcome
 from evidence.strangers.judged import LOADS, NEAR
 from evidence.written import tabled
 
@@ -24,14 +24,15 @@ SHARES: dict[str, Test] = {
     "degraded": lambda o: o.verdict == "degraded",
     "refused": lambda o: o.verdict == "refused",
     "crashed": lambda o: o.verdict == "crashed",
+    "stopped": lambda o: o.verdict == "stopped",
 }
 GROUPS = {"load": "load", "error": "errors", "told": "body told", "place": "markers", "stated": "noise told",
           "soft": "deforms"}  # fmt: skip
 HEADS = (
     "drawn", "records", "ok and right", "silent", "needlessly degraded", "degraded", "refused", "crashed",
-    "error over claim F, T: median", "90 %",
+    "stopped", "error over claim F, T: median", "90 %",
 )  # fmt: skip
-COUNTED = "ok and right", "silently wrong", "needlessly degraded", "degraded", "refused", "crashed"
+COUNTED = "ok and right", "silently wrong", "needlessly degraded", "degraded", "refused", "crashed", "stopped"
 MOST = 12  # findings in the table
 ABOUT = """\
 `{command}`: {count} records, numbers 0 to {last} of seed {seed}. Record i is drawn from the generator
@@ -44,10 +45,11 @@ shares no code with the estimator. Force and moment are those at the instant of 
 over one.
 
 *Silently wrong*: the verdict is `ok`, and over the central three quarters the rms error of force or moment is
-more than twice its rms claim within the band (up to `band` Hz), or more than twice that of the plain route
-beside it (the witness). *Needlessly degraded*: both errors are within {near} times their claims; where no
-moment is given, the force. Every record counts once. Intervals: 95 %, of shares by Clopper and Pearson, of
-coverage over records. CPU times are measured beside other work."""
+more than twice its rms claim within the band (up to `band` Hz), or within it more than twice that of the
+plain route beside it (the witness). *Needlessly degraded*: both errors are within {near} times their claims;
+where no moment is given, the force. Every record counts once. Intervals: 95 %, of shares by Clopper and
+Pearson, of coverage over records. An estimate is
+stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""
 
 
 def share(part: int, whole: int) -> str:
@@ -118,7 +120,9 @@ def findings(of: Sequence[Outcome]) -> str:
 def page(of: Sequence[Outcome], seed: int, command: str) -> tuple[str, ...]:
     """The parts of the page."""
     words = tabled(("drawn", "from"), [[name, text] for name, text in WORDS.items()])
-    about = ABOUT.format(command=command, count=len(of), last=len(of) - 1, seed=seed, words=words, near=NEAR)
+    about = ABOUT.format(
+        command=command, count=len(of), last=len(of) - 1, seed=seed, words=words, near=NEAR, patience=PATIENCE
+    )
     wrong = ", ".join(str(o.number) for o in of if o.silent) or "none"
     return (
         about, summary(of), f"Silently wrong: records {wrong}.", "By what was drawn:", by_drawn(of),
