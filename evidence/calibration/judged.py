@@ -52,6 +52,11 @@ class Outcome:
         return float(np.nan_to_num(self.over).max())
 
     @property
+    def worst_plain(self) -> float:
+        """The same at all frequencies."""
+        return float(np.nan_to_num(self.plain).max())
+
+    @property
     def beyond_claim(self) -> bool:
         """Whether it calls itself ok and is off by more than twice its claim."""
         return self.verdict == "ok" and self.worst > WRONG

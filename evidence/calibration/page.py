@@ -10,6 +10,7 @@ from scipy.stats import binomtest, t
 
 from evidence.calibration.distributions import WORDS
 from evidence.calibration.judged import PATIENCE, Outcome
+from evidence.drawn.hidden_loads import WRONG
 from evidence.strangers.judged import LOADS, NEAR
 from evidence.written import tabled
 
@@ -20,7 +21,11 @@ SHARES: dict[str, Test] = {
     "silently wrong": lambda o: o.silent,
     "of these beyond twice the claim": lambda o: o.beyond_claim,
     "of these beyond twice the plain route": lambda o: o.beyond_witness,
+    "`ok`, and beyond twice the claim at all frequencies": lambda o: (
+        o.verdict == "ok" and o.worst_plain > WRONG
+    ),
     "needlessly degraded": lambda o: o.needless,
+    "of these within at all frequencies": lambda o: o.needless and o.worst_plain <= NEAR,
     "degraded": lambda o: o.verdict == "degraded",
     "refused": lambda o: o.verdict == "refused",
     "crashed": lambda o: o.verdict == "crashed",
@@ -30,7 +35,7 @@ GROUPS = {"load": "load", "error": "errors", "told": "body told", "place": "mark
           "soft": "deforms"}  # fmt: skip
 HEADS = (
     "drawn", "records", "ok and right", "silent", "needlessly degraded", "degraded", "refused", "crashed",
-    "stopped", "error over claim F, T: median", "90 %",
+    "stopped", "error over claim F, T: median", "90 %", "in 95 % intervals of ok F, T",
 )  # fmt: skip
 COUNTED = "ok and right", "silently wrong", "needlessly degraded", "degraded", "refused", "crashed", "stopped"
 MOST = 12  # findings in the table
@@ -46,10 +51,11 @@ over one.
 
 *Silently wrong*: the verdict is `ok`, and over the central three quarters the rms error of force or moment is
 more than twice its rms claim within the band (up to `band` Hz), or within it more than twice that of the
-plain route beside it (the witness). *Needlessly degraded*: both errors are within {near} times their claims;
-where no moment is given, the force. Every record counts once. Intervals: 95 %, of shares by Clopper and
-Pearson, of coverage over records. An estimate is
-stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""
+plain route beside it (the witness). Beyond the band a result claims nothing of a load that it does not name;
+what that is worth is in the lines *at all frequencies*, and in the 95 % intervals.
+*Needlessly degraded*: both errors are within {near} times their claims; where no moment is given, the force.
+Every record counts once. Intervals: 95 %, of shares by Clopper and Pearson, of coverage over records. An
+estimate is stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""
 
 
 def share(part: int, whole: int) -> str:
@@ -95,7 +101,10 @@ def summary(of: Sequence[Outcome]) -> str:
 def group_row(name: str, of: Sequence[Outcome]) -> list[str]:
     """Some records in the table by what was drawn."""
     counts = [str(sum(map(SHARES[name], of))) for name in COUNTED]
-    return [name, str(len(of)), *counts, quantiles(of, 0.5), quantiles(of, 0.9)]
+    held = np.array([o.inside for o in of if o.verdict == "ok"]).reshape(-1, 2).T
+    known = (v[np.isfinite(v)] for v in held)
+    inside = ", ".join(f"{100 * v.mean():.0f} %" if len(v) else "-" for v in known)
+    return [name, str(len(of)), *counts, quantiles(of, 0.5), quantiles(of, 0.9), inside]
 
 
 def by_drawn(of: Sequence[Outcome]) -> str:
