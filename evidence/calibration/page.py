@@ -21,6 +21,8 @@ SHARES: dict[str, Test] = {
     "silently wrong": lambda o: o.silent,
     "of these beyond twice the claim": lambda o: o.beyond_claim,
     "of these beyond twice the plain route": lambda o: o.beyond_witness,
+    "of these under a body told wrong, and not said so": lambda o: o.silent and o.drawn["told"] == "wrong",
+    "of these under blows": lambda o: o.silent and o.drawn["load"] == "impacts",
     "`ok`, and beyond twice the claim at all frequencies": lambda o: (
         o.verdict == "ok" and o.worst_plain > WRONG
     ),
