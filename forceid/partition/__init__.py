@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from forceid.face import on_first_use
-from forceid.partition.assembled import from_assembled as from_assembled
-from forceid.partition.assembled import from_meshes as from_meshes
-from forceid.partition.assembled import from_names as from_names
 from forceid.partition.coupling.commands import mean_control as mean_control
 from forceid.partition.coupling.commands import solve_commands as solve_commands
 from forceid.partition.coupling.interpolation import interpolation as interpolation
-from forceid.partition.coupling.principal_motion import principal_balance as principal_balance
 from forceid.partition.coupling.resultants import LinkResultants as LinkResultants
 from forceid.partition.coupling.resultants import link_resultants as link_resultants
 from forceid.partition.coupling.transfer import reproduction as reproduction
@@ -25,13 +18,3 @@ from forceid.partition.operators.topology import topology as topology
 from forceid.partition.solution.interface_forces import InterfaceForces as InterfaceForces
 from forceid.partition.statics import Statics as Statics
 from forceid.partition.system import PartitionedSystem as PartitionedSystem
-
-if TYPE_CHECKING:
-    from forceid.partition.matrix_file import read_matrix as read_matrix
-    from forceid.partition.motion_file import from_motion_file as from_motion_file
-
-# these read files, with h5py and xarray
-__getattr__ = on_first_use(
-    __name__,
-    {"from_motion_file": "forceid.partition.motion_file", "read_matrix": "forceid.partition.matrix_file"},
-)

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from forceid.partition.assembled import system
 from forceid.partition.elements import assemble_elements, box_element
-from forceid.partition.operators.topology import boolean_from_positions
+from forceid.partition.operators.topology import boolean_from_positions, compatible, without_fixed
 from forceid.partition.system import PartitionedSystem
+from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 SAME_PLACE = 1e-6  # m, within which nodes are one
@@ -36,9 +36,19 @@ class Parts:
 
     def system(self, fixed: Flags | None = None) -> PartitionedSystem:
         """The partitioned system, its assembled nodes `fixed` (node,) held."""
-        held = np.flatnonzero(np.zeros(len(self.place)) if fixed is None else fixed)
         axes, about = self.place.shape[1], self.place.mean(axis=0)
-        return system(self.stiffness, self.mass, self.boolean, self.position, held, axes, about)
+        held = np.zeros(len(self.place)) if fixed is None else fixed
+        L, kept = without_fixed(self.boolean, np.flatnonzero(np.repeat(held, axes)))
+        modes: list[Any] = [None] * len(L)
+        for s, (x, rows) in enumerate(zip(self.position, kept, strict=True)):
+            R = summation_operator(x - about)
+            if np.linalg.matrix_rank(R) == R.shape[1]:  # else nodes on a line: its zero modes are found
+                modes[s] = compatible(R, rows)
+        K, M = (
+            [m[rows][:, rows] for m, rows in zip(each, kept, strict=True)]
+            for each in (self.stiffness, self.mass)
+        )
+        return PartitionedSystem(K, M, L, modes)
 
 
 def box_grid(parts: Sequence[int], r: int) -> tuple[list[Array], Indices]:

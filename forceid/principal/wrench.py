@@ -1,4 +1,4 @@
-"""Resultants and momenta of moving nodes; a wrench and its covariance carried to another moment point."""
+"""Resultants of moving nodes; a wrench and its covariance carried to another moment point."""
 
 from __future__ import annotations
 
@@ -26,26 +26,30 @@ def resultant(
     carries mass is NaN. To leave weight out, pass acceleration minus gravity.
 
     A consistent beam or shell mass turns with the body, M = T M_0 T^T: pass it in the current axes, and
-    with changing axes differentiate `momentum` instead, since S^T M a then misses the change of M.
-    Blocks m_ij I (lumped, bars, solids) are free of this. Raises DataError.
+    with changing axes differentiate momenta, the same sums of velocities, since S^T M a then misses the
+    change of M. Blocks m_ij I (lumped, bars, solids) are free of this. Raises DataError.
     Source: principal equations 2.1, 2.4, 4a, 4b.
 
     >>> resultant([2.0, 2.0], [[-1.0, 0.0], [1.0, 0.0]], [[0.0, -3.0], [0.0, 3.0]])
     array([ 0.,  0., 12.])
     """
-    return _project(mass, position, acceleration, about, "acceleration")
-
-
-def momentum(
-    mass: ArrayLike | SparseMatrix, position: ArrayLike, velocity: ArrayLike, about: ArrayLike | None = None
-) -> Array:
-    """Linear momentum and absolute angular momentum about a point, S^T M v.
-
-    As `resultant`, with velocity (..., node, 3) m/s (or six components with angular velocity rad/s) in
-    place of acceleration. Returns (..., 6): P kg m/s, H_p kg m2/s; planar (..., 3).
-    Source: principal equations 2.4, 4b.
-    """
-    return _project(mass, position, velocity, about, "velocity")
+    x, r = np.asarray(position, dtype=float), np.asarray(acceleration, dtype=float)
+    M, dof = nodal_mass(mass, x)
+    if r.shape[-2:] != (x.shape[-2], dof):
+        raise DataError(
+            f"has shape {r.shape}, expected (..., {x.shape[-2]}, {dof}) as position and mass have",
+            "acceleration",
+        )
+    p = mass_center(M, x) if about is None else np.asarray(about, dtype=float)
+    if M.ndim == 1:
+        M, x, r = nodes_with_mass(M, x, r)
+    if x.ndim == 2 and p.ndim == 1:
+        S = summation_operator(x, p, rotations=dof > x.shape[-1])
+        folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else mass_times(M, S.T).T
+        return np.asarray(r.reshape(*r.shape[:-2], -1) @ folded)
+    if M.ndim == 1:
+        return sum_nodal(r, x, p, weight=M)
+    return sum_nodal(mass_times(M, r.reshape(*r.shape[:-2], -1)).reshape(r.shape), x, p)
 
 
 def transport_matrix(arm: ArrayLike) -> Array:
@@ -82,25 +86,3 @@ def transport_cov(cov: ArrayLike, arm: ArrayLike) -> Array:
     """
     T = transport_matrix(arm)
     return np.asarray(T @ np.asarray(cov, dtype=float) @ T.mT)
-
-
-def _project(
-    mass: ArrayLike | SparseMatrix, position: ArrayLike, rate: ArrayLike, about: ArrayLike | None, name: str
-) -> Array:
-    """S^T M r: one product with the folded (dof, 6) matrix where S stands still, else sums of x f^T."""
-    x, r = np.asarray(position, dtype=float), np.asarray(rate, dtype=float)
-    M, dof = nodal_mass(mass, x)
-    if r.shape[-2:] != (x.shape[-2], dof):
-        raise DataError(
-            f"has shape {r.shape}, expected (..., {x.shape[-2]}, {dof}) as position and mass have", name
-        )
-    p = mass_center(M, x) if about is None else np.asarray(about, dtype=float)
-    if M.ndim == 1:
-        M, x, r = nodes_with_mass(M, x, r)
-    if x.ndim == 2 and p.ndim == 1:
-        S = summation_operator(x, p, rotations=dof > x.shape[-1])
-        folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else mass_times(M, S.T).T
-        return np.asarray(r.reshape(*r.shape[:-2], -1) @ folded)
-    if M.ndim == 1:
-        return sum_nodal(r, x, p, weight=M)
-    return sum_nodal(mass_times(M, r.reshape(*r.shape[:-2], -1)).reshape(r.shape), x, p)

@@ -20,8 +20,6 @@ from forceid.pseudorigid.factors.decomposition import polar as polar
 from forceid.pseudorigid.factors.decomposition import polar_rates as polar_rates
 from forceid.pseudorigid.material.formless import NoStress as NoStress
 from forceid.pseudorigid.material.formless import PerfectGas as PerfectGas
-from forceid.pseudorigid.material.material_checks import MaterialCheck as MaterialCheck
-from forceid.pseudorigid.material.material_checks import check_material as check_material
 from forceid.pseudorigid.material.material_law import Lame as Lame
 from forceid.pseudorigid.material.material_law import Material as Material
 from forceid.pseudorigid.material.materials import HadamardGreen as HadamardGreen

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from material_checks import check_material
 from reduced_cases import BLOCK, TIME, master, random_start
 from scipy.spatial.transform import Rotation
 
@@ -11,7 +12,6 @@ from forceid.pseudorigid import (
     NoStress,
     StVenantKirchhoff,
     TransverselyIsotropic,
-    check_material,
 )
 
 LAM, MU, ALPHA, SHEAR, BETA = 1.3, 0.7, 0.4, 0.5, 6.0

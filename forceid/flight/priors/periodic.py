@@ -249,13 +249,13 @@ def tune_periodic(
     All as in `tune_loads`, from whose Matern prior the search begins; that one it stays where no periodic one
     is e^PATIENCE as likely, or the load comes in pieces.
     """
-    if pieces is not None:
-        seen = time, z, gain, noise_var, drift
-        return tune_loads(*seen, noise_range, orders, lines, engine, near, color, pieces)
-    if near is not None and isinstance(near.kernel, Periodic):
+    if pieces is None and near is not None and isinstance(near.kernel, Periodic):
         start = near
     else:
-        start = tune_loads(time, z, gain, noise_var, drift, noise_range, orders, lines, engine, near, color)
+        seen = time, z, gain, noise_var, drift, noise_range
+        start = tune_loads(*seen, orders, lines, engine, near, color, pieces)
+    if pieces is not None:
+        return start
     search = BeatSearch(runs_of(time, z, noise_var), gain, drift, lines, start, for_tuning(engine))
     if isinstance(known := start.kernel, Periodic):
         sizes = np.log([known.length, *known.std])

@@ -1,1 +1,1 @@
-"""Hyperelastic materials: what they are, which ones there are, and checks of what they claim."""
+"""Hyperelastic materials: what they are, and which ones there are."""
