@@ -9,13 +9,12 @@ True
 
 from __future__ import annotations
 
-from forceid.face import homes_in, on_first_use
+from forceid.face import on_first_use
 
 __version__ = "0.1.0"
 
-_PUBLIC = homes_in(__file__)
-__all__ = ["__version__", *_PUBLIC]
-__getattr__ = on_first_use(__name__, _PUBLIC)
+_public, __getattr__ = on_first_use(__name__, __file__)
+__all__ = ["__version__", *_public]
 
 
 def __dir__() -> list[str]:

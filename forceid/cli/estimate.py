@@ -19,9 +19,15 @@ if TYPE_CHECKING:
     from forceid.config import Settings
     from forceid.estimation import Progress
 
+MotionFile = Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")]
 Config = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="CONFIG", help="Settings, a TOML file.")
 ]
+
+
+def written(metavar: str, text: str) -> Any:
+    """The option -o of what is written."""
+    return typer.Option("-o", "--output", metavar=metavar, help=text)
 
 
 def choice(metavar: str, text: str, *words: str) -> Any:
@@ -39,16 +45,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on std
 
 
 def run(
-    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
+    file: MotionFile,
     config: Config = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT.h5",
-            help="Result file; FILE.result.h5 beside the input if not given.",
-        ),
+        Path | None, written("OUT.h5", "Result file; FILE.result.h5 beside the input if not given.")
     ] = None,
     method: MethodOption = None,
     model: ModelOption = None,

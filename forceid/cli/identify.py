@@ -7,18 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from forceid.cli.estimate import Config, Json, naming
+from forceid.cli.estimate import Config, Json, MotionFile, naming, written
 from forceid.cli.output import to_json, verdict_of, wrap
 
 
 def run(
-    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
+    file: MotionFile,
     config: Config = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="OUT.toml", help="Settings whose table `material` holds what was found."
-        ),
+        Path | None, written("OUT.toml", "Settings whose table `material` holds what was found.")
     ] = None,
     json: Json = False,
 ) -> None:

@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from forceid.cli.estimate import Config, Json, naming
+from forceid.cli.estimate import Config, Json, MotionFile, naming
 from forceid.cli.output import to_json, wrap
 
 
-def run(
-    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="Motion file, HDF5.")],
-    config: Config = None,
-    json: Json = False,
-) -> None:
+def run(file: MotionFile, config: Config = None, json: Json = False) -> None:
     """Show what FILE holds and which wrench components can be identified, before anything runs.
 
     Of a body in parts, [[part]] and [[joint]] in CONFIG, also which forces between these the motion tells.

@@ -7,17 +7,13 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.estimate import written
+
 
 def run(
     file: Annotated[Path, typer.Argument(metavar="OUT.h5", help="Result file of forceid estimate.")],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="PAGE.html",
-            help="Page to write; OUT.html beside the result if not given.",
-        ),
+        Path | None, written("PAGE.html", "Page to write; OUT.html beside the result if not given.")
     ] = None,
 ) -> None:
     """Write OUT.h5 as one HTML page with figures, numbers, verdict and settings inside.

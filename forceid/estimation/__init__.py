@@ -3,8 +3,6 @@
 What may be used from outside stands in the stub beside; each name loads on first use.
 """
 
-from forceid.face import homes_in, on_first_use
+from forceid.face import on_first_use
 
-_HOMES = homes_in(__file__)
-__all__ = [*_HOMES]
-__getattr__ = on_first_use(__name__, _HOMES)
+__all__, __getattr__ = on_first_use(__name__, __file__)
