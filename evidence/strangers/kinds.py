@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
-import traceback
-from pathlib import Path
-from time import process_time
-
 import numpy as np
 
 from evidence.strangers import deforming, ground, rigid
+from evidence.strangers.attempt import attempt
 from evidence.strangers.judged import LOADS, Judged, scores
 from evidence.strangers.simulated import Camera, recorded
-from forceid.config import load_settings
-from forceid.errors import ForceIdError
-from forceid.estimation.run import estimate_recording
-from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Verdict
 
 KINDS = {
@@ -42,20 +34,11 @@ def run(job: tuple[str, int]) -> list[Judged]:
         f"{1e3 * camera.noise:.2f} mm {'stated' if camera.stated else 'not stated'}"
         f"{', gaps' if camera.lost else ''}"
     )
-    began = process_time()
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "stranger.h5"
-            write_motion(path, recording)
-            recording = read_motion(path)
-        found = estimate_recording(recording, load_settings(**scene.settings))
-    except Exception as error:
-        known = isinstance(error, ForceIdError)
-        where = "" if known else traceback.format_exc().splitlines()[-2].strip()
-        said = "refused" if known else "crashed"
-        codes = (f"{type(error).__name__}: {error} {where}",)
-        return [Judged(kind, seed, said, codes, facts=facts, seconds=process_time() - began)]
-    took, truth = process_time() - began, recording.truth
+    tried = attempt(recording, **scene.settings)
+    found, took = tried.found, tried.seconds
+    if found is None:
+        return [Judged(kind, seed, tried.verdict, tried.codes, facts=facts, seconds=took)]
+    truth = tried.recording.truth
 
     def judged(name: str, said: Verdict, off: dict[str, tuple[float, ...]]) -> Judged:
         return Judged(name, seed, said.level, said.codes, facts=facts, seconds=took, **off)

@@ -219,7 +219,8 @@ def solution_of(problem: Problem) -> Solution:
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
         turned = problem.turned_at("moment") if kin.attitude else None
         hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
-    filtered = judge_filter(kin, None if hidden is None else hidden.band)
+    swings = any(prior.lines for prior in priors.values())
+    filtered = judge_filter(kin, None if hidden is None else hidden.band, swings)
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),

@@ -99,13 +99,17 @@ def widened_by_slow_errors(
     return replace(state, wrench_cov=cov)
 
 
-def judge_filter(kin: Kinematics, band: Array | None = None) -> list[Finding]:
-    """Tracks that were low-passed: harmless where loads are not followed up to the cut; band (load,) Hz."""
+def judge_filter(kin: Kinematics, band: Array | None = None, lines: bool = False) -> list[Finding]:
+    """Tracks that were low-passed: harmless where loads are not followed up to the cut; band (load,) Hz.
+
+    lines: whether loads hold any. One beyond half the rate of the frames that tell anything new shows as its
+    mirror image below, and which of both it is they do not say.
+    """
     color = kin.color
     if not isinstance(color, LowPassed):
         return []
     highest = 0.5 / (color.every * color.step)
-    below = band is not None and not (band > (1 - SINGLE) * highest).any()
+    below = band is not None and not lines and not (band > (1 - SINGLE) * highest).any()
     return [note("smoothed-at-source", "ok" if below else "degraded", cut_hz=color.cut)]
 
 

@@ -1,0 +1,145 @@
+"""What came of a drawn record, and whether it is silently wrong or careful in vain."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from evidence.calibration.patience import within
+from evidence.calibration.record import DrawnRecord, drawn_record
+from evidence.drawn.hidden_loads import WRONG, slow_part
+from evidence.drawn.records.scored import QUANTILE, judged_part
+from evidence.strangers.attempt import attempt
+from evidence.strangers.judged import LOADS, NEAR, scores
+from forceid.records import Array, Estimate
+
+PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
+UNKNOWN = (np.nan, np.nan)
+KINDS = ("load", "error", "told", "place", "stated", "soft")  # by which results are counted
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of record `number`.
+
+    verdict: ok, degraded, refused, crashed or stopped; codes: of its findings; degrading: of those
+    that are more than a note.
+
+    Of force and moment, NaN where none is known, over the central three quarters: over: rms error over rms
+    claim within the band; beside: rms error over that of the witness within it; plain and beside_plain: the
+    same without a band; relative: rms error over that of the truth; inside: share of the components within
+    their 95 % intervals. drawn: names and numbers of what was drawn; seconds: of CPU.
+    """
+
+    number: int
+    drawn: dict[str, Any]
+    verdict: str
+    codes: tuple[str, ...]
+    seconds: float
+    degrading: tuple[str, ...] = ()
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
+    inside: tuple[float, ...] = UNKNOWN
+    plain: tuple[float, ...] = UNKNOWN
+    beside_plain: tuple[float, ...] = UNKNOWN
+    relative: tuple[float, ...] = UNKNOWN
+
+    @property
+    def worst(self) -> float:
+        """The larger error over claim, 0 where none is known."""
+        return float(np.nan_to_num(self.over).max())
+
+    @property
+    def worst_plain(self) -> float:
+        """The same at all frequencies."""
+        return float(np.nan_to_num(self.plain).max())
+
+    @property
+    def beyond_claim(self) -> bool:
+        """Whether it calls itself ok and is off by more than twice its claim."""
+        return self.verdict == "ok" and self.worst > WRONG
+
+    @property
+    def beyond_witness(self) -> bool:
+        """Whether it calls itself ok and is off by more than twice what the plain route is."""
+        return self.verdict == "ok" and float(np.nan_to_num(self.beside).max()) > WRONG
+
+    @property
+    def silent(self) -> bool:
+        """Whether it calls itself ok and is wrong, by its claim or beside the plain route."""
+        return self.beyond_claim or self.beyond_witness
+
+    @property
+    def needless(self) -> bool:
+        """Whether it is degraded, though all of force and moment that is given is within its claim."""
+        return self.verdict == "degraded" and self.worst <= NEAR
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(str(self.drawn[name]) for name in KINDS if self.drawn[name] is not False)
+        numbers = "{rate:.0f} Hz, {samples} samples, {markers} markers, {noise:.1e} m".format(**self.drawn)
+        off = "; ".join(
+            f"{name} {over:.2f} (plain {plain:.2f}), beside the witness {beside:.2f} ({whole:.2f}), "
+            f"{100 * inside:.0f} % inside, {100 * relative:.3g} % off"
+            for name, over, plain, beside, whole, inside, relative in zip(
+                LOADS,
+                self.over,
+                self.plain,
+                self.beside,
+                self.beside_plain,
+                self.inside,
+                self.relative,
+                strict=True,
+            )
+        )
+        said = f"{self.verdict}{' SILENT' * self.silent}{' needless' * self.needless}"
+        codes = ", ".join(self.codes)
+        return f"{self.number}: {said}; {off}; {kinds}; {numbers}, {self.seconds:.1f} s; {codes}"
+
+
+def judged(case: DrawnRecord, found: Estimate) -> dict[str, tuple[float, ...]]:
+    """Errors of an estimate over its claim, beside the witness, and how often intervals hold the truth."""
+    truth = [case.recording.truth[name] for name in LOADS]
+    band = found.hidden.band if found.hidden else np.full(6, np.inf)
+    band = np.where(np.isfinite(band), band, np.inf)
+    beside, inside, whole = [], [], []
+    for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
+        error, std = (judged_part(a) for a in (getattr(found, name) - true, getattr(found, f"{name}_std")))
+        known = np.isfinite(error) & np.isfinite(std)
+        held = np.abs(error)[known] <= QUANTILE * std[known]
+        inside.append(float(np.mean(held)) if known.any() else np.nan)
+        plain = np.full_like(true, np.nan) if found.witness is None else getattr(found.witness, name)
+        pair = error, judged_part(plain - true)
+        beside.append(over(*pair, band[3 * k : 3 * k + 3], case.drawn.rate))
+        whole.append(over(*pair, np.full(3, np.inf), case.drawn.rate))
+    named = {"beside": beside, "beside_plain": whole, "inside": inside}
+    off = scores(found, truth, band, case.drawn.rate)
+    return off | {name: tuple(values) for name, values in named.items()}
+
+
+def over(error: Array, other: Array, band: Array, rate: float) -> float:
+    """Rms of an error (time, 3) over that of another, each within the band (3,) Hz, where both are known."""
+    both = np.isfinite(error + other).all(1)
+    if not both.any():
+        return float("nan")
+    squares = [
+        sum(np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(off[both].T, band, strict=True))
+        for off in (error, other)
+    ]
+    return float(np.sqrt(squares[0] / squares[1]))
+
+
+def outcome_of(job: tuple[int, int]) -> Outcome:
+    """What comes of a record of a seed and a number."""
+    seed, number = job
+    case = drawn_record(seed, number)
+    tried = within(PATIENCE, lambda: attempt(case.recording, **case.settings))
+    drawn = asdict(case.drawn)
+    if tried is None:
+        return Outcome(number, drawn, "stopped", (), PATIENCE)
+    if tried.found is None:
+        return Outcome(number, drawn, tried.verdict, tried.codes, tried.seconds)
+    held = tuple(f.code for f in tried.found.verdict.findings if f.level != "ok")
+    off = judged(case, tried.found)
+    return Outcome(number, drawn, tried.verdict, tried.codes, tried.seconds, held, **off)
