@@ -243,9 +243,5 @@ def known_keys(section: type[Section]) -> dict[str, type[Section] | None]:
 
 
 def to_toml(settings: Section) -> str:
-    r"""Settings as TOML text that `load_settings` reads back to the same record.
-
-    >>> "method = \"spline\"" in to_toml(load_settings(method="spline"))
-    True
-    """
+    """Settings as TOML text that `load_settings` reads back to the same record."""
     return tomli_w.dumps(settings.model_dump(mode="json", by_alias=True, exclude_none=True))

@@ -286,11 +286,7 @@ class Finding:
 
     @property
     def cause(self) -> tuple[str, ...]:
-        """What findings of one cause have in common: the code, and what it is about, without numbers.
-
-        >>> Finding("joint-apart", "degraded", {"joint": "hip", "off_mm": 3.0}, "...").cause
-        ('joint-apart', 'hip')
-        """
+        """What findings of one cause have in common: the code, and what it is about, without numbers."""
         return (self.code, *(str(self.values[name]) for name in ABOUT if name in self.values))
 
 

@@ -21,12 +21,7 @@ def _controller() -> ThreadpoolController:
 
 @contextmanager
 def threads_for(rows: int) -> Iterator[None]:
-    """As many threads of BLAS as matrices of so many rows can use: one below LARGE, else as they were.
-
-    >>> with threads_for(6):
-    ...     {library["num_threads"] for library in _controller().info() if library["user_api"] == "blas"}
-    {1}
-    """
+    """As many threads of BLAS as matrices of so many rows can use: one below LARGE, else as they were."""
     if rows >= LARGE:
         yield
         return

@@ -34,12 +34,6 @@ def stage(name: Stage) -> Iterator[None]:
     """A stage, as a context or on a function: its time counts for it, less that of the stages within.
 
     Nothing happens where nobody records.
-
-    >>> with recorded() as spent:
-    ...     with stage("level"), stage("flight"):
-    ...         pass
-    >>> sorted(spent)
-    ['flight', 'level']
     """
     spent = _spent.get()
     if spent is None:

@@ -22,11 +22,7 @@ ESTIMATE_SAID = (
 
 
 def to_json(record: Mapping[str, Any]) -> str:
-    """The record as one line of strict JSON; what is not finite becomes null.
-
-    >>> to_json({"force_mean": [1.0, float("nan")], "verdict": "ok"})
-    '{"force_mean": [1.0, null], "verdict": "ok"}'
-    """
+    """The record as one line of strict JSON; what is not finite becomes null."""
     return json.dumps(finite_or_none(record), allow_nan=False)
 
 

@@ -222,13 +222,7 @@ def points_of(kernel: Matern) -> Array:
 
 
 def in_doubt(expected: dict[int, float]) -> tuple[int, ...]:
-    """The orders that may be the `smoothest`, or decide it, where evidence is expected with a DOUBT.
-
-    >>> in_doubt({1: -40.0, 2: -3.0, 3: -1.0, 4: -20.0})
-    (3,)
-    >>> in_doubt({1: -40.0, 2: 0.0, 3: -1.0, 4: -8.0})
-    (2, 3, 4)
-    """
+    """The orders that may be the `smoothest`, or decide it, where evidence is expected with a DOUBT."""
     first = smoothest(expected)
     if len(expected) == 1:
         return (first,)
@@ -248,11 +242,6 @@ def smoothest(evidence: dict[int, float]) -> int:
     """The highest order whose evidence is within PATIENCE of the best; above FREE it must be the best itself.
 
     So smooth a load is claimed with so little error that the record has to ask for it.
-
-    >>> smoothest({1: -10.0, 2: 0.0, 3: -4.0, 4: -9.0})
-    3
-    >>> smoothest({4: 0.0, 6: 0.9}), smoothest({4: 0.0, 6: 1.1})
-    (4, 6)
     """
     free = {order: value for order, value in evidence.items() if order <= FREE}
     top = max(evidence, key=lambda order: evidence[order])

@@ -89,11 +89,7 @@ def channels(innovation: Array) -> Array:
 
 
 def correlogram(values: Array) -> Array:
-    """Correlation of values (time,) with themselves at lags 1, 2, ...; gaps count as nothing.
-
-    >>> correlogram(np.array([1.0, -1.0] * 50))[:2].round(2)
-    array([-0.99,  0.98])
-    """
+    """Correlation of values (time,) with themselves at lags 1, 2, ...; gaps count as nothing."""
     x = np.nan_to_num(values - np.nanmean(values))
     rho: Array = np.array([x[k:] @ x[:-k] for k in range(1, min(LAGS_DRAWN, len(x) - 1) + 1)]) / max(
         x @ x, 1e-300

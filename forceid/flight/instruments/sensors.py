@@ -135,17 +135,7 @@ class Sensed:
 
 
 def sensed(sensors: Sensors, moved: Moved, steady: Array) -> Sensed:
-    """What sensors read of a flight, and how that depends on it; steady numbers as given.
-
-    >>> from forceid.flight.instruments import INSTRUMENTS, GYRO, ACCELEROMETER
-    >>> sensors = Sensors((GYRO, ACCELEROMETER), np.zeros((1, 2, 1, 3)), np.array([[0.1, 0.0, 0.0]]),
-    ...                   np.eye(3)[None], np.ones((2, 1)), np.ones((2, 1)))
-    >>> J, at_rest = 1e-3 * np.eye(3)[None], np.zeros((1, 3))
-    >>> spun = Moved(np.eye(3)[None], np.array([[0.0, 0, 0.02]]), at_rest, np.array([[0.0, 0, 0.5]]), 0.5,
-    ...              J, 0 * J, at_rest, at_rest)
-    >>> sensed(sensors, spun, np.zeros(2)).reading.round(9) + 0.0
-    array([[  0.,   0.,  20., -40.,   0.,   1.]])
-    """
+    """What sensors read of a flight, and how that depends on it; steady numbers as given."""
     clock, own = sensors.clock(steady).tolist(), steady[: len(sensors.owner)]
     then = {late: moved.later(late) for late in clock}
     here = {late: in_body(at) for late, at in then.items()}

@@ -16,9 +16,8 @@ from scipy.linalg import block_diag
 
 from forceid.errors import DataError
 from forceid.partition.operators.blocks import Apply
-from forceid.partition.operators.flexibility import flexibility
+from forceid.partition.operators.flexibility import flexibility, preconditioner
 from forceid.partition.operators.inverse import Factor, block_products, factor_parts, solved
-from forceid.partition.operators.preconditioners import preconditioner
 from forceid.partition.operators.projection import Projection
 from forceid.partition.operators.topology import Topology, slices
 from forceid.partition.validation import finite
