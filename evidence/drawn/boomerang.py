@@ -96,7 +96,7 @@ def routes(recording: Any) -> list[Callable[[int, int], tuple[Any, Any]]]:
         return center(*way), np.einsum("tab,tb->ta", inertia, alpha) + np.cross(omega, H)
 
     def first_moment(*way: int) -> tuple[Any, Any]:
-        Y = angular_channel(motion.time, R, shown.pose.cov[:, 3:, 3:], *still).Y
+        Y = angular_channel(motion.time, R, shown.pose.cov[:, 3:, 3:], *still).z
         return center(*way), smooth(Y, *way)
 
     return [*([masses] if np.isfinite(x).all() else []), kabsch, first_moment]

@@ -24,7 +24,8 @@ from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.methods.problem import Look, Solution
+from forceid.estimation.loads.channels import DrivenMotion
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.levels import Step
@@ -145,7 +146,7 @@ def taken(recording: Recording) -> tuple[str, str, float]:
     settings, engine = load_settings(lines="none"), kalman.engine("auto")
     body, motion, began = recording.body, recording.motion, time.process_time()
 
-    def solve(level: Settings, kin: Kinematics, shown: Look | None) -> Solution:
+    def solve(level: Settings, kin: Kinematics, shown: DrivenMotion | None) -> Solution:
         return estimate_flight(body, motion, level, engine, kin, shown)
 
     kin = kinematics(body, motion, settings)

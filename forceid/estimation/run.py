@@ -15,20 +15,20 @@ from forceid.estimation.affine.first_moments import given_stress, observed_first
 from forceid.estimation.applied import about_point, applied_loads, check_points, place
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
-from forceid.estimation.body.deforming.node_rotations import without_node_rotations
+from forceid.estimation.body.inertia import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
-from forceid.estimation.body.segments.joint_gaps import shows_segments
+from forceid.estimation.body.segment_noise import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
-from forceid.estimation.known.beside import Beside, beside_known
 from forceid.estimation.known.loads import known_loads
-from forceid.estimation.known.removal import KnownWrench
+from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
+from forceid.estimation.loads.channels import DrivenMotion
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.methods.problem import Look, Solution
-from forceid.estimation.methods.segments.in_segments import SEGMENTS, estimate_in_segments
+from forceid.estimation.methods.in_segments import SEGMENTS, estimate_in_segments
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.methods.smoother import estimate_flight
 from forceid.estimation.model_choice.ladder import choose_level
 from forceid.estimation.model_choice.words import LevelChoice, without_choice
@@ -148,7 +148,10 @@ def estimate_beside(
     if beside is not None:
         motion = beside.taken.removed(motion)
     if kin is None:
-        solution, choice = from_sensors(body, motion, settings)
+        solution = estimate_unmarked(body, motion, settings, engine(settings.engine))
+        choice = without_choice("rigid", "sensors alone show no deformation")
+        if settings.model != "auto":
+            choice = without_choice(settings.model, "it was asked for")
     else:
         seen = kin if motion is recording.motion else kinematics(body, motion, settings)
         kin = kin if beside is None else seen
@@ -182,14 +185,6 @@ def estimate_beside(
     return result, solution
 
 
-def from_sensors(body: Body, motion: Motion, settings: Settings) -> tuple[Solution, LevelChoice]:
-    """The solution of a recording of sensors alone, which show no level."""
-    solution = estimate_unmarked(body, motion, settings, engine(settings.engine))
-    if settings.model != "auto":
-        return solution, without_choice(settings.model, "it was asked for")
-    return solution, without_choice("rigid", "sensors alone show no deformation")
-
-
 def of_segments(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
@@ -207,7 +202,7 @@ def at_its_level(
     """The solution at the level asked for or chosen, and why that; kin: of the motion, cleaned."""
     passes = engine(settings.engine)
 
-    def at(level: Settings, seen: Kinematics, shown: Look | None = None) -> Solution:
+    def at(level: Settings, seen: Kinematics, shown: DrivenMotion | None = None) -> Solution:
         if settings.method in ("smoother", "filter"):
             return estimate_flight(body, motion, level, passes, seen, shown)
         return estimate_classic(body, motion, level, passes, seen)
@@ -309,13 +304,16 @@ def assemble(
     )
     force_std = deviation(state.wrench_cov)[:, :3]
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
+    shape_said = [*judge_shape(kin, motion, recording.body, left), *judge_common(kin)]
+    if not settings.part:  # parts stand where their joints let them
+        shape_said = [*judge_reference(recording.body, kin), *shape_said]
     findings = [
         *findings,
         *judge_leakage(leaks, kin),
         *judge_overlap(kin, solution.deformation.amplitude, solution.priors, force_std),
         *judge_size(kin),
         *judge_haste(kin, state.force),
-        *([] if kin.model == SEGMENTS else judged_shape(kin, recording, left, settings)),
+        *([] if kin.model == SEGMENTS else shape_said),
         *judge_roughness(solution.priors),
         *judge_tuning(kin, solution.noise_at_limit),
         *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
@@ -347,15 +345,6 @@ def assemble(
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
     )  # fmt: skip
     return replace(result, **turning)
-
-
-def judged_shape(
-    kin: Kinematics, recording: Recording, left: float | None, settings: Settings
-) -> list[Finding]:
-    """What is to say of a shape, where the body has one; parts stand where their joints let them."""
-    body, motion = recording.body, recording.motion
-    elsewhere = [] if settings.part else judge_reference(body, kin)
-    return [*elsewhere, *judge_shape(kin, motion, body, left), *judge_common(kin)]
 
 
 def reach(solution: Solution) -> Array:

@@ -67,7 +67,7 @@ def test_the_first_moment_of_a_free_body_grows_evenly_however_far_it_turns():
     time, R, H = flying(0.9)
     C = np.tile(1e-8 * np.eye(3), (len(R), 1, 1))
     channel = angular_channel(time, R, C, *still(len(R)))
-    np.testing.assert_allclose(channel.Y, time[:, None] * H, atol=1e-4 * np.linalg.norm(H) * time[-1])
+    np.testing.assert_allclose(channel.z, time[:, None] * H, atol=1e-4 * np.linalg.norm(H) * time[-1])
 
 
 def test_the_noise_of_the_first_moment_is_what_its_covariances_say():
@@ -76,6 +76,6 @@ def test_the_noise_of_the_first_moment_is_what_its_covariances_say():
     for _ in range(30):
         noisy = Rotation.from_rotvec(1e-3 * rng.standard_normal((len(R), 3))).as_matrix() @ R
         channel = angular_channel(time, noisy, C, *still(len(R)))
-        ends.append(channel.Y[-1] - time[-1] * H)
+        ends.append(channel.z[-1] - time[-1] * H)
     claimed = np.trace(channel.drift) * time[-1] + np.trace(channel.noise_cov[-1])
     assert np.mean(np.sum(np.square(ends), 1)) == pytest.approx(claimed, rel=0.45)

@@ -46,7 +46,7 @@ def bound(
     fallen = pose.center - 0.5 * flight.time[:, None] ** 2 * flight.gravity
     fallen -= fallen[known][0]
     turned = angular_channel(flight.time, pose.rotation, cov[:, 3:, 3:], flight.inertia, flight.h)
-    path = turned.Y - turned.Y[np.isfinite(turned.Y).all(1)][0]
+    path = turned.moved
     priors = []
     axes, size, _ = np.linalg.svd(np.eye(3) if mixed is None else mixed)
     loads = (

@@ -30,7 +30,7 @@ def observed_first_moments(
     if kin.model != "affine" or solution.smoothing is None or deformation.motion_cov is None:
         return None, ()
     motion = affine_motion(kin, solution.state, deformation)
-    said = (*undetermined(motion), *unclear_map(solution, motion))
+    said = undetermined(solution, motion)
     solid = None if kin.markers is None else solid_of(kin.markers.body)
     if solid is None:
         return motion, said
@@ -66,8 +66,10 @@ def with_stress(motion: AffineMotion, solution: Solution, solid: Solid, settings
     )  # fmt: skip
 
 
-def undetermined(motion: AffineMotion) -> tuple[Finding, ...]:
-    """What markers and mass leave open of stretch, force and first moments."""
+def undetermined(solution: Solution, motion: AffineMotion) -> tuple[Finding, ...]:
+    """What markers and mass leave open of stretch, force and first moments; and where the markers of a frame
+    hardly show F, so that nothing stands out of their noise.
+    """
     shapes, found = motion.shapes, []
     if shapes.plane:
         found.append(note("stretch-open"))
@@ -77,17 +79,14 @@ def undetermined(motion: AffineMotion) -> tuple[Finding, ...]:
         found.append(note("affine-force-open"))
     if not shapes.whole:
         found.append(note("first-moments-open"))
-    return tuple(found)
-
-
-def unclear_map(solution: Solution, motion: AffineMotion) -> tuple[Finding, ...]:
-    """What to say where the markers of a frame hardly show F, so that nothing stands out of their noise."""
     kin = solution.kinematics
     assert kin.markers is not None
     x, noise = kin.markers.X[kin.seen], kin.noise["position"]
     observed = motion.shapes.span.shape[1]  # directions in which F is looked at
     off = noise / float(np.linalg.svd(x - x.mean(0), compute_uv=False)[observed - 1])
-    return () if off < UNCLEAR else (note("stretch-in-noise", stretch=off, noise_m=noise),)
+    if not off < UNCLEAR:
+        found.append(note("stretch-in-noise", stretch=off, noise_m=noise))
+    return tuple(found)
 
 
 def given_stress(state: FlightState, motion: AffineMotion | None, known: Array) -> FlightState:

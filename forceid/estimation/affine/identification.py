@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from forceid.errors import DataError
 from forceid.estimation.affine.free_flight import LAWS, UNKNOWN, FreeBody
 from forceid.estimation.body.affine_fit import fit_affine
-from forceid.estimation.body.inertia import inertia_of
+from forceid.estimation.body.inertia import inertia_of, second_moment
 from forceid.estimation.body.markers import marker_noise
 from forceid.records import Array, Body, Motion
 from forceid.rounding import ITERATIONS
@@ -91,7 +91,7 @@ def frames_of(body: Body, motion: Motion, stated: float | None) -> Frames:
             "holds no markers", "/motion/position", "constants of a material show in markers only"
         )
     inertia = inertia_of(body)
-    E = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
+    E = second_moment(inertia.tensor)
     if not (np.linalg.eigvalsh(E) > 1e-6 * np.trace(E)).all():
         raise DataError("has no breadth", "/body", "an affine body needs mass off a plane")
     X = body.position - inertia.center

@@ -1,4 +1,10 @@
-"""What markers show beyond the rigid motion, and how likely it is in a few shapes under a dynamic prior."""
+"""What markers show beyond the rigid motion, and how likely it is in a few shapes under a dynamic prior.
+
+An affine map takes every marker along, and mass beside them by a lever: what the markers do beside the map
+enters the momenta by it. A body that keeps its shape between markers and mass errs by no more than all mass
+moving as the markers do beside the rigid motion (Cauchy and Schwarz). Where the lever makes more of what is
+not affine, the map is the worse guess, however well it fits.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
 
+from forceid.estimation.body.inertia import moments_of_whole
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
 from forceid.estimation.body.tracks.noise_axes import NO_AXIS, uneven
@@ -180,3 +187,46 @@ def correlation(left: Array, dof: int) -> tuple[float, bool]:
     r = np.array([float((y[k:] * y[:-k]).sum()) for k in lags]) / max(power, 1e-300)
     portmanteau = float((r**2).sum()) * len(y) * dof
     return float(r[np.abs(r).argmax()]), bool(portmanteau > chdtri(len(r), CHANCE))
+
+
+def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:
+    """Whether the affine map of `kin` is a better guess of mass without markers than a shape that is kept.
+
+    Always where all mass is seen, which needs no map. With as many shapes as the markers show nothing checks
+    the map: then all that moves may be beside it.
+    """
+    inertia = kin.inertia
+    if inertia.nodal is not None and not (inertia.weight[~kin.seen] > 0).any():
+        return True
+    Z = np.column_stack([np.ones(len(kin.shape)), kin.shape])
+    moments = moments_of_whole(inertia.mass, inertia.tensor)
+    if inertia.nodal is not None:
+        moments = np.asarray(Z.T @ (inertia.weight[:, None] * Z))
+    reach = lever(kin.shape, beyond.kept, moments)
+    axes = principal_axes(beyond.y, beyond.of(kin.shapes))
+    left = beyond.y - beyond.y @ axes @ axes.T
+    dof = beyond.y.shape[1] - axes.shape[1]
+    moves = excess(beyond.y, beyond.y.shape[1], beyond.var)
+    return reach**2 * (excess(left, dof, beyond.var) if dof else moves) <= moves
+
+
+def lever(X: Array, marked: Flags, moments: Array) -> float:
+    """Momentum, linear or angular, that alike and independent motions of markers give an affine body.
+
+    X (node, 3) m about the mass center, marked (node,), moments (4, 4): sum of m Z Z over all mass, Z = [1,
+    X]. Over that of a body whose mass all moves as the markers do; infinite where they show no affine map.
+    """
+    Z = np.column_stack([np.ones(len(X)), X])[marked]
+    if not np.isfinite(moments).all() or np.linalg.matrix_rank(Z) < 4:
+        return np.inf
+    share = moments @ np.linalg.pinv(Z)
+    mass, turning = moments[0, 0], float(np.trace(moments[1:, 1:]))
+    force = float((share[0] ** 2).sum()) / mass**2
+    moment = 2 * float((share[1:] ** 2).sum()) / (3 * mass * turning) if turning > 0 else 0.0
+    return float(np.sqrt(max(force, moment)))
+
+
+def excess(y: Array, dof: int, var: float) -> float:
+    """Mean square (m2) per degree of freedom of y (time, freedom), NaN rows left out, beyond the noise."""
+    whole = y[np.isfinite(y).all(1)]
+    return max(float((whole**2).sum()) / len(whole) / dof - var, 0.0)

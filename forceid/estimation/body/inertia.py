@@ -1,14 +1,23 @@
-"""Mass, its center and the inertia tensor of a body, however a file describes it."""
+"""Mass, its center and the inertia tensor of a body, however a file describes it.
+
+Matrices of nodes that have rotations as well, six numbers a node, are made those of the places alone. Markers
+show where nodes are. Where a stiffness says so, the rotations follow the places as they do under forces on
+the places alone, theta = -K_rr^-1 K_rt u, which leaves the mass of every rigid motion as it is (Guyan, AIAA
+J. 3 (1965) 380); without a stiffness they turn with the rigid motion that is nearest to the places. Source:
+principal equations 2.1.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import pinvh
 
 from forceid.errors import DataError
-from forceid.principal import mass_properties
+from forceid.principal import mass_properties, summation_operator
 from forceid.records import Array, Body
+from forceid.rounding import SOLVED
 
 
 @dataclass(frozen=True)
@@ -59,6 +68,11 @@ def inertia_of(body: Body) -> Inertia:
     return Inertia(body.total_mass, center, tensor, None, np.zeros(nodes), affine)
 
 
+def second_moment(tensor: Array) -> Array:
+    """Second moment of mass (3, 3) kg m2, the sum of m X X, of a body with this inertia tensor."""
+    return 0.5 * np.trace(tensor) * np.eye(3) - tensor
+
+
 def momentum_inside(body: Body) -> Array:
     """Angular momentum (3,) kg m2/s, reference axes, of what turns inside a body; zero where not stated."""
     return np.zeros(3) if body.internal_momentum is None else body.internal_momentum
@@ -90,5 +104,48 @@ def moments_of_whole(mass: float, tensor: Array) -> Array:
     [2.0, 3.0, 2.0, 1.0]
     """
     whole = np.zeros((4, 4))
-    whole[0, 0], whole[1:, 1:] = mass, 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    whole[0, 0], whole[1:, 1:] = mass, second_moment(tensor)
     return whole
+
+
+def without_node_rotations(body: Body) -> Body:
+    """The body with matrices (3 node, 3 node) of the places of its nodes; itself where it has no others.
+
+    DataError where one matrix has rotations and the other has none.
+    """
+    count = 0 if body.position is None else len(body.position)
+    wide = {
+        name: value
+        for name in ("mass_matrix", "stiffness")
+        if (value := getattr(body, name)) is not None and len(value) == 6 * count
+    }
+    if not wide or body.position is None:
+        return body
+    M, K = wide.get("mass_matrix"), wide.get("stiffness")
+    if M is not None and body.stiffness is not None and K is None:
+        what = f"has {len(body.stiffness)} rows where the mass matrix has {len(M)}"
+        raise DataError(what, "/body/stiffness", "give rotations of the nodes in both, or in none")
+    T = turning_nodes(body.position, K)
+    found = {name: T.T @ value @ T for name, value in wide.items()}
+    return replace(body, **{name: 0.5 * (value + value.T) for name, value in found.items()})
+
+
+def turning_nodes(position: Array, K: Array | None) -> Array:
+    """Places and rotations (6 node, 3 node) by the places: where no moment acts on a node of stiffness K.
+
+    Without one all nodes turn as the rigid motion nearest.
+
+    >>> K = np.zeros((6, 6))
+    >>> K[3:, 3:], K[3:, :3], K[:3, 3:] = 2 * np.eye(3), np.eye(3), np.eye(3)
+    >>> turning_nodes(np.zeros((1, 3)), K)[3:].tolist()
+    [[-0.5, 0.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, -0.5]]
+    """
+    rows = np.arange(6 * len(position), dtype=np.intp).reshape(-1, 2, 3)
+    place, turn = rows[:, 0].ravel(), rows[:, 1].ravel()
+    T = np.zeros((rows.size, len(place)))
+    T[place] = np.eye(len(place))
+    if K is None:
+        T[turn] = np.tile(np.linalg.pinv(summation_operator(position))[3:], (len(position), 1))
+    else:  # on a straight line all nodes may turn about it together, unseen: the least turn then
+        T[turn] = -pinvh(K[np.ix_(turn, turn)], rtol=SOLVED) @ K[np.ix_(turn, place)]
+    return T

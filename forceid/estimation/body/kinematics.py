@@ -209,8 +209,8 @@ def from_mean_motion(
     attitude = motion.orientation is not None and bool(np.isfinite(inertia.tensor).all())
     attitude = attitude and not inertia.point
     if motion.orientation is not None:
-        whole = np.all(np.isfinite(motion.orientation), axis=1)
-        R[whole] = Rotation.from_quat(motion.orientation[whole]).as_matrix()
+        R = rotations(motion.orientation)
+        whole = np.isfinite(R).all((1, 2))
         pair, steps = whole[1:] & whole[:-1], np.zeros((T, 3))
         steps[1:][pair] = log((R[1:] @ R[:-1].swapaxes(1, 2))[pair])
         angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)
@@ -228,6 +228,15 @@ def from_mean_motion(
         time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude,
         spin=spin, inside=momentum_inside(body), known=motion.known,
     )  # fmt: skip
+
+
+def rotations(quaternion: Array) -> Array:
+    """Rotation matrices (time, 3, 3), NaN where the quaternion is."""
+    R = np.full((len(quaternion), 3, 3), np.nan)
+    seen = np.isfinite(quaternion).all(1)
+    if seen.any():
+        R[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return R
 
 
 def scaled_noise(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:

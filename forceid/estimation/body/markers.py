@@ -9,16 +9,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forceid.estimation.body.deforming.modes import Modes
-from forceid.estimation.body.deforming.shapes import check_scale, modes_of, rank_of, spinning_shape
+from forceid.errors import DataError
+from forceid.estimation.body.deforming.modes import (
+    Modes,
+    deflected_shape,
+    elastic_modes,
+    given_modes,
+    mean_shape,
+)
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
-from forceid.motion import body_axes, fit_rotation, noise_variance
+from forceid.motion import body_axes, fit_rotation, noise_variance, pose_rank
+from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
+from forceid.significance import WILD
 
 ROUNDOFF = float(np.finfo(np.float32).eps)  # of the size of the motion: noise below this is not believed
+SIZE = 3.0  # times the reference shape, or its third, that no body stretches to
 
 
 @dataclass(frozen=True)
@@ -108,3 +117,63 @@ def marker_noise(time: Array, x: Array) -> float:
     """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
     frames = np.isfinite(x).all(2).sum(0)
     return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
+
+
+def check_scale(x: Array, X: Array) -> None:
+    """A DataError where marker tracks x (time, node, 3) are not of the size of the shape X (node, 3).
+
+    A body may bend and stretch; three times its size is a unit that is not what it says.
+    """
+    seen: Flags = np.asarray(np.isfinite(x).all(2))
+    count = np.maximum(seen.sum(1), 1)[:, None]
+
+    def size(a: Array) -> Array:
+        a = np.where(seen[..., None], a, 0.0)
+        off = np.where(seen[..., None], a - (a.sum(1) / count)[:, None], 0.0)
+        return np.asarray(np.sqrt((off**2).sum((1, 2)) / count[:, 0]))
+
+    moving, still = size(x), size(np.broadcast_to(X, x.shape))
+    both = (moving > 0) & (still > 0)
+    if not both.any():
+        return
+    ratio = float(np.median(moving[both] / still[both]))
+    if not 1 / SIZE < ratio < SIZE:
+        raise DataError(
+            f"spans {ratio:.2g} times what the reference shape does (median of {both.sum()} frames), "
+            "expected about the same",
+            "/motion/position",
+            "check the units of /motion/position and /body/position",
+        )
+
+
+def rank_of(shape: Array, nodes: Flags) -> int:
+    """Rank of the rigid-body modes that the named nodes see."""
+    return pose_rank(summation_operator(shape[nodes])) if nodes.any() else 0
+
+
+def spinning_shape(
+    time: Array, x: Array, X: Array, inertia: Inertia, modes: Modes | None, weight: Array, sigma: float
+) -> Array:
+    """The mean shape, where the record shows that it is not the reference shape; else the reference."""
+    shape = mean_shape(x, X, weight)
+    frames = np.isfinite(x).all(2).sum(0)
+    error = sigma / np.sqrt(frames.clip(1))
+    if not (np.abs(shape - X).max(1) > WILD * error).any():
+        return X
+    hidden = (inertia.weight > 0) & (frames == 0)
+    if modes is None or inertia.nodal is None or not hidden.any():
+        return shape
+    return deflected_shape(time, x, X, modes, inertia.nodal, weight, sigma**2)
+
+
+def modes_of(body: Body, inertia: Inertia) -> Modes | None:
+    """The modes that a body brings with it, as shapes or as a stiffness."""
+    nodal = inertia.nodal
+    if body.position is None or nodal is None:
+        return None if body.mode_shape is None else Modes(body.mode_shape)
+    X = body.position - inertia.center
+    if body.mode_shape is not None:
+        return given_modes(body.mode_shape, body.mode_frequency, nodal, X)
+    if body.stiffness is None or rank_of(X, inertia.weight > 0) < 6:  # masses on a line: no mass gauge
+        return None
+    return elastic_modes(nodal, body.stiffness, X)

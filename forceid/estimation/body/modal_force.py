@@ -36,7 +36,10 @@ def modal_forces(kin: Kinematics, state: FlightState, deformation: Deformation) 
     flat = shape.reshape(len(shape), -1)
     weighed = flat * np.repeat(nodal, 3) if nodal.ndim == 1 else flat @ nodal
     mass = np.einsum("ki,ki->k", weighed, flat)
-    load = deformation.path[:, ModeState.LOAD :: deformation.prior.states] - answer(deformation)
+    load = deformation.path[:, ModeState.LOAD :: deformation.prior.states]
+    answered = deformation.answered
+    if answered is not None and answered.spring is not None and answered.brake is not None:
+        load = load - np.asarray(answered.spring * deformation.amplitude + answered.brake * deformation.rate)
     bent = np.einsum("kna,na->k", weighed.reshape(shape.shape), kin.shape - markers.X) / mass
     turning = spin_forces(
         kin, state, weighed.reshape(shape.shape), shape, deformation.amplitude + bent, deformation.rate
@@ -53,14 +56,6 @@ def modal_forces(kin: Kinematics, state: FlightState, deformation: Deformation) 
         np.outer(size * mass, size * mass) * cov,
         None if deformation.with_wrench is None else size * mass * deformation.with_wrench,
     )
-
-
-def answer(deformation: Deformation) -> Array:
-    """What loads take up of the motion of modes that they answer (time, mode) m/s2; zero where none do."""
-    prior = deformation.answered
-    if prior is None or prior.spring is None or prior.brake is None:
-        return np.zeros_like(deformation.amplitude)
-    return np.asarray(prior.spring * deformation.amplitude + prior.brake * deformation.rate)
 
 
 def spin_forces(

@@ -15,9 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.estimation.body.inertia import Inertia
-from forceid.estimation.body.spin import Spin, spin_about, spun
-from forceid.estimation.body.tracks.line_motion import directions, without_spin
+from forceid.estimation.body.inertia import Inertia, second_moment
+from forceid.estimation.body.spin import Spin, directions, spin_about, spun, without_spin
 from forceid.flight.smoother import FlightState
 from forceid.motion import Pose, body_axes
 from forceid.records import Array, Flags
@@ -65,7 +64,7 @@ def as_sphere(inertia: Inertia, X: Array) -> Inertia:
 
 def principal_second_moments(tensor: Array) -> tuple[Array, Array]:
     """Principal second moments of mass (3,) kg m2, ascending, and their axes as columns (3, 3)."""
-    second, axes = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
+    second, axes = np.linalg.eigh(second_moment(tensor))
     return np.asarray(second), np.asarray(axes)
 
 

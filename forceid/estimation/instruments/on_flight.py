@@ -216,11 +216,6 @@ def mounted(position: Array, shapes: Array, points: Array) -> tuple[Array, Array
     position (node, 3) and points (point, 3) m, reference axes; tilt in rad per unit of amplitude. Those of
     the rigid motion that fits the nodes about a point best, the near ones weighed most: what is screwed on
     there moves so. A point on a node moves as the node does. Source: principal equations 4d.
-
-    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    >>> moved, tilt = mounted(square, np.cross([0, 0, 0.1], square)[None], np.array([[0.5, 0.5, 0]]))
-    >>> moved[0, 0].round(6).tolist(), tilt[0, 0].round(6).tolist()
-    ([-0.05, 0.05, 0.0], [0.0, 0.0, 0.1])
     """
     size = float(np.linalg.norm(position - position.mean(0), axis=1).max())
     flat = shapes.reshape(len(shapes), -1).T

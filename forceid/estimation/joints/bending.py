@@ -85,12 +85,6 @@ def carried(joint: Joint, part: Part, solution: Solution | None, time: int) -> C
 def affine_about(at: Array, X: Array, fields: Array) -> tuple[Array, Array]:
     """Values (field, 3) and gradients (field, 3, 3) at a place (3,) of fields (field, node, 3) on nodes X
     (node, 3).
-
-    >>> X = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> G = np.array([[0.0, 0.2, 0], [0, 0, 0], [0, 0, 0]])
-    >>> value, gradient = affine_about(np.array([0.5, 0.5, 0.5]), X, (X @ G.T)[None])
-    >>> np.allclose(value, [[0.1, 0, 0]]), np.allclose(gradient, G)
-    (True, True)
     """
     off = X - at
     length = float(np.sqrt((off**2).sum(1).mean()))

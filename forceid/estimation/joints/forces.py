@@ -8,22 +8,21 @@ the parts. Where the parts were smoothed they are smoothed again, together. Sour
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.joints.checks import empty_interface, judge_joints, of_part
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
-from forceid.estimation.joints.parts import parts_of
-from forceid.estimation.joints.together import smooth_linked_parts
+from forceid.estimation.joints.parts import Joint, Part, parts_of
+from forceid.estimation.joints.together import chance_limit, smooth_linked_parts
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
-from forceid.records import Estimate, Finding, Interface, Recording
-from forceid.significance import WILD
+from forceid.records import Array, Estimate, Finding, Flags, Interface, Level, Recording, Verdict
+from forceid.significance import SIGMAS, WILD
 from forceid.timing import stage
 
 SolveRecording = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
@@ -88,3 +87,53 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     )  # fmt: skip
     findings += judge_joints(result, linkage.gap_cov, wrench)
     return replace(result, verdict=judge(findings))
+
+
+def judge_joints(found: Interface, gap_cov: Array, wrench: Array) -> list[Finding]:
+    """Joints that the motion does not tell, balances that do not close, and parts apart at their joint.
+
+    gap_cov (time, joint, 3, 3) m2 of the gaps; wrench (time, part, 6): of the parts, from which the joints'
+    were found. Two parts smooth a load between them alike, so that balances close better than claimed.
+    """
+    findings = []
+    if not found.determined.all():
+        names = ", ".join(n for n, known in zip(found.name, found.determined, strict=True) if not known)
+        findings.append(
+            note("joint-undetermined", None if found.determined.any() else "refused", names=names)
+        )
+    seen = np.isfinite(found.chi_square)
+    if found.dof and seen.any():
+        limit = chance_limit(wrench[seen].reshape(seen.sum(), -1), found.dof)
+        if found.consistency > limit:
+            level: Level = "refused" if found.consistency > WILD**2 else "degraded"
+            findings.append(note("balances-open", level, left=found.consistency, limit=limit))
+    apart = np.sqrt((found.gap**2).sum(2).mean(0))
+    noise = np.sqrt(np.einsum("tjaa->tj", gap_cov).mean(0))
+    for name, off, size in zip(found.name, apart, noise, strict=True):
+        if off > SIGMAS * size:
+            findings.append(note("joint-apart", joint=name, off_mm=1e3 * off, noise_mm=1e3 * size))
+    return findings
+
+
+def of_part(finding: Finding, part: str, verdict: Level) -> Finding:
+    """A finding on a part, by its name, as one on the joints: refused where the verdict on the part is."""
+    return replace(
+        finding,
+        level="refused" if verdict == "refused" else "degraded",
+        values={**finding.values, "part": part},
+        text=f"part {part}: {finding.text}",
+    )
+
+
+def empty_interface(
+    joints: Sequence[Joint], parts: Sequence[Part], point: Array, gap: Array, determined: Flags, said: Verdict
+) -> Interface:
+    """Joints at point (time, joint, 3), apart by a gap, of which no force is known."""
+    none = np.full(point.shape, np.nan)
+    return Interface(
+        name=tuple(j.name for j in joints),
+        parts=tuple(j.names(parts) for j in joints),
+        force=none, moment=none, wrench_cov=np.full((*none.shape[:2], 6, 6), np.nan), point=point,
+        determined=determined, null_space=np.zeros((len(joints), 6, 0)), gap=gap,
+        chi_square=np.full(len(point), np.nan), dof=0, verdict=said,
+    )  # fmt: skip

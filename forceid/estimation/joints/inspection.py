@@ -10,7 +10,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.joints.checks import empty_interface, judge_joints, of_part
+from forceid.estimation.joints.forces import empty_interface, judge_joints, of_part
 from forceid.estimation.joints.linkage import Linkage, balances, linkage_at, passed
 from forceid.estimation.joints.parts import Joint, Part, parts_of
 from forceid.estimation.joints.prospects import (

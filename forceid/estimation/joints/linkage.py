@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from forceid.estimation.body.kinematics import rotations
 from forceid.estimation.joints.bending import Carried, carried
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.problem import Solution
@@ -186,12 +186,3 @@ def rotation_of(estimate: Estimate, solution: Solution | None) -> Array:
     if solution is not None and np.isfinite(solution.state.rotation).any():
         return solution.state.rotation
     return rotations(estimate.orientation)
-
-
-def rotations(quaternion: Array) -> Array:
-    """Rotation matrices (time, 3, 3), NaN where the quaternion is."""
-    R = np.full((len(quaternion), 3, 3), np.nan)
-    seen = np.isfinite(quaternion).all(1)
-    if seen.any():
-        R[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
-    return R

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.estimation.joints.bending import Bending
-from forceid.estimation.joints.checks import chance_limit
 from forceid.estimation.joints.constraints import (
     Constraints,
     PartMotion,
@@ -36,7 +36,7 @@ from forceid.kalman.engines import engine
 from forceid.principal import transport
 from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
-from forceid.significance import SIGMAS
+from forceid.significance import DENIED, SIGMAS
 
 HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
 
@@ -57,7 +57,9 @@ def smooth_linked_parts(
         return None
     found: list[tuple[float, list[LinkedPart], Priors, Bending, Constraints, list[Finding]]] = []
     near = np.zeros(6)
-    for order in orders_of(solutions):
+    kernels = [p.kernel for s in solutions if s and s.smoothing for p in s.smoothing.priors.values()]
+    top = max((kernel.order for kernel in kernels), default=0)
+    for order in sorted({min(order, top) for order in (FREE, FREE - 1)}, reverse=True):  # the smoothest first
         linked = linked_parts(solutions, order, passes)
         if not linked:
             return None
@@ -95,13 +97,6 @@ def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
     frames = [s.smoothing.flight.pose_cov for s in solutions if s is not None and s.smoothing is not None]
     noise = [float(np.sqrt(np.nanmean(np.einsum("taa->t", cov[:, :3, :3])))) for cov in frames]
     return max(noise, default=0.0) < SINGLE * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
-
-
-def orders_of(solutions: list[Solution | None]) -> list[int]:
-    """Highest orders of priors to try, the smoothest first: that of the parts, and those below it."""
-    smoothed = [s.smoothing for s in solutions if s is not None and s.smoothing is not None]
-    top = max((p.kernel.order for s in smoothed for p in s.priors.values()), default=0)
-    return sorted({min(order, top) for order in (FREE, FREE - 1)}, reverse=True)
 
 
 def constraints_of(
@@ -200,3 +195,16 @@ def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> A
         light = np.linalg.eigvalsh(flight.inertia)[:, 0]
         found.append(cov / np.stack([np.full(len(cov), flight.mass**2), light**2], 1))
     return np.asarray(HELD**2 * sum(found))
+
+
+def chance_limit(series: Array, dof: int) -> float:
+    """The mean square per degree of freedom, of `dof` a sample, that chance reaches in one honest record in
+    ten thousand; series (time, column) turns about its mean as often as its samples are independent.
+
+    >>> slow = np.sin(np.arange(400.0)[:, None] / 40)
+    >>> chance_limit(slow, 3) > chance_limit(slow[:, [0]] * (-1) ** np.arange(400)[:, None], 3) > 1
+    True
+    """
+    turns = np.diff(np.sign(series - series.mean(0)), axis=0) != 0
+    independent = max(1.0, float(turns.sum(0).mean()))
+    return float(chdtri(dof * independent, DENIED) / (dof * independent))

@@ -58,7 +58,7 @@ def live(
     merged = load_settings(config, **settings)
     recording = recording_from_tree(tree, merged.gravity)
     pace = Pace(lag, first, retune)
-    return followed_live(frames, recording, merged, pace, tuned_on_file, tell or silent)
+    return followed_live(frames, recording, merged, pace, tuned_on_file, tell or (lambda _: None))
 
 
 def followed_live(
@@ -92,10 +92,6 @@ def live_pace(lag: float | None, first: float | None, retune: float | None) -> P
     """A pace from what is given, else as it is by default."""
     usual = (LIVE_LAG, LIVE_FIRST, LIVE_RETUNE)
     return Pace(*(u if g is None else g for u, g in zip(usual, (lag, first, retune), strict=True)))
-
-
-def silent(_: str) -> None:
-    """Says nothing."""
 
 
 def as_frames(frames: Iterable[tuple[float, Any]], nodes: int) -> Iterator[Frame]:

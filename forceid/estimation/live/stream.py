@@ -213,10 +213,6 @@ def onward(
         ended = flight._replace(pending=lost(flight, frame.time, lag, why)[0])
         out = told(model, ended, FOREVER)[1]
     new = begun(model, frame, lag, momentum, why)
-    return new, out if new is not None else (*out, unseen(frame))
-
-
-def unseen(frame: Frame) -> LiveWrench:
-    """What is told at a frame before any pose."""
     nothing = np.full(3, np.nan)
-    return LiveWrench(frame.time, nothing, nothing, nothing, nothing, ("no pose so far",))
+    unseen = LiveWrench(frame.time, nothing, nothing, nothing, nothing, ("no pose so far",))
+    return new, out if new is not None else (*out, unseen)

@@ -19,11 +19,7 @@ GAINED_SHARE = 0.1  # of what its slope promises that a step has to gain
 
 
 def bfgs_maximum(value: Callable[[Array], float], p: Array) -> Array:
-    """A maximum of value(p) near p (k,), of which nothing is known beforehand.
-
-    >>> bfgs_maximum(lambda p: -100 * float((p[0] - 0.5) ** 2 + (p[0] + p[1]) ** 2), np.zeros(2)).round(1)
-    array([ 0.5, -0.5])
-    """
+    """A maximum of value(p) near p (k,), of which nothing is known beforehand."""
     best = value(p)
     _, spread = both_sides(value, p, best, np.eye(len(p)))
     return ascended(value, p, spread)[0]

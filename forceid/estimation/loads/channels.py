@@ -8,13 +8,13 @@ Source: principal equations 2.4.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from forceid.errors import EstimationError
-from forceid.estimation.body.deformation import Deformation, products_of
+from forceid.estimation.body.deformation import Deformation, products_of, undeformed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.flight.channels import Channel, load_axes, start_of
 from forceid.flight.model import Flight
@@ -63,19 +63,22 @@ def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
         None if kin.known is None else kin.known.turned[new],
     )  # fmt: skip
     adds_up = 1.0 if kin.memory is None else kin.memory.slow
-    return Channel(ch.time, ch.Y, 1.0, ch.noise_cov, adds_up * ch.drift, kin.memory)
+    return replace(ch, drift=adds_up * ch.drift, color=kin.memory)
 
 
 @dataclass(frozen=True)
 class DrivenMotion:
-    """Kinematics, a deformation along them, and the channels that force and moment drive as these show them.
+    """Kinematics with a deformation taken out, and the channels that force and moment drive, by these.
 
-    A channel is worked out once, when it is first asked for.
+    looked: the kinematics as they were before. A channel is worked out once, when it is first asked for, and
+    so is the prior tuned on it.
     """
 
     kin: Kinematics
     deformation: Deformation
     gravity: Array
+    looked: Kinematics
+    tuned: dict[str, LoadPrior] = field(default_factory=dict, init=False)
 
     @cached_property
     def force(self) -> Channel:
@@ -86,6 +89,17 @@ class DrivenMotion:
     def moment(self) -> Channel:
         """What the moment drives."""
         return moment_channel(self.kin, self.deformation)
+
+    def prior(self, load: str, engine: Engine) -> LoadPrior:
+        """The prior tuned on the channel of a load, without lines, the noise as it is, and of any order."""
+        if load not in self.tuned:
+            self.tuned[load] = tune_channel(getattr(self, load), (1.0, 1.0), (), engine=engine)
+        return self.tuned[load]
+
+
+def driven_motion(kin: Kinematics, gravity: Array, engine: Engine, causal: bool = False) -> DrivenMotion:
+    """Kinematics with their deformation, smoothed, taken out of the poses."""
+    return DrivenMotion(*undeformed(kin, engine, causal), gravity, kin)
 
 
 def tune_channel(
@@ -146,29 +160,16 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
     )
 
 
-@dataclass(frozen=True)
-class AngularChannel:
-    """Y (sample, 3), the integral of the angular momentum about the mass center: Y'' = T, world axes.
-
-    time (sample,) of the frames with a rotation; noise_cov (sample, 3, 3) of Y from the rotation errors;
-    drift (3, 3), the covariance per second of the part of that noise which adds up along the record.
-    """
-
-    time: Array
-    Y: Array
-    noise_cov: Array
-    drift: Array
-
-
 def angular_channel(
     time: Array, rotation: Array, cov: Array, inertia: Array, h: Array, known: Array | None = None
-) -> AngularChannel:
-    """Integrated angular momentum of measured rotations (time, 3, 3), with cov (time, 3, 3) of left errors.
+) -> Channel:
+    """Y, Y'' = T, of measured rotations (time, 3, 3), with cov (time, 3, 3) of left errors, at those seen.
 
     inertia (time, 3, 3) and h (time, 3) of the deforming body, body axes; known (time, 3): the part of Y
-    that known moments make, which is left out. H is the one that takes a free body
-    from frame to frame. An error theta of the rotation makes H wrong by J theta' - H x theta, so Y by J theta
-    plus the integral of (-J' - [H]x) theta; across a step of some size, by what that step makes of theta.
+    that known moments make, which is left out. Y integrates the angular momentum H about the mass center,
+    world axes, that takes a free body from frame to frame. An error theta of the rotation makes H wrong by
+    J theta' - H x theta, so Y by J theta plus the integral of (-J' - [H]x) theta; across a step of some size,
+    by what that step makes of theta.
     Good for tuning a prior; the flight smoother makes no use of it. Source: principal equations 2.4, 4f.
     """
     seen = np.isfinite(rotation).all((1, 2))
@@ -184,7 +185,7 @@ def angular_channel(
         (adds_up @ C[1:-1] @ adds_up.swapaxes(1, 2) / step[1:]).mean(0) if len(step) > 1 else np.zeros((3, 3))
     )
     moved = np.concatenate([ends[:1], ends])
-    return AngularChannel(t, Y, moved @ C @ moved.swapaxes(1, 2), drift)
+    return Channel(t, Y, 1.0, moved @ C @ moved.swapaxes(1, 2), drift)
 
 
 def swept_momentum(position: Array, mass: Array, known: Array | None = None) -> tuple[Array, Array]:
@@ -192,11 +193,6 @@ def swept_momentum(position: Array, mass: Array, known: Array | None = None) -> 
 
     position (time, node, 3) m, world axes; mass (node,) kg; known (time, 3): the part of Y that known moments
     make, which is left out.
-
-    >>> t = np.linspace(0, 1, 101)[:, None, None]
-    >>> turning = np.concatenate([np.cos(t), np.sin(t), 0 * t], 2) * [[1], [-1]]
-    >>> swept_momentum(turning, np.ones(2))[0][-1].round(4).tolist()
-    [0.0, 0.0, 2.0]
     """
     seen = np.asarray(np.isfinite(position[:, mass > 0]).all((1, 2)))
     center = np.einsum("n,tna->ta", mass / mass.sum(), np.where(mass[:, None] > 0, position, 0.0))

@@ -70,7 +70,7 @@ def tune_together(
         part = middle(len(flight.time), FLIGHT_SAMPLES)
         cut, near = flight_segment(flight, part), reference_segment(about, part)
         if alone:
-            half = partial(of_rotation, cut, moment, near, engine)
+            half = partial(of_half, cut, moment, near, engine)
             by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
         bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
@@ -88,7 +88,7 @@ def tune_together(
             return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
 
         start = np.zeros(4 + len(loud))
-        apiece = partial(of_center, cut, force, engine), partial(of_rotation, cut, moment, near, engine)
+        apiece = [partial(of_half, cut, *one, engine) for one in ((force, None), (moment, near))]
         if spread is None:  # that of each load by itself costs little; a reading tells of its noise
             each = (spread_about(half, 2) for half in apiece)
             spread = block_diag(*each, np.eye(len(loud)) / len(cut.time))
@@ -214,18 +214,12 @@ def flight_likelihood(
         return -np.inf
 
 
-def of_center(flight: Flight, force: LoadPrior, engine: Engine, by: Array) -> float:
-    """Log-likelihood of the mass center by itself, its prior moved."""
+def of_half(flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine, by: Array) -> float:
+    """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved; None: of the
+    mass center.
+    """
     try:
-        return float(engine.log_likelihood(*seen_part(flight, force.moved(by))))
-    except EstimationError:
-        return -np.inf
-
-
-def of_rotation(flight: Flight, moment: LoadPrior, about: Reference, engine: Engine, by: Array) -> float:
-    """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved."""
-    try:
-        return float(engine.log_likelihood(*seen_part(flight, moment.moved(by), about)))
+        return float(engine.log_likelihood(*seen_part(flight, prior.moved(by), about)))
     except EstimationError:
         return -np.inf
 

@@ -1,4 +1,4 @@
-"""Oscillating loads that a solved flight shows beside its smooth ones."""
+"""Oscillating loads that a solved flight shows beside its smooth ones, and those that noise may hide."""
 
 from __future__ import annotations
 
@@ -7,20 +7,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.line_search import (
     AT_ONCE,
     Candidate,
+    excite,
     find_line,
     let_drift,
     line_candidates,
+    whiten,
 )
-from forceid.kalman.building.lines import Line, axes_left
+from forceid.kalman.building.lines import Line, axes_left, near
 from forceid.kalman.engines import Engine
+from forceid.records import Array, Finding
+from forceid.significance import WORSE
 
 ROUNDS = 4  # of a search about what the last one found
+DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 
 
 @dataclass(frozen=True)
@@ -95,3 +101,63 @@ def with_line(
 def with_another_line(prior: LoadPrior, line: Line) -> LoadPrior:
     """The prior with one line more."""
     return replace(prior, lines=(*prior.lines, line))
+
+
+def widened_by_ringing(
+    state: FlightState, flight: Flight, priors: dict[str, LoadPrior], engine: Engine
+) -> tuple[FlightState, tuple[Finding, ...]]:
+    """The same state, with claims that allow for ringing where none was found; said if that matters.
+
+    A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
+    one component is in the others too. Where the record does not show it, its two amplitudes are as unknown
+    there as the noise leaves them. So are those of a load that keeps its phase along the axes on which its
+    line is too weak to be found: its direction is free. One whose phase drifts has a direction of its own,
+    and says nothing of others.
+    """
+    lines = [line for prior in priors.values() for line in prior.lines]
+    cov, span = state.wrench_cov.copy(), float(np.ptp(flight.time))
+    rings: tuple[Finding, ...] = ()
+    seen: list[float] = []
+    for frequency in sorted({line.frequency for line in lines}):
+        if near(frequency, seen, flight.time):
+            continue
+        seen.append(frequency)
+        same = [line for line in lines if near(frequency, [line.frequency], flight.time)]
+        if any(line.driven for line in same):
+            continue
+        line = same[0]
+        steady = any(line.bandwidth * span < DECAYED for line in same)  # what goes on is driven
+        held = {name: [line.frequency for line in prior.lines] for name, prior in priors.items()}
+        holding = [name for name, lines in held.items() if near(frequency, lines, flight.time)]
+        for name, prior in priors.items():
+            if steady and name not in holding:
+                continue
+            first = 0 if name == "force" else 3
+            for axis, var in hidden_variance(flight, state, prior, first, line, engine).items():
+                cov[:, first + axis, first + axis] += var
+        before, after = (np.trace(np.nanmean(a[:, :3, :3], 0)) for a in (state.wrench_cov, cov))
+        if not (rings or steady) and after > WORSE**2 * before:
+            rings = (note("free-oscillation", frequency_hz=frequency, load=" and ".join(holding)),)
+    return replace(state, wrench_cov=cov), rings
+
+
+def hidden_variance(
+    flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
+) -> dict[int, Array]:
+    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
+    if not (left := axes_left(line.frequency, prior.lines, flight.time)):
+        return {}
+    about = state.reference
+    carrier = None if about is None else about.rotation
+    model, z = seen_part(flight, prior, about if first else None, carrier)
+    root = np.array([2j * np.pi * line.frequency - line.bandwidth])
+    signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
+    filtered = engine.filter(model, z)
+    white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+    phase = np.exp(root[0] * (flight.time - flight.time[0]))
+    load = np.stack([phase.real, -phase.imag], 1)
+    found = {}
+    for axis in left:
+        information = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
+        found[axis] = np.einsum("ti,ij,tj->t", load, np.linalg.pinv(information), load)
+    return found

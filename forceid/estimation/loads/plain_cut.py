@@ -98,14 +98,7 @@ def tapered(n: int) -> Array:
 
 
 def plain_cuts(found: MotionSpectrum) -> list[Cut]:
-    """The cut of every channel of a spectrum.
-
-    >>> t, rng = np.arange(2000) / 200, np.random.default_rng(0)
-    >>> z = 0.1 * np.sin(12.6 * t) + 1e-3 * rng.standard_normal(2000)
-    >>> cut, = plain_cuts(spectrum_of(t, z[:, None]))
-    >>> bool(2.0 < cut.frequency < 5.0), bool(0.8e-6 < cut.noise < 1.2e-6)
-    (True, True)
-    """
+    """The cut of every channel of a spectrum."""
     cuts = []
     for power, moved in zip(found.power.T, found.moved.T, strict=True):
         band, level, dof = band_means(found, power)

@@ -26,18 +26,19 @@ def bandwidths(kin: Kinematics, gravity: Array, force: bool = True) -> tuple[flo
 
     force: whether one can be identified at all, the moment where the rotation is seen.
     """
-    return (
-        bandwidth(*center_track(kin, gravity)) if force else None,
-        bandwidth(*angular_track(kin)) if kin.attitude else None,
-    )
-
-
-def center_track(kin: Kinematics, gravity: Array) -> tuple[Array, Array, float]:
-    """Times, mass center with the fall removed (time, 3), and its noise variance."""
-    seen = np.isfinite(kin.pose.center).all(1)
-    time = kin.time[seen]
-    var = np.trace(kin.pose.cov[seen, :3, :3], axis1=1, axis2=2).mean() / 3
-    return time, kin.pose.center[seen] - 0.5 * (time - time[0])[:, None] ** 2 * gravity, float(var)
+    reach: list[float | None] = [None, None]
+    if force:
+        seen = np.isfinite(kin.pose.center).all(1)
+        time = kin.time[seen]
+        path = kin.pose.center[seen] - 0.5 * (time - time[0])[:, None] ** 2 * gravity
+        var = np.trace(kin.pose.cov[seen, :3, :3], axis1=1, axis2=2).mean() / 3
+        reach[0] = bandwidth(time, path, float(var))
+    if kin.attitude:  # for the mean shape
+        T = len(kin.time)
+        J, still = np.tile(kin.inertia.tensor, (T, 1, 1)), np.zeros((T, 3))
+        ch = angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], J, still)
+        reach[1] = bandwidth(ch.time, ch.z, float(np.trace(ch.noise_cov, axis1=1, axis2=2).mean() / 3))
+    return reach[0], reach[1]
 
 
 def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
@@ -59,14 +60,6 @@ def bandwidth(time: Array, z: Array, noise_var: float) -> float | None:
         return None
     f = (5 * (RESOLVED * size) ** 2 / (2 * noise_var * step * (2 * np.pi) ** 4)) ** 0.2
     return float(min(f, 0.5 / step))
-
-
-def angular_track(kin: Kinematics) -> tuple[Array, Array, float]:
-    """Times, integrated angular momentum and its noise variance, for the mean shape."""
-    T = len(kin.time)
-    J = np.tile(kin.inertia.tensor, (T, 1, 1))
-    ch = angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], J, np.zeros((T, 3)))
-    return ch.time, ch.Y, float(np.trace(ch.noise_cov, axis1=1, axis2=2).mean() / 3)
 
 
 def sensed_bandwidths(flight: Flight, resolved: float) -> tuple[float | None, float | None]:

@@ -95,7 +95,11 @@ STANDING = ("null_space", "estimable")  # what is true of loads whatever a stret
 
 def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     """Stretches as one estimate: worst verdict, every reason once, sums and medians of the numbers."""
-    numbers: dict[str, Any] = {name: medians([getattr(p, name) for p in pieces]) for name in NUMBERS}
+    numbers: dict[str, Any] = {}
+    for name in NUMBERS:
+        each = [getattr(p, name) for p in pieces]
+        keys = dict.fromkeys(key for one in each for key in one)
+        numbers[name] = {key: float(np.median([one[key] for one in each if key in one])) for key in keys}
     known = [p for p in pieces if p.engine != "none"] or list(pieces)
     if loads := next((p.loads for p in pieces if p.loads is not None), None):
         pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
@@ -185,12 +189,6 @@ def samples_of(record: Any) -> Any:
     if isinstance(record, Estimate):
         return record.time
     return record.load if isinstance(record, Loads) else record.force
-
-
-def medians(found: Sequence[dict[str, float]]) -> dict[str, float]:
-    """The median of every number over the stretches that have it."""
-    names = dict.fromkeys(name for numbers in found for name in numbers)
-    return {name: float(np.median([n[name] for n in found if name in n])) for name in names}
 
 
 def worst_of(pieces: Sequence[Estimate]) -> Verdict:

@@ -11,7 +11,7 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.hidden import free_oscillation, inner_wheel, ringing_body
+from forceid.estimation.loads.hidden import inner_wheel, ringing_body
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.left_out import (
     as_fast_as_on_modes,
@@ -21,6 +21,7 @@ from forceid.estimation.loads.hidden.left_out import (
 )
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
+from forceid.estimation.loads.lines import widened_by_ringing
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors
@@ -46,9 +47,7 @@ def judge_channels(problem: Problem) -> Problem:
 
 def allow_for_ringing(problem: Problem) -> Problem:
     """Free oscillations of the loads that the record does not show."""
-    state, said = free_oscillation.widened_by_ringing(
-        problem.state, problem.flight, problem.priors, problem.engine
-    )
+    state, said = widened_by_ringing(problem.state, problem.flight, problem.priors, problem.engine)
     return replace(problem, state=state).noting(*said)
 
 
@@ -58,7 +57,7 @@ def allow_for_slow_errors(problem: Problem) -> Problem:
         return problem
     noise = problem.kin.noise[problem.source]
     state = widened_by_slow_errors(
-        problem.state, problem.flight, problem.priors["force"], problem.force_channel, noise, problem.engine
+        problem.state, problem.flight, problem.priors["force"], problem.driven.force, noise, problem.engine
     )
     return replace(problem, state=state)
 

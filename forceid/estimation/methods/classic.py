@@ -9,11 +9,12 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.loads.channels import AngularChannel, angular_channel
+from forceid.estimation.loads.channels import angular_channel
 from forceid.estimation.methods.noise import judge_filter, may_show, measured_errors, slow_and_small
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import SCATTERED
+from forceid.flight.channels import Channel
 from forceid.flight.color import Colored
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
@@ -70,7 +71,7 @@ def estimate_classic(
         chosen = choose_moment(channel, candidates, kin.color)
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
-        turn = derivatives(channel.time, channel.Y, chosen.window)
+        turn = derivatives(channel.time, channel.z, chosen.window)
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
@@ -104,7 +105,7 @@ def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> W
     return choose_window(candidates, estimate)
 
 
-def measured_angular_channel(kin: Kinematics) -> AngularChannel:
+def measured_angular_channel(kin: Kinematics) -> Channel:
     """Integrated angular momentum of the body with the deformation as it was measured."""
     amplitude = np.nan_to_num(kin.amplitude)
     inertia, h = inertia_along(kin, amplitude, np.gradient(amplitude, kin.time, axis=0))
@@ -112,13 +113,11 @@ def measured_angular_channel(kin: Kinematics) -> AngularChannel:
     return angular_channel(kin.time, kin.pose.rotation, kin.pose.cov[:, 3:, 3:], inertia, h, known)
 
 
-def choose_moment(
-    channel: AngularChannel, candidates: list[Window], color: Colored | None = None
-) -> WindowChoice:
+def choose_moment(channel: Channel, candidates: list[Window], color: Colored | None = None) -> WindowChoice:
     """Moment about the mass center under the window that the moment calls for."""
 
     def estimate(window: Window) -> tuple[Array, Array]:
-        d = derivatives(channel.time, channel.Y, window)
+        d = derivatives(channel.time, channel.z, window)
         return d.second, np.diagonal(moment_cov(channel, d, color), axis1=1, axis2=2)
 
     return choose_window(candidates, estimate)
@@ -133,7 +132,7 @@ def force_cov(kin: Kinematics, d: Derivatives) -> Array:
     return np.asarray(kin.inertia.mass**2 * cov * gain[:, :, None])
 
 
-def moment_cov(channel: AngularChannel, d: Derivatives, color: Colored | None) -> Array:
+def moment_cov(channel: Channel, d: Derivatives, color: Colored | None) -> Array:
     """Covariance (sample, 3, 3) that the noise of the poses gives the moment."""
     rate_cov = channel.drift / np.median(np.diff(channel.time))  # what adds up in Y is white in its rate
     gain = d.gain[:, 0, :, :, None, None]

@@ -14,6 +14,7 @@ import numpy as np
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deformation_residual import KNOWN, errors_beyond
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.body.tracks.noise_axes import noisy
 from forceid.estimation.loads.channels import flight_of, tune_channel
@@ -61,7 +62,7 @@ def noise_beyond_motion(channel: Channel, stated: bool = False) -> float:
     as in a planar video. Source: the plain cut.
     """
     seen = np.isfinite(channel.z).all(1)
-    z = np.stack([np.interp(channel.time, channel.time[seen], axis[seen]) for axis in channel.z.T], 1)
+    z = straight(channel.time, channel.time[seen], channel.z[seen])
     shown = np.array([cut.noise for cut in plain_cuts(spectrum_of(channel.time, z))])
     some = noisy(shown)
     # the factor is one on the noise of markers, and what bridges add to it is none: frames with the least

@@ -10,11 +10,11 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.cleaning import NONE_DROPPED, Dropped, Wild, kinematics_without
-from forceid.estimation.body.deformation import Deformation, undeformed
+from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
-from forceid.estimation.loads.channels import DrivenMotion
+from forceid.estimation.loads.channels import DrivenMotion, driven_motion
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, seen_part
@@ -34,13 +34,12 @@ class Problem:
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
     stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
     loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that come
-    early or late are off by; slow, the noise of tracks whose errors
-    follow each other, None for none; near, priors that those of the same lines are near to.
-    Found: looked, the kinematics as the markers show them, and driven, with the deformation taken out;
-    noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is tells of
-    the noise of markers; notes, findings of this pass; at_limit: by variable,
-    whether the likelihood wanted less noise than it was allowed; apiece, priors tuned on a channel each;
-    priors, flight and state; wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
+    early or late are off by; slow, the noise of tracks whose errors follow each other, None for none; near,
+    priors that those of the same lines are near to. Found: driven, the kinematics with the deformation taken
+    out; noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is
+    tells of the noise of markers; notes, findings of this pass; at_limit: by variable, whether the likelihood
+    wanted less noise than it was allowed; apiece, priors tuned on a channel each; priors, flight and state;
+    wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
     wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
     between axes of its loads that the record does not tell apart, None for none; growth: of the errors
     claimed, moving: of those of affine modes; impulses: of loads that come in pieces.
@@ -51,7 +50,7 @@ class Problem:
     settings: Settings
     engine: Engine
     given: Kinematics
-    shown: Look | None = None
+    shown: DrivenMotion | None = None
     findings: tuple[Finding, ...] = ()
     dropped: Dropped = NONE_DROPPED
     lines: Lines = NO_LINES
@@ -59,7 +58,6 @@ class Problem:
     late: Array | None = None
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
-    looked: Kinematics = TO_COME
     driven: DrivenMotion = TO_COME
     noise_range: tuple[float, float] = (1.0, 1.0)
     followed: bool = True
@@ -108,14 +106,9 @@ class Problem:
         return self.kin.apart and self.flight.sensors is None
 
     @property
-    def force_channel(self) -> Channel:
-        """What the force drives."""
-        return self.driven.force
-
-    @property
     def channels(self) -> dict[str, Channel]:
         """What force and moment drive, of those that the markers show."""
-        shown = {"force": self.force_channel}
+        shown = {"force": self.driven.force}
         return shown | {"moment": self.driven.moment} if self.kin.attitude else shown
 
     def look(self, noise: dict[str, Array] | None) -> Kinematics:
@@ -126,21 +119,15 @@ class Problem:
 
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
-        if kin is self.looked:  # by the pass before
+        if self.driven and kin is self.driven.looked:  # by the pass before
             return self
-        if self.shown is not None and kin is self.shown.kin and not self.causal:
-            seen = replace(self, looked=kin, driven=self.shown.driven)
-        else:
-            seen = replace(self, looked=kin).along(*undeformed(kin, self.engine, self.causal))
+        driven = None if self.causal else self.shown
+        if driven is None or kin is not driven.looked:
+            driven = driven_motion(kin, self.motion.gravity, self.engine, self.causal)
         color, loud = (None, None) if self.errors is None else (self.errors.color, self.errors.loud)
-        now = seen.kin
-        if color is now.color and loud is now.loud and self.late is now.late:
-            return seen
-        return seen.along(replace(now, color=color, loud=loud, late=self.late), seen.deformation)
-
-    def along(self, kin: Kinematics, deformation: Deformation) -> Problem:
-        """The problem with kinematics whose deformation is known and taken out."""
-        return replace(self, driven=DrivenMotion(kin, deformation, self.motion.gravity))
+        if color is not driven.kin.color or loud is not driven.kin.loud or self.late is not driven.kin.late:
+            driven = replace(driven, kin=replace(driven.kin, color=color, loud=loud, late=self.late))
+        return replace(self, driven=driven)
 
     def turned_at(self, load: str) -> Array:
         """Rotation (sample, 3, 3) of the body at the samples of the channel of a load."""
@@ -171,27 +158,6 @@ class Problem:
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)
-
-
-@dataclass(frozen=True)
-class Look:
-    """Kinematics of a level, and the motion with the deformation, smoothed, taken out of the poses.
-
-    priors: tuned on channels of these, without lines, the noise as it is, and of any order.
-    """
-
-    kin: Kinematics
-    driven: DrivenMotion
-    priors: tuple[tuple[Channel, LoadPrior], ...] = ()
-
-    def prior_on(self, channel: Channel) -> LoadPrior | None:
-        """The prior tuned on a channel, None where there is none."""
-        return next((prior for own, prior in self.priors if own is channel), None)
-
-
-def look_at(kin: Kinematics, gravity: Array, engine: Engine) -> Look:
-    """A look at a level, its deformation smoothed."""
-    return Look(kin, DrivenMotion(*undeformed(kin, engine), gravity))
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,11 @@ from forceid.estimation.methods.noise import errors_shared, measured_errors, noi
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
-from forceid.flight.channels import Channel
 from forceid.flight.color import LowPassed
 from forceid.flight.elastic import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.tuning import FREE, ORDERS
-from forceid.kalman.building.lines import Line
 from forceid.kalman.building.process import matern_density
 from forceid.motion import noise_growth
 from forceid.records import Array
@@ -31,7 +29,7 @@ from forceid.significance import PATIENCE, SIGMAS
 from forceid.timing import stage
 
 STATED = (1.0, 4.0)  # factors on a stated noise: it is a floor
-AS_LOOKED = (1.0, 1.0), (), ORDERS, None, "matern"  # how a look at a level tunes: `load_seen`
+AS_LOOKED = (1.0, 1.0), (), ORDERS, None, "matern"  # how a look at a level tunes: `DrivenMotion`
 UNSTATED = (0.02, 3.0)  # factors on the noise that high-order differences show: nearly a ceiling
 
 
@@ -65,13 +63,12 @@ def range_of(kin: Kinematics, variable: str, known: bool = False) -> tuple[float
 @stage("force")
 def tune_force(problem: Problem) -> Problem:
     """The prior of the force, and the noise of the mass center."""
-    channel = problem.force_channel
-    force = tuned_beside(problem, channel, "force", problem.noise_range, problem.lines.force)
+    force = tuned_beside(problem, "force", problem.noise_range)
     if problem.errors is not None and problem.kin.apart and problem.kin.every == 1:
         # a mass center known by itself denies errors that markers do not have: then what they show is motion
         own = replace(problem, errors=None).seeing(problem.look(None))
         own = replace(own, noise_range=range_of(own.kin, problem.source))
-        other = tuned_beside(own, own.force_channel, "force", own.noise_range, own.lines.force)
+        other = tuned_beside(own, "force", own.noise_range)
         if other.tuned.log_likelihood > force.tuned.log_likelihood + PATIENCE:
             problem, force = own, other
     at_limit = {problem.source: force.tuned.noise_at_limit} if problem.errors is None else {}
@@ -80,22 +77,20 @@ def tune_force(problem: Problem) -> Problem:
     return replace(problem, priors={"force": force}, at_limit=at_limit)
 
 
-def tuned_beside(
-    problem: Problem, channel: Channel, load: str, limits: tuple[float, float], lines: tuple[Line, ...]
-) -> LoadPrior:
-    """The prior of the load on a channel, and the factor on its noise.
+def tuned_beside(problem: Problem, load: str, limits: tuple[float, float]) -> LoadPrior:
+    """The prior of a load on its channel, and the factor on the noise of that.
 
     Where a deformation hides what loads do, the record cannot ask for the smoothest priors. Beside mass
     without markers, a load as fast as that may hide too, and how smooth it is extrapolates: so the order is
     that where little tells orders apart, unless another is e^PATIENCE likelier.
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
-    pieces = None if near is None else near.tuned.pieces
+    channel, lines = getattr(problem.driven, load), getattr(problem.lines, load)
     orders = orders_asked(problem)
-    prior = None
-    if problem.shown is not None and (limits, lines, orders, near, kind) == AS_LOOKED:
-        prior = problem.shown.prior_on(channel)
-    if prior is None:
+    if (limits, lines, orders, near, kind) == AS_LOOKED:
+        prior = problem.driven.prior(load, engine)
+    else:
+        pieces = None if near is None else near.tuned.pieces
         prior = tune_channel(channel, limits, lines, orders, engine, near, kind, pieces)
     kernel, hidden = prior.kernel, problem.kin.hidden
     if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
@@ -164,7 +159,7 @@ def find_slow_errors(problem: Problem) -> Problem:
 
 def follow_each_other(problem: Problem) -> bool:
     """Whether errors of the mass center do."""
-    kin, force, channel = problem.kin, problem.priors["force"], problem.force_channel
+    kin, force, channel = problem.kin, problem.priors["force"], problem.driven.force
     if kin.stated[problem.source] or problem.errors is not None:
         return errors_shared(kin, force, problem.motion.gravity, problem.engine)
     return force.tuned.noise_at_limit or noise_growth(channel.time, channel.z) > GROWTH
@@ -177,7 +172,7 @@ def cut_force(problem: Problem) -> Problem:
     """
     if "moment" in problem.priors and problem.priors["moment"].tuned.pieces is None:
         return problem  # as before
-    return in_pieces(problem, "force", problem.force_channel, problem.lines.force)
+    return in_pieces(problem, "force")
 
 
 @stage("moment")
@@ -185,10 +180,10 @@ def cut_moment(problem: Problem) -> Problem:
     """The prior of the moment in pieces, where it changes its character: most likely where the force does."""
     if "moment" not in problem.priors:
         return problem
-    return in_pieces(problem, "moment", problem.channels["moment"], problem.lines.moment)
+    return in_pieces(problem, "moment")
 
 
-def in_pieces(problem: Problem, load: str, channel: Channel, lines: tuple[Line, ...]) -> Problem:
+def in_pieces(problem: Problem, load: str) -> Problem:
     """The problem with a load in pieces, where the evidence is for them.
 
     Not where errors of tracks follow each other: these have edges too. Nor where a deformation hides loads,
@@ -200,6 +195,7 @@ def in_pieces(problem: Problem, load: str, channel: Channel, lines: tuple[Line, 
     given = [other.tuned.pieces.edges for other in others if other.tuned.pieces is not None]
     prior = replace(prior, tuned=replace(prior.tuned, noise=np.ones(3)))  # the channel has it by now
     engine, kind = problem.engine, problem.settings.load_prior
+    channel, lines = getattr(problem.driven, load), getattr(problem.lines, load)
     tune = partial(tune_channel, channel, (1.0, 1.0), lines, engine=engine, kind=kind)
     found = with_character(channel, prior, engine, tune, *given)
     return problem if found is prior else replace(problem, priors=problem.priors | {load: found})
@@ -213,8 +209,7 @@ def tune_moment(problem: Problem) -> Problem:
         return problem
     measured = "orientation" in kin.noise
     factors = range_of(kin, "orientation", known=not measured)
-    channel = problem.channels["moment"]
-    moment = tuned_beside(problem, channel, "moment", factors, problem.lines.moment)
+    moment = tuned_beside(problem, "moment", factors)
     inertia = np.diagonal(moment.axes.T @ kin.inertia.tensor @ moment.axes)
     moment = as_on_modes(problem, moment, np.sqrt(inertia))
     problem = replace(problem, priors=problem.priors | {"moment": moment})
@@ -222,4 +217,4 @@ def tune_moment(problem: Problem) -> Problem:
         return problem
     at_limit = {**problem.at_limit, "orientation": moment.tuned.noise_at_limit}
     kin = problem.look(scaled_noise(kin, {"orientation": moment.noise}))
-    return replace(problem.along(kin, problem.deformation), at_limit=at_limit)
+    return replace(problem, driven=replace(problem.driven, kin=kin), at_limit=at_limit)

@@ -65,11 +65,6 @@ class Search:
     engine: Engine
     stated: frozenset[str]
 
-    @property
-    def loud(self) -> list[int]:
-        """Kinds of sensors whose noise is not stated."""
-        return [i for i, one in enumerate(instruments_of(self.flight)) if one.name not in self.stated]
-
 
 def alternatives(first: Reference, search: Search) -> list[Alternative]:
     """Every alternative that the record bears: each load slow in body axes, or in fixed ones where those are
@@ -176,7 +171,7 @@ def begun(
     """
     part = middle(len(flight.time), LONGEST)
     path, kinds = reference_segment(about, part), observing_instruments(search.flight, LOADS[i])
-    free = [kind for kind in kinds if kind in search.loud]
+    free = [kind for kind in kinds if instruments_of(search.flight)[kind].name not in search.stated]
     rough = turning_as((pair[0].body_axes is not None, pair[1].body_axes is not None), *search.rough)[i]
     flight = with_noise_of(flight, search.flight, LOADS[i])
 

@@ -19,16 +19,17 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
-from forceid.estimation.body.affine_lever import speaks_for_mass
 from forceid.estimation.body.deformation_residual import (
     Beyond,
     beyond_rigid,
     errors_gain,
     principal_axes,
+    speaks_for_mass,
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level
 from forceid.estimation.body.tracks.marker_errors import marker_errors
-from forceid.estimation.methods.problem import Look, Solution, look_at
+from forceid.estimation.loads.channels import DrivenMotion, driven_motion
+from forceid.estimation.methods.problem import Solution
 from forceid.estimation.model_choice.levels import (
     LevelCandidate,
     Step,
@@ -40,7 +41,6 @@ from forceid.estimation.model_choice.levels import (
 )
 from forceid.estimation.model_choice.load_seen import (
     NEAR,
-    LoadChannels,
     claims_more,
     from_view,
     looked,
@@ -58,7 +58,7 @@ from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
 
-SolveLevel = Callable[[Settings, Kinematics, Look | None], Solution]
+SolveLevel = Callable[[Settings, Kinematics, DrivenMotion | None], Solution]
 
 
 @stage("level")
@@ -140,7 +140,7 @@ def descend(
 ) -> tuple[LevelChoice, Solution]:
     """From the level that explains the motion, the best one, down to the smallest that is enough."""
     steps = list(steps)
-    shown: dict[int, Look] = {}
+    shown: dict[int, DrivenMotion] = {}
 
     @cache
     def look(i: int) -> Kinematics:
@@ -150,9 +150,9 @@ def descend(
     def solved(i: int) -> Solution:
         return solve(candidates[i].settings, look(i), shown.get(i))
 
-    def seen(i: int) -> LoadChannels:
-        shown[i] = look_at(look(i), motion.gravity, engine)
-        return shown[i].driven.force, shown[i].driven.moment
+    def seen(i: int) -> DrivenMotion:
+        shown[i] = driven_motion(look(i), motion.gravity, engine)
+        return shown[i]
 
     def chosen(i: int) -> tuple[LevelChoice, Solution]:
         solution = solved(i)
@@ -182,7 +182,6 @@ def descend(
         return chosen(best)
     below = seen(nested[-1])
     top = view(seen(best), below, engine)
-    shown[best] = replace(shown[best], priors=top.priors)
 
     def near(i: int) -> bool:
         if np.isnan(steps[i].change):

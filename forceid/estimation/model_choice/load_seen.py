@@ -6,11 +6,10 @@ A look without the flight: a smoother is linear in the poses, so that the prior 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.channels import DrivenMotion
 from forceid.estimation.methods.problem import Solution
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -19,8 +18,6 @@ from forceid.records import Array, deviation
 from forceid.significance import PATIENCE, THOUSANDTH, WORSE
 
 NEAR = float(np.sqrt(WORSE**2 + 1))  # standard errors by which a level may be off that claims none
-
-LoadChannels = tuple[Channel, Channel]  # that force and moment drive
 
 
 @dataclass(frozen=True)
@@ -34,9 +31,9 @@ class Seen:
     log_likelihood: float
 
 
-def load_seen(channel: Channel, engine: Engine) -> Seen:
-    """The load that a channel shows under the prior that a flight would tune on it, without lines."""
-    prior = tune_channel(channel, (1.0, 1.0), (), engine=engine)
+def load_seen(driven: DrivenMotion, load: str, engine: Engine) -> Seen:
+    """The load that its channel shows under the prior that a flight would tune on it, without lines."""
+    channel, prior = getattr(driven, load), driven.prior(load, engine)
     model = channel_model(channel, prior)
     path = engine.smooth(model, channel.moved)
     rows, own = prior.rows, slice(prior.states)
@@ -45,22 +42,13 @@ def load_seen(channel: Channel, engine: Engine) -> Seen:
     return Seen(channel, prior, path.x[:, own] @ rows.T, np.sqrt(np.maximum(var, 0.0)), likelihood)
 
 
-class View(NamedTuple):
-    """Force and moment that a level shows; no force where the levels compared share their mass centers."""
+def view(own: DrivenMotion, below: DrivenMotion, engine: Engine) -> dict[str, Seen]:
+    """Loads that a level shows, by name, to be compared with the level below and smaller ones.
 
-    force: Seen | None
-    moment: Seen
-
-    @property
-    def priors(self) -> tuple[tuple[Channel, LoadPrior], ...]:
-        """The channels that were looked at, each with its prior."""
-        return tuple((seen.channel, seen.prior) for seen in self if seen is not None)
-
-
-def view(own: LoadChannels, below: LoadChannels, engine: Engine) -> View:
-    """What the channels of a level show, to be compared with those of the level below and of smaller ones."""
-    force = None if same_load(below[0], own[0]) else load_seen(own[0], engine)
-    return View(force, load_seen(own[1], engine))
+    No force where the two share their mass centers.
+    """
+    names = ("moment",) if same_load(below.force, own.force) else ("force", "moment")
+    return {name: load_seen(own, name, engine) for name in names}
 
 
 def same_load(one: Channel, other: Channel) -> bool:
@@ -71,25 +59,22 @@ def same_load(one: Channel, other: Channel) -> bool:
     return bool(np.nanmax(np.abs(one.moved - other.moved).max(1) / noise) < THOUSANDTH)
 
 
-def looked(channels: LoadChannels, top: View, engine: Engine) -> tuple[float, float]:
-    """How far force and moment that channels of a level show are from what the explaining one shows.
+def looked(driven: DrivenMotion, top: dict[str, Seen], engine: Engine) -> tuple[float, float]:
+    """How far force and moment that the channels of a level show are from what the explaining one shows.
 
     In standard errors of either. First under the priors of the explaining level. Where one of them does not
     fit as well, the load gets a prior of its own, which follows what deformation leaks into the poses, and
     may claim less error.
     """
-    found, fits = [0.0, 0.0], [True, True]
-    for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
-        if load is not None:
-            found[k], fits[k] = under(load, channel, engine)
-    if max(found) <= NEAR:
-        for k, (channel, load) in enumerate(zip(channels, top, strict=True)):
-            if load is not None and not fits[k]:
-                own = load_seen(channel, engine)
-                std = np.fmin(at_times(channel, load.channel, own.std), load.std)
-                far = distance(at_times(channel, load.channel, own.load), load.load, std)
-                found[k] = max(found[k], far)
-    return found[0], found[1]
+    each = {name: under(seen, getattr(driven, name), engine) for name, seen in top.items()}
+    found = {name: far for name, (far, _) in each.items()}
+    if max(found.values()) <= NEAR:
+        for name in (name for name, (_, fits) in each.items() if not fits):
+            own, seen = load_seen(driven, name, engine), top[name]
+            std = np.fmin(at_times(own.channel, seen.channel, own.std), seen.std)
+            far = distance(at_times(own.channel, seen.channel, own.load), seen.load, std)
+            found[name] = max(found[name], far)
+    return found.get("force", 0.0), found["moment"]
 
 
 def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
@@ -101,15 +86,13 @@ def under(top: Seen, channel: Channel, engine: Engine) -> tuple[float, bool]:
     return change, filtered.log_likelihood > top.log_likelihood - PATIENCE
 
 
-def from_view(solution: Solution, top: View, time: Array) -> float:
+def from_view(solution: Solution, top: dict[str, Seen], time: Array) -> float:
     """Expected error of a solved flight over that of what the explaining level shows: the larger of two."""
-    var = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2)
-    loads = (solution.state.force, var[:, :3]), (solution.state.moment, var[:, 3:])
-    found = [0.0]
-    for (load, own), shown in zip(loads, top, strict=True):
-        if shown is not None:
-            kept = np.isin(time, shown.channel.time)
-            found.append(expected_error(load[kept], np.sqrt(own[kept]), shown.load, shown.std))
+    var, found = np.diagonal(solution.state.wrench_cov, axis1=1, axis2=2), [0.0]
+    for name, seen in top.items():
+        kept, first = np.isin(time, seen.channel.time), 3 * (name == "moment")
+        load, own = getattr(solution.state, name), np.sqrt(var[kept, first : first + 3])
+        found.append(expected_error(load[kept], own, seen.load, seen.std))
     return max(found)
 
 
@@ -152,12 +135,6 @@ def expected_error(load: Array, claimed: Array, best: Array, std: Array) -> floa
     what is beyond that is bias (Hausman, Econometrica 46 (1978) 1251), and error is claim and bias together
     (Claeskens and Hjort, J. Am. Stat. Assoc. 98 (2003) 900). Infinite where the load leaves open what the
     best one knows.
-
-    >>> none = np.zeros((8, 3))
-    >>> round(expected_error(none + 1.0, none + 1.0, none, none + 1.0) ** 2, 12)
-    2.0
-    >>> round(expected_error(none + 0.6, none + 0.8, none, none + 1.0), 12)
-    0.8
     """
     if (~np.isfinite(load + claimed).any(0) & np.isfinite(best + std).any(0)).any():
         return float("inf")
@@ -167,11 +144,7 @@ def expected_error(load: Array, claimed: Array, best: Array, std: Array) -> floa
 
 
 def distance(a: Array, b: Array, std: Array) -> float:
-    """Rms of (a - b) / std over the central three quarters; a, b, std (time, axis). Zero where none is known.
-
-    >>> distance(np.ones((8, 3)), np.zeros((8, 3)), np.full((8, 3), 0.5))
-    2.0
-    """
+    """Rms of (a - b) / std over the central three quarters; all (time, axis). Zero where none is known."""
     edge = len(a) // 8
     inner = slice(edge, len(a) - edge)
     square = ((a - b)[inner] / std[inner]) ** 2

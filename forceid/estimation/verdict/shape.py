@@ -59,7 +59,11 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
     if not kin.attitude or not dof.any():
         return []
     if kin.inertia.nodal is None and not (kin.model == "affine" and kin.inertia.affine is not None):
-        return judge_whole(kin, motion, left)
+        ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]), motion)
+        ratio = max(ratio, left or 0.0)  # what the mass of a body known as a whole does beside is open
+        if ratio < NIS_BAND[1]:
+            return []
+        return [note("rigid-shape-left", off_mm=1e3 * size, chi_square=ratio)]
     if left is not None:
         return []
     hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
@@ -73,15 +77,6 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
     if ratio < NIS_BAND[1]:
         return []
     return [note("shape-left", model=kin.model, off_mm=1e3 * size, chi_square=ratio)]
-
-
-def judge_whole(kin: Kinematics, motion: Motion, left: float | None) -> list[Finding]:
-    """What markers of a body known as a whole do beside the rigid motion: what its mass does is open."""
-    ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]), motion)
-    ratio = max(ratio, left or 0.0)
-    if ratio < NIS_BAND[1]:
-        return []
-    return [note("rigid-shape-left", off_mm=1e3 * size, chi_square=ratio)]
 
 
 def judge_common(kin: Kinematics) -> list[Finding]:

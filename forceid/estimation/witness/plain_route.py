@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.kinematics import rotations
 from forceid.estimation.body.thin_mass import SLENDER, thinned
+from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.loads.channels import angular_channel
 from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
@@ -86,17 +87,22 @@ def of_markers(
     x = interpolated_tracks(motion.time, x, X, rotation)
     if not whole.all():
         rigid = rigid_fits(x, X)[0]
-    bends = deforms or bending_shows(motion.time, body_axes(x, rigid, rotation).reshape(len(x), -1))
+    in_body = body_axes(x, rigid, rotation).reshape(len(x), -1)
+    seen = np.isfinite(in_body).all(1)
+    bends = deforms or (seen.sum() >= FEW and shows_motion(spectrum_of(motion.time[seen], in_body[seen])))
     summed = inertia.weight.sum() > 0 and mass.sum() > (1 - SOLVED) * inertia.weight.sum()
     force = None
     if summed:
         center = np.einsum("n,tna->ta", mass / mass.sum(), x)
         force = channel(motion, inertia.mass, center, whole)
     elif (shares := affine_shares(X)) is not None:
-        left, free = beside_affine(x, X)
         force = channel(motion, inertia.mass, np.einsum("n,tna->ta", shares, x), whole)
         if force is not None:
             lever = inertia.mass * float(np.linalg.norm(shares))
+            U, s, _ = np.linalg.svd(np.column_stack([np.ones(len(X)), X]), full_matrices=False)
+            U = U[:, s > SOLVED * s[0]]
+            left = (x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)).reshape(len(x), -1)
+            free = 1 - U.shape[1] / len(X)
             force = replace(force, residual=left[force.frame], free=free, lever=lever)
     elif not bends:
         force = channel(motion, inertia.mass, rigid, whole)
@@ -113,21 +119,14 @@ def of_markers(
     return PlainRoute(force, None if bends else plain_moment_channel(motion, rotation, whole, J, h))
 
 
-def bending_shows(time: Array, b: Array) -> bool:
-    """Whether positions b (time, column) in the axes of a rigid fit move, and not by noise alone."""
-    seen = np.asarray(np.isfinite(b).all(1))
-    return bool(seen.sum() >= FEW and shows_motion(spectrum_of(time[seen], b[seen])))
-
-
 def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Array) -> PlainRoute:
     """Channels of a measured mass center (time, 3), and of the orientation where it was measured."""
     whole, T = np.asarray(np.isfinite(center).all(1)), len(center)
     force = channel(motion, inertia.mass, center, whole)
     if motion.orientation is None:
         return PlainRoute(force)
-    R, read = np.full((T, 3, 3), np.nan), np.asarray(np.isfinite(motion.orientation).all(1))
-    if read.any():
-        R[read] = Rotation.from_quat(motion.orientation[read]).as_matrix()
+    R = rotations(motion.orientation)
+    read = np.asarray(np.isfinite(R).all((1, 2)))
     J = np.broadcast_to(inertia.tensor, R.shape)
     return PlainRoute(force, plain_moment_channel(motion, R, read, J, np.tile(inside, (T, 1))))
 
@@ -156,7 +155,7 @@ def plain_moment_channel(
     known = None if motion.known is None else motion.known.turned
     turned = angular_channel(motion.time, rotation, alike, inertia, h, known)
     z = np.full((len(rotation), 3), np.nan)
-    z[seen] = turned.Y
+    z[seen] = turned.z
     found = seen_of(motion.time, z, whole)
     white = np.diagonal(turned.noise_cov, axis1=1, axis2=2).mean(0) * np.median(np.diff(turned.time))
     corner = np.sqrt(np.diagonal(turned.drift).clip(0) / white) / (2 * np.pi)
@@ -212,7 +211,7 @@ def interpolated_tracks(time: Array, x: Array, X: Array, rotation: Array) -> Arr
     for k in np.flatnonzero(~beside.all(0)):
         known, gone = beside[:, k] & fixed, ~beside[:, k] & fixed
         if known.any():
-            line = np.stack([np.interp(time[gone], time[known], off[known, k, a]) for a in range(3)], 1)
+            line = straight(time[gone], time[known], off[known, k])
             out[gone, k] = carried[gone, k] + np.einsum("tab,tb->ta", rotation[gone], line)
     return out
 
@@ -233,11 +232,3 @@ def affine_shares(X: Array) -> Array | None:
     S = summation_operator(X)
     rigid = np.trace(np.linalg.pinv(S.T @ S)[:3, :3]) / 3
     return np.asarray(shares) if shares @ shares < LOUDER * rigid else None
-
-
-def beside_affine(x: Array, X: Array) -> tuple[Array, float]:
-    """What the affine fit of every frame leaves of the markers (time, 3 node), and the part that is free."""
-    U, s, _ = np.linalg.svd(np.column_stack([np.ones(len(X)), X]), full_matrices=False)
-    U = U[:, s > SOLVED * s[0]]
-    left = x - np.einsum("nk,mk,tma->tna", U, U, x, optimize=True)
-    return left.reshape(len(x), -1), 1 - U.shape[1] / len(X)

@@ -12,7 +12,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.witness.plain_route import channel, plain_route
 from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts
 from forceid.flight.smoother import FlightState
-from forceid.records import Array, Body, Motion
+from forceid.records import Body, Motion
 
 
 def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError) -> Solution | None:
@@ -34,17 +34,12 @@ def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError
             loads[:, first : first + 3], std = low_passed(motion.time, part, cuts)
             var[:, first : first + 3] = std**2
     still, none = np.zeros_like(kin.amplitude), np.full((T, 3), np.nan)
+    velocity, seen = none.copy(), np.isfinite(center).all(1)
+    velocity[seen] = np.gradient(center[seen], motion.time[seen], axis=0)
     state = FlightState(
-        kin.pose.center, rate(motion.time, kin.pose.center), kin.pose.rotation, none, none, loads[:, :3],
+        center, velocity, kin.pose.rotation, none, none, loads[:, :3],
         loads[:, 3:], var[:, :, None] * np.eye(6), kin.pose.cov, np.zeros((T, 0)), np.full(T, np.nan), np.nan,
     )  # fmt: skip
     found = note("plain-route-instead", where=error.where, what=error.what, next_step=error.next_step)
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     return Solution(kin, deformation, state, "scipy", {}, {}, (found,))
-
-
-def rate(time: Array, center: Array) -> Array:
-    """Rate of change (time, 3) of a path, NaN where it is not seen."""
-    out, seen = np.full_like(center, np.nan), np.isfinite(center).all(1)
-    out[seen] = np.gradient(center[seen], time[seen], axis=0)
-    return out

@@ -75,9 +75,4 @@ def mask_lost(mean: Array, cov: Array, lost: Flags) -> tuple[Array, Array]:
 
 def diffuse_rows(reach: Array, loose: Array) -> Flags:
     """States (state,) that change with the unknowns (unknown, free) along the directions reach."""
-    return any_row(np.where(np.abs(reach @ loose) > SINGLE * (np.abs(reach) @ np.abs(loose)), 1.0, 0.0))
-
-
-def any_row(loose: Array) -> Flags:
-    """Rows that are not zero."""
-    return np.asarray((loose != 0).any(1), bool)
+    return np.asarray((np.abs(reach @ loose) > SINGLE * (np.abs(reach) @ np.abs(loose))).any(1))

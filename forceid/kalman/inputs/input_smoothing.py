@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from forceid.kalman.covariance import root
-from forceid.kalman.inputs.diffuse import any_row, diffuse_rows, learn, least_squares, mask_lost
+from forceid.kalman.inputs.diffuse import diffuse_rows, learn, least_squares, mask_lost
 from forceid.kalman.inputs.unknown_input import forward, uncorrelated, validated_system, with_prior
 from forceid.kalman.model import as_channels
 from forceid.kalman.recursions.square_root import squared, triangle
@@ -79,7 +79,7 @@ def input_smoother(
         reach, direct = np.hstack([E, np.zeros((n, inputs))]), np.hstack([np.zeros((len(value), d)), of_u])
         found = learn(x, W, reach, of_x, direct, value, one)
         X[k], X_cov[k] = mask_lost(found.x, squared(found.W, found.error), diffuse_rows(reach, found.loose))
-        U[k], U_cov[k] = mask_lost(found.amount[d:], squared(found.fit[d:]), any_row(found.loose[d:]))
+        U[k], U_cov[k] = mask_lost(found.amount[d:], squared(found.fit[d:]), (found.loose[d:] != 0).any(1))
         # what is left of the rows for the state once the input has taken its share
         size = np.linalg.norm(np.vstack([of_u, np.abs(N) @ np.abs(Bk)]), axis=0)
         rest = least_squares(of_u, size)[1]

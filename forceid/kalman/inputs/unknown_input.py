@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from forceid.errors import ConfigError, EstimationError
 from forceid.kalman.covariance import root, square_root
-from forceid.kalman.inputs.diffuse import any_row, diffuse_rows, independent, learn, least_squares, mask_lost
+from forceid.kalman.inputs.diffuse import diffuse_rows, independent, learn, least_squares, mask_lost
 from forceid.kalman.model import as_channels
 from forceid.kalman.recursions.square_root import squared, triangle
 from forceid.records import Array, Flags
@@ -106,7 +106,7 @@ def forward(
         X[k], X_cov[k] = mask_lost(x, squared(W, error), diffuse_rows(reach, loose))
         innovation[k, : len(found.surprise)] = found.surprise
         if now:
-            U[k - delay], U_cov[k - delay] = mask_lost(u, squared(fit), any_row(loose[known:]))
+            U[k - delay], U_cov[k - delay] = mask_lost(u, squared(fit), (loose[known:] != 0).any(1))
         Ak, Bk, common, step_noise = uncorrelated(system, seen)
         x, error, E = Ak @ x + common @ z[k, seen], Ak @ error, Ak @ reach @ free
         if delay == 0:

@@ -5,7 +5,7 @@ import pytest
 
 from evidence.drawn.plate_face import SIGMA, plate_flight
 from forceid.config import load_settings
-from forceid.estimation.body.affine_lever import lever
+from forceid.estimation.body.deformation_residual import lever
 from forceid.estimation.model_choice.load_seen import expected_error
 from forceid.estimation.run import estimate_recording
 

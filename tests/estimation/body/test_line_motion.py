@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from forceid.estimation.body.tracks.line_motion import directions, without_spin
+from forceid.estimation.body.spin import directions, without_spin
 
 
 def cone(time, half_angle, rate):

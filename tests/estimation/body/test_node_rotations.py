@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from forceid.errors import DataError
-from forceid.estimation.body.deforming.node_rotations import without_node_rotations
+from forceid.estimation.body.inertia import without_node_rotations
 from forceid.files import recording_from_tree
 from forceid.files.tree import tree_from_recording
 from forceid.principal import mass_properties, objectivity

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from evidence.drawn.records.person import Skin, person
-from forceid.estimation.body.segments.joint_gaps import joint_gaps, segment_poses
-from forceid.estimation.body.segments.segment_noise import segment_noise
+from forceid.estimation.body.segment_noise import joint_gaps, segment_noise, segment_poses
 
 STILL = Skin(shared=0.0, own=0.0, white=0.0)
 

@@ -173,7 +173,7 @@ def test_wrong_inertia_costs_what_the_budget_says(rigid):
 def test_marker_wrong_by_a_millimeter_costs_what_the_budget_says(stiff, node, along, monkeypatch):
     recording, solution, rigid = stiff
     # the budget keeps priors as they are
-    monkeypatch.setattr(tuning, "tuned_beside", lambda _, __, load, *___: solution.priors[load])
+    monkeypatch.setattr(tuning, "tuned_beside", lambda _, load, *__: solution.priors[load])
     place = recording.body.position.copy()
     place[node, along] += 1e-3
     force, moment = found_bias(recording, solution, replace(recording.body, position=place), rigid)

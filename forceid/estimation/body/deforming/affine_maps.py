@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.body.affine_fit import spanned_directions
+from forceid.estimation.body.inertia import second_moment
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.records import Array
 from forceid.rounding import SINGLE
@@ -56,9 +57,9 @@ class AffineShapes:
 def affine_shapes_of(kin: Kinematics) -> AffineShapes:
     """The shapes of an affine level, by what they make of the places of the markers in the reference."""
     assert kin.markers is not None
-    X, tensor = kin.markers.X[kin.seen], kin.inertia.tensor
+    X = kin.markers.X[kin.seen]
     span, off = spanned_directions(X)
     back = span @ np.linalg.pinv((X - X.mean(0)) @ span)
     shapes = np.concatenate([kin.shape[None], kin.shapes])[:, kin.seen]
     maps = np.einsum("an,knb->kba", back, shapes - shapes.mean(1, keepdims=True))
-    return AffineShapes(maps[0], maps[1:], span, 0.5 * np.trace(tensor) * np.eye(3) - tensor, off)
+    return AffineShapes(maps[0], maps[1:], span, second_moment(kin.inertia.tensor), off)

@@ -19,9 +19,8 @@ from forceid.estimation.body.deforming.modes import (
     principal_deformations,
     split_rigid,
 )
-from forceid.estimation.body.deforming.shapes import rank_of
 from forceid.estimation.body.deforming.strains import affine_shapes
-from forceid.estimation.body.markers import MarkerSet
+from forceid.estimation.body.markers import MarkerSet, rank_of
 from forceid.flight.elastic import Elastic
 from forceid.motion import fit_rotation
 from forceid.principal import summation_operator
@@ -70,7 +69,12 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> Shap
         principal = np.zeros((len(on_seen), *shape.shape))
         principal[:, seen] = on_seen
         return replace(none, shape=principal, var=var)
-    return given_shapes(markers, modes, most)
+    _, own, _ = in_gauge(markers, modes)  # given, without a frequency that a record shows
+    observed, scatter, frames = scatter_of(markers, own)
+    if frames < 2:
+        return none
+    kept, var = observable_modes(scatter, frames, observed.of(own), sigma**2, most)
+    return replace(none, shape=own[kept], var=var)
 
 
 def in_gauge(markers: MarkerSet, modes: Modes) -> tuple[Indices, Array, Array]:
@@ -123,14 +127,3 @@ def elastic_shapes(markers: MarkerSet, modes: Modes, compliance: Array, most: in
     known = None if damping is None else damping[which][kept]
     elastic = Elastic(frequency, known, size[kept], told, spin / frequency**2)
     return Shapes(own[kept], var[kept], flat.T @ (var[beside, None] * flat), elastic)
-
-
-def given_shapes(markers: MarkerSet, modes: Modes, most: int | None) -> Shapes:
-    """The shapes given without a frequency that a record shows."""
-    _, own, _ = in_gauge(markers, modes)
-    observed, scatter, frames = scatter_of(markers, own)
-    none = np.zeros((markers.shape.size, markers.shape.size))
-    if frames < 2:
-        return Shapes(own[:0], np.zeros(0), none)
-    kept, var = observable_modes(scatter, frames, observed.of(own), markers.noise_std**2, most)
-    return Shapes(own[kept], var, none)

@@ -84,7 +84,8 @@ def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
         mass = np.append(np.zeros(len(shape)), np.full(4, inertia.mass / 4))
         shape = np.concatenate([shape, corners])
         unseen = np.ones(len(shape), bool)
-    free: Flags = np.repeat(unseen & (weight_of(mass) > 0), 3)
+    weight = mass if mass.ndim == 1 else np.abs(mass).reshape(len(mass) // 3, 3, -1).sum((1, 2))
+    free: Flags = np.repeat(unseen & (weight > 0), 3)
     if not free.any():
         return None
     rigid = summation_operator(shape)
@@ -109,8 +110,3 @@ def of_fit(markers: MarkerSet, rigid: Array) -> Array:
     S, weight = summation_operator(markers.shape[seen]), np.repeat(markers.weight[seen], 3)
     fit = rigid @ np.linalg.solve(S.T * weight @ S, S.T * weight)
     return np.asarray(fit @ fit.T)
-
-
-def weight_of(mass: Array) -> Array:
-    """Mass (node,) that goes with each node."""
-    return mass if mass.ndim == 1 else np.abs(mass).reshape(len(mass) // 3, 3, -1).sum((1, 2))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.body.deforming.modes import fit_amplitudes, split_rigid
+from forceid.estimation.body.inertia import second_moment
 from forceid.estimation.body.markers import MarkerSet
 from forceid.principal import summation_operator
 from forceid.records import Array
@@ -34,11 +35,7 @@ def strain_axes(points: Array, second_moment: Array | None = None) -> tuple[Arra
 
 
 def strain_shapes(shape: Array, axes: Array) -> Array:
-    """Nodal patterns E_k X (strain, node, 3) of the strains along axes (axis, 3): stretches, then shears.
-
-    >>> strain_shapes(np.eye(3), np.eye(3)).shape
-    (6, 3, 3)
-    """
+    """Nodal patterns E_k X (strain, node, 3) of the strains along axes (axis, 3): stretches, then shears."""
     count = len(axes)
     pairs = [(i, i) for i in range(count)] + [(i, j) for i in range(count) for j in range(i)]
     strains = [0.5 * (np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i])) for i, j in pairs]
@@ -54,7 +51,7 @@ def affine_shapes(markers: MarkerSet) -> Array:
     inertia, shape, seen = markers.inertia, markers.shape, markers.seen
     none = np.zeros((0, *shape.shape))
     hidden = inertia.nodal is not None and bool((inertia.weight[~seen] > 0).any())
-    second = 0.5 * np.trace(inertia.tensor) * np.eye(3) - inertia.tensor
+    second = second_moment(inertia.tensor)
     # of the reference, which may be flat: noise gives the mean shape a breadth
     spread = markers.X if hidden else markers.X[seen]
     axes, moment = strain_axes(spread, second if np.isfinite(second).all() else None)

@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import uniform_filter1d
 from scipy.special import binom
 
+from forceid.estimation.body.tracks.bridging import straight
 from forceid.flight.model import COARSE
 from forceid.motion import ORDER, Pose, log
 from forceid.records import Array
@@ -57,4 +58,4 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     if gain[best] < PATIENCE:
         return None
     speed = uniform_filter1d(np.gradient(path, time[seen], axis=0), 2 * ORDER + 1, axis=0, mode="nearest")
-    return float(DELAYS[best] * step), np.stack([np.interp(time, time[seen], one) for one in speed.T], 1)
+    return float(DELAYS[best] * step), straight(time, time[seen], speed)

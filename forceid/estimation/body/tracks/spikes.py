@@ -33,11 +33,6 @@ def spikes(position: Array) -> Flags:
     distance does from frame to frame on the whole and just there. A frame with more than half of its
     markers off is one in which the body deforms, and a record with more than a fifth of its readings off is
     none of spikes: there none is named.
-
-    >>> x = np.random.default_rng(0).standard_normal((1, 5, 3)) + np.linspace(0, 1, 50)[:, None, None]
-    >>> x[20, 3] += 0.1
-    >>> np.argwhere(spikes(x)).tolist()
-    [[20, 3]]
     """
     seen = np.isfinite(position).all(2)
     found = np.zeros_like(seen)

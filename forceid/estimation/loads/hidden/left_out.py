@@ -46,7 +46,8 @@ def hidden_load(
             least, share = smallest_found(channels[name], priors[name], frequency, rotation)
             # where more than half of a load is followed, the noise alone hides it, and not the smooth load
             amplitude[:, own] = least * np.sqrt(np.minimum(1.0, 2 * (1 - share)))
-            band[own] = band_of(channels[name], priors[name], finer, rotation)
+            noise, smooth, axes = densities(channels[name], priors[name], finer, rotation)
+            band[own] = followed_up_to(smooth / (noise + smooth) @ (axes**2).T, finer)
     return HiddenLoad(frequency, amplitude, band)
 
 
@@ -175,15 +176,6 @@ def followed_up_to(share: Array, frequency: Array) -> Array:
     return np.where(followed > 0, frequency[np.maximum(followed, 1) - 1], 0.0)
 
 
-def band_of(channel: Channel, prior: LoadPrior, frequency: Array, rotation: Array | None = None) -> Array:
-    """Frequency (3,) Hz, world axes, up to which the smooth prior follows more than half of a load; 0:
-    none.
-    """
-    noise, smooth, axes = densities(channel, prior, frequency, rotation)
-    share = smooth / (noise + smooth) @ (axes**2).T
-    return followed_up_to(share, frequency)
-
-
 def densities(
     channel: Channel, prior: LoadPrior, frequency: Array, rotation: Array | None = None
 ) -> tuple[Array, Array, Array]:
@@ -232,11 +224,7 @@ def required_gain(cycles: Array, samples: int, named: bool = False) -> Array:
 
 
 def beside_parabola(cycles: Array) -> Array:
-    """Part (frequency,) of the power of a wave that is left beside start, speed and a constant load.
-
-    >>> beside_parabola(np.array([1.0, 4.0, 40.0])).round(2).tolist()
-    [0.24, 0.98, 1.0]
-    """
+    """Part (frequency,) of the power of a wave that is left beside start, speed and a constant load."""
     ordinates = 4 * LOOKED
     t = np.linspace(-1.0, 1.0, ordinates)
     known = np.linalg.qr(np.polynomial.legendre.legvander(t, 2))[0]

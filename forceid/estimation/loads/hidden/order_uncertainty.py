@@ -62,7 +62,7 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     On its deviation: the mean of the deviations under all candidates over the one claimed.
     """
     part, prior = found.channel, found.prior
-    span, fastest = float(np.ptp(part.time)), found.frequency[-1]
+    span, fastest = float(np.ptp(part.time)), found.groups[0][-1]
     wide = np.geomspace(0.5 / span, BEYOND * fastest, 96)
     noise, smooth = found.densities(wide)
     lost = shares_lost(wide, fastest, noise, smooth, claimed)

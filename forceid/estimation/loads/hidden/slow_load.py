@@ -58,19 +58,6 @@ def slow_growth(channel: Channel, prior: LoadPrior, cycles: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Candidates:
-    """Loads of one order and rate, of variances (size,), as a track shows them.
-
-    gain (size,): of log-likelihood over a constant; load, var (size, mean): the load beside the constant,
-    and the variance of both.
-    """
-
-    gain: Array
-    load: Array
-    var: Array
-
-
-@dataclass(frozen=True)
 class Track:
     """A driven channel along an axis as means over stretches, whitened by its noise.
 
@@ -114,8 +101,12 @@ class Track:
             float(np.linalg.norm(reads)),
         )
 
-    def under(self, order: int, rate: float, size: float | None = None) -> Candidates:
-        """Matern loads of a variance, or of all from next to none to more than the track allows."""
+    def under(self, order: int, rate: float, size: float | None = None) -> tuple[Array, Array, Array]:
+        """Matern loads of a variance, or of all (size,) from next to none to more than the track allows.
+
+        The log-likelihood (size,) gained over a constant; the load (size, mean) beside the constant, and the
+        variance of both.
+        """
         span = float(self.time[-1] - self.time[0])
         lags = np.linspace(0, span, CORRELATED_AT)
         K = np.interp(
@@ -133,21 +124,22 @@ class Track:
         alone = np.einsum("ij,jk,ik->i", self.beside, K, self.beside)
         var = np.maximum(sizes * alone - sizes**2 / ratio @ (read**2).T, 0.0)
         gain = 0.5 * (y**2 - np.log(ratio) - y**2 / ratio).sum(1)
-        return Candidates(gain, (sizes / ratio * y) @ read.T, var + self.claim**2)
+        return gain, (sizes / ratio * y) @ read.T, var + self.claim**2
 
-    def growth(self, cycles: float, odds: float, own: Candidates) -> float:
+    def growth(self, cycles: float, odds: float, own: tuple[Array, Array, Array]) -> float:
         """Factor on the deviation of the load in use, `own`; odds: of a constant over one that varies."""
         span, n = float(self.time[-1] - self.time[0]), len(self.time)
         inner = slice(n // 8, n - n // 8)
         rates = np.geomspace(1 / span, 2 * np.pi * cycles / span, SLOW_RATES)
         each = [self.under(UNTOLD_ORDER, rate) for rate in rates]
-        gain = np.concatenate([one.gain for one in each])
-        var = np.concatenate([(one.var + (one.load - own.load) ** 2)[:, inner].mean(1) for one in each])
-        constant = self.claim**2 + float((own.load[0, inner] ** 2).mean())
+        _, used, claimed = own
+        gain = np.concatenate([gain for gain, _, _ in each])
+        var = np.concatenate([(var + (load - used) ** 2)[:, inner].mean(1) for _, load, var in each])
+        constant = self.claim**2 + float((used[0, inner] ** 2).mean())
         top = max(float(gain.max()), 0.0)
         weight, none = np.exp(gain - top), odds * len(gain) * np.exp(-top)
         mixed = (weight @ var + none * constant) / (weight.sum() + none)
-        return max(float(np.sqrt(mixed / own.var[0, inner].mean())), 1.0)
+        return max(float(np.sqrt(mixed / claimed[0, inner].mean())), 1.0)
 
 
 def twice_integrated(time: Array) -> Array:
@@ -174,13 +166,16 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
     edge = len(found.channel.time) // 8
     inner = slice(edge, len(found.channel.time) - edge)
     own, (load, var) = found.likelihood(prior), found.smoothed(prior)
-    least = LEAK * float(prior.kernel.std.max())
+    kernel, at = prior.kernel, np.arange(3)
+    least = LEAK * float(kernel.std.max())
     for axis in np.flatnonzero(slow):
         tried = [(0.0, prior)]
         for cycles in CYCLES:
             before = -np.inf
             for size in max(np.sqrt(claimed[axis]), least) * TIMES ** np.arange(SIZES):
-                other = of_axis(prior, int(axis), size, 2 * np.pi * cycles / span)
+                rate = np.where(at == axis, 2 * np.pi * cycles / span, kernel.rate)
+                std = np.where(at == axis, size, kernel.std)
+                other = prior.with_kernel(Matern(kernel.order, std, rate))
                 gain = found.likelihood(other) - own
                 tried.append((gain, other))
                 if gain < before and gain < -PATIENCE:
@@ -196,13 +191,3 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
         ratio = mixed / float(var[inner, axis].mean())
         growth[axis] = np.sqrt(ratio) if ratio > 1 else 1.0  # also where rounding swamps a variance
     return growth
-
-
-def of_axis(prior: LoadPrior, axis: int, std: float, rate: float) -> LoadPrior:
-    """The prior with another size and rate along an axis."""
-    kernel = prior.kernel
-    assert isinstance(kernel, Matern)
-    at = np.arange(3) == axis
-    return prior.with_kernel(
-        Matern(kernel.order, np.where(at, std, kernel.std), np.where(at, rate, kernel.rate))
-    )

@@ -79,11 +79,6 @@ class Whitened:
         """Frequency (group,) Hz of the groups of ordinates, the first ordinate of each, and their count."""
         return groups_of(self.channel.time)
 
-    @property
-    def frequency(self) -> Array:
-        """Frequency (group,) Hz."""
-        return self.groups[0]
-
     def powers(self, innovation: Array) -> Array:
         """Power (group, 3) of innovations (time, 3), one an ordinate where the prior is right, summed."""
         return summed_powers(innovation, self.seen, self.groups[1])

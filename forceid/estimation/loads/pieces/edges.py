@@ -12,8 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from forceid.estimation.loads.pieces.evidence import Evidence, settled
-from forceid.estimation.loads.pieces.sizes import hiding
+from forceid.estimation.loads.pieces.evidence import Evidence, hiding, settled
 from forceid.flight.channels import Channel
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior, channel_model
@@ -39,11 +38,6 @@ class Spread:
     mean: Array
     apart: Array
     unseen: Array
-
-    @property
-    def load(self) -> Array:
-        """What is added to the load (time, 3)."""
-        return self.mean[:, 3:]
 
     @property
     def cov(self) -> Array:
@@ -136,11 +130,6 @@ def placed(evidence: Evidence, pieces: Pieces) -> tuple[Spread, float]:
     return Spread(total, np.concatenate(away), unseen(channel, prior, pieces, engine)), volume
 
 
-def outer(a: Array) -> Array:
-    """Products (..., 3, 3) of vectors (..., 3) with themselves."""
-    return np.asarray(a[..., :, None] * a[..., None, :])
-
-
 def unseen(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -> Array:
     """Variance (time, 3, 3) of a load at samples next to a piece so short that these do not show it.
 
@@ -156,7 +145,8 @@ def unseen(channel: Channel, prior: LoadPrior, pieces: Pieces, engine: Engine) -
             a = max(int(np.searchsorted(channel.time, begin, "right")) - 1, 0)
             b = min(int(np.searchsorted(channel.time, end)), len(channel.time) - 1)
             near = (channel.time > begin - step) & (channel.time < end + step)
-            cov[near] += np.log(10.0) * outer((momentum[b] - momentum[a]) / step)
+            given = (momentum[b] - momentum[a]) / step
+            cov[near] += np.log(10.0) * np.outer(given, given)
     return cov
 
 
@@ -212,6 +202,6 @@ def with_edges_known(
     for name, load, own in (("force", force, slice(0, 3)), ("moment", moment, slice(3, 6))):
         if name in spread:
             at = seen[name]
-            load[at] += spread[name].load[at]
+            load[at] += spread[name].mean[at, 3:]
             cov[at, own, own] += spread[name].cov[at]
     return replace(state, force=force, moment=moment, wrench_cov=cov, given=given)

@@ -7,8 +7,7 @@ import pytest
 
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.pieces.character import with_character
-from forceid.estimation.loads.pieces.evidence import Evidence
-from forceid.estimation.loads.pieces.sizes import as_large_as_may_be, hiding, load_in
+from forceid.estimation.loads.pieces.evidence import Evidence, as_large_as_may_be, hiding, load_in
 from forceid.flight.channels import Channel
 from forceid.kalman.engines import engine
 

@@ -3,6 +3,10 @@
 All mass is seen at mass points, so force and moment each drive a linear channel, the mass center and what
 arms sweep about it, under the errors of segments that joint gaps show. Nothing turns as a whole that a load
 could turn with, so no lines are searched.
+
+Tables misplace mass. A segment whose mass center is off by d, in its own axes, adds m R d to the sum that the
+force drives, and what that sweeps to the one that the moment drives; the smoother of each load makes of it
+what it makes of the rest. The moment is about a mass center that is off as well: a lever of the force.
 """
 
 from __future__ import annotations
@@ -16,16 +20,15 @@ from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.segments.joint_gaps import segment_poses
-from forceid.estimation.body.segments.segment_noise import SegmentNoise, segment_noise
+from forceid.estimation.body.segment_noise import SegmentNoise, SegmentPoses, segment_noise, segment_poses
+from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.problem import Solution, named
-from forceid.estimation.methods.segments.segment_claims import widened_by_misplaced_mass
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
-from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -67,7 +70,10 @@ def estimate_in_segments(
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
         louder = {load: replace(ch, noise_cov=noise.most**2 * ch.noise_cov) for load, ch in channels.items()}
         others = [smoothed(channel, tune(channel), engine, causal).force for channel in louder.values()]
-        state = widened_by_difference(state, np.concatenate(others, 1))
+        apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - np.concatenate(others, 1))
+        square = apart[:, :, None] * apart[:, None]
+        cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))
+        state = replace(state, wrench_cov=cov)
         off = settings.body_std.mass_center or CENTER_STD
         mass = kin.inertia.weight
         state = widened_by_misplaced_mass(state, channels, priors, poses, noise.share, mass, arm, off, engine)
@@ -94,15 +100,6 @@ def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tup
         "force": replace(force, noise_cov=noise.of_center(mass) + lost, color=noise.color),
         "moment": Channel(kin.time, Y, 1.0, turning + lost_turn, np.zeros((3, 3)), noise.color),
     }, arm
-
-
-def widened_by_difference(state: FlightState, other: Array) -> FlightState:
-    """The state with a wrench that claims what it is off another estimate (time, 6) that may be as good."""
-    off = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - other)
-    cov = state.wrench_cov.copy()
-    for own in (slice(0, 3), slice(3, 6)):
-        cov[:, own, own] += off[:, own, None] * off[:, None, own]
-    return replace(state, wrench_cov=cov)
 
 
 def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> FlightState:
@@ -143,3 +140,57 @@ def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightStat
         wrench_cov=wrench_cov, pose_cov=pose_cov, innovation=innovation, nis=mean_square(innovation),
         log_likelihood=force.log_likelihood + moment.log_likelihood,
     )  # fmt: skip
+
+
+def widened_by_misplaced_mass(
+    state: FlightState,
+    channels: dict[str, Channel],
+    priors: dict[str, LoadPrior],
+    poses: SegmentPoses,
+    share: Array,
+    mass: Array,
+    arm: Array,
+    std: float,
+    engine: Engine,
+) -> FlightState:
+    """The state with a wrench that claims what misplaced mass of segments makes of it.
+
+    share (segment, node), mass (node,) kg, arm (time, node, 3) m from the mass center; std (m): of each
+    coordinate of the mass center of the body, to which all segments contribute as if each were off alike.
+    """
+    own = share.argmax(0)  # the segment of each node: its own, or the one that places most
+    own[poses.segment] = np.arange(len(poses.segment))
+    m = np.bincount(own, mass, len(poses.segment))
+    part = m / m.sum()
+    each = std / np.sqrt(part @ part)
+    moved = m[:, None, None] * steady(channels["force"].time, poses.rotation).swapaxes(2, 3)  # (.., d, world)
+    u = np.stack(
+        [np.einsum("n,tna->ta", mass[own == k], arm[:, own == k]) / max(m[k], 1e-300) for k in range(len(m))],
+        1,
+    )
+    swept = np.cross(moved[:-1], u[1:, :, None]) + np.cross(u[:-1, :, None], moved[1:])
+    swept = np.concatenate([np.zeros_like(swept[:1]), np.cumsum(swept, axis=0)])
+    T = len(arm)
+    force = passed(channels["force"], priors["force"], moved.reshape(T, -1, 3), engine)
+    moment = passed(channels["moment"], priors["moment"], swept.reshape(T, -1, 3), engine)
+    lever = np.cross(moved.reshape(T, -1, 3) / m.sum(), state.force[:, None])
+    wrench = each * np.concatenate([force, moment + lever], 2)
+    cov = np.einsum("tca,tcb->tab", wrench, wrench)
+    return replace(state, wrench_cov=state.wrench_cov + np.nan_to_num(cov))
+
+
+def passed(channel: Channel, prior: LoadPrior, signals: Array, engine: Engine) -> Array:
+    """The load (time, signal, 3) that the smoother of a channel finds in signals (time, signal, 3) of it."""
+    z = channel.gain * (signals - signals[:1])
+    z = np.where(np.isfinite(channel.z)[:, None], z, np.nan)
+    _, states = engine.filter_and_smooth_states(channel_model(channel, prior), z)
+    return np.asarray(states[..., : prior.states] @ prior.rows.T)
+
+
+def steady(time: Array, rotation: Array) -> Array:
+    """Rotations (time, segment, 3, 3) with straight lines in their gaps, the identity where never seen."""
+    out = np.array(rotation)
+    for k in range(rotation.shape[1]):
+        seen = np.isfinite(rotation[:, k]).all((1, 2))
+        out[:, k] = straight(time, time[seen], rotation[seen, k]) if seen.any() else np.eye(3)
+    return out

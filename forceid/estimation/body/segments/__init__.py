@@ -1,1 +1,0 @@
-"""Bodies of segments: what markers on each say of joints, and of the errors of mass points."""
