@@ -70,7 +70,7 @@ def inertia_of(body: Body) -> Inertia:
 
 def second_moment(tensor: Array) -> Array:
     """Second moment of mass (3, 3) kg m2, the sum of m X X, of a body with this inertia tensor."""
-    return 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    return np.asarray(0.5 * np.trace(tensor) * np.eye(3) - tensor)
 
 
 def momentum_inside(body: Body) -> Array:

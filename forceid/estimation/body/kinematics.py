@@ -210,7 +210,7 @@ def from_mean_motion(
     attitude = attitude and not inertia.point
     if motion.orientation is not None:
         R = rotations(motion.orientation)
-        whole = np.isfinite(R).all((1, 2))
+        whole: Flags = np.asarray(np.isfinite(R).all((1, 2)))
         pair, steps = whole[1:] & whole[:-1], np.zeros((T, 3))
         steps[1:][pair] = log((R[1:] @ R[:-1].swapaxes(1, 2))[pair])
         angle = np.where(whole[:, None], np.cumsum(steps, axis=0), np.nan)

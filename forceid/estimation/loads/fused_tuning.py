@@ -88,7 +88,7 @@ def tune_together(
             return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
 
         start = np.zeros(4 + len(loud))
-        apiece = [partial(of_half, cut, *one, engine) for one in ((force, None), (moment, near))]
+        apiece = [partial(of_half, cut, force, None, engine), partial(of_half, cut, moment, near, engine)]
         if spread is None:  # that of each load by itself costs little; a reading tells of its noise
             each = (spread_about(half, 2) for half in apiece)
             spread = block_diag(*each, np.eye(len(loud)) / len(cut.time))
