@@ -9,6 +9,7 @@ from evidence.drawn.records.scored import GRAVITY
 from forceid.motion import fit_rotation
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_mass_center_moves_as_the_force_says(kind):
     record = draw_record(KINDS[kind], np.random.default_rng([3, list(KINDS).index(kind)])).recording

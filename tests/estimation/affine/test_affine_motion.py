@@ -94,6 +94,7 @@ def test_momentum_and_moment_of_nodes_give_the_first_moments_that_their_forces_m
     np.testing.assert_allclose(found, force.T @ place, atol=1e-12)
 
 
+@pytest.mark.long
 def test_covariance_is_that_of_small_errors_of_all_that_the_first_moments_are_made_of(stored):
     _, solution = estimate_whole(stored, load_settings(model="affine"))
     kin, state, bend = solution.kinematics, solution.state, solution.deformation

@@ -80,6 +80,7 @@ def test_a_joint_stays_where_the_strain_of_a_part_takes_it(swelling):
         assert np.abs(still[20:-20]).max() > 3e-3
 
 
+@pytest.mark.long
 def test_parts_that_may_bend_hold_a_joint_as_far_as_noise_hides_it():
     parameters = chain(0)
     recording = seen(parameters, 0, time=TIME)

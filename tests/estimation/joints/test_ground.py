@@ -86,6 +86,7 @@ def test_a_ball_joint_bears_what_holds_the_pendulum():
     assert found.dof == 3  # no moment passes: three balances test masses and joint
 
 
+@pytest.mark.long
 def test_a_hinge_bears_force_and_the_moment_across_its_axis():
     axis = (0.3, 1.0, -0.2)
     recording, at, force, moment = pendulum(73, axis)

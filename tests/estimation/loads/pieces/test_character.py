@@ -106,7 +106,7 @@ def test_an_impact_found_as_a_piece_of_a_few_steps_is_claimed_as_what_it_may_be(
     assert np.diff(prior.tuned.pieces.edges) > 2 * STEP
     found, cov = load_under(channel, prior)
     spread, near = spread_of(channel, prior, ENGINE), np.abs(TIME - at) < 0.03
-    error = np.sqrt(((found + spread.load - load)[near] ** 2).mean())
+    error = np.sqrt(((found + spread.mean[:, 3:] - load)[near] ** 2).mean())
     assert error < 1.5 * np.sqrt(np.trace((cov + spread.cov)[near].mean(0)) / 3)
 
 
@@ -133,7 +133,7 @@ def test_near_an_edge_its_place_is_part_of_the_claim():
     found, cov = load_under(channel, prior)
     spread = spread_of(channel, prior, ENGINE)
     inside = (edges[0] < TIME) & (edges[1] > TIME)
-    error = np.linalg.norm((found + spread.load - load)[inside], axis=1)
+    error = np.linalg.norm((found + spread.mean[:, 3:] - load)[inside], axis=1)
     claim = np.sqrt(np.trace((cov + spread.cov)[inside], axis1=1, axis2=2))
     assert (error < 3 * claim).all()
     far = np.abs(TIME - np.mean(edges)) > 0.3
