@@ -16,9 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from forceid.errors import DataError
-from forceid.partition.operators.topology import boolean_from_positions, compatible, without_fixed
+from forceid.partition.assembled import system
+from forceid.partition.operators.topology import boolean_from_positions
 from forceid.partition.system import PartitionedSystem
-from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 
 GAUSS_POINTS = (-1 / np.sqrt(3), 1 / np.sqrt(3))
@@ -105,19 +105,9 @@ class Parts:
 
     def system(self, fixed: Flags | None = None) -> PartitionedSystem:
         """The partitioned system, its assembled nodes `fixed` (node,) held."""
+        held = np.flatnonzero(np.zeros(len(self.place)) if fixed is None else fixed)
         axes, about = self.place.shape[1], self.place.mean(axis=0)
-        held = np.zeros(len(self.place)) if fixed is None else fixed
-        L, kept = without_fixed(self.boolean, np.flatnonzero(np.repeat(held, axes)))
-        modes: list[Any] = [None] * len(L)
-        for s, (x, rows) in enumerate(zip(self.position, kept, strict=True)):
-            R = summation_operator(x - about)
-            if np.linalg.matrix_rank(R) == R.shape[1]:  # else nodes on a line: its zero modes are found
-                modes[s] = compatible(R, rows)
-        K, M = (
-            [m[rows][:, rows] for m, rows in zip(each, kept, strict=True)]
-            for each in (self.stiffness, self.mass)
-        )
-        return PartitionedSystem(K, M, L, modes)
+        return system(self.stiffness, self.mass, self.boolean, self.position, held, axes, about)
 
 
 def box_grid(parts: Sequence[int], r: int) -> tuple[list[Array], Indices]:

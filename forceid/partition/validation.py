@@ -45,9 +45,9 @@ def real_matrix(given: Any, where: str) -> Any:
     return sp.csr_array(real_array(given, where, 2), dtype=np.float64)
 
 
-def real_positions(given: Sequence[Any]) -> list[Array]:
+def real_positions(given: Sequence[Any], where: str = "") -> list[Array]:
     """Positions (node, axis) m of every part, finite, with the same axes."""
-    name = [f"position of partition {s}" for s in range(len(given))]
+    name = [where or f"position of partition {s}" for s in range(len(given))]
     found = [np.asarray(real_array(x, n, 2), dtype=float) for x, n in zip(given, name, strict=True)]
     if not found:
         raise DataError("has no entry, expected one a part", "position", "give the places of the nodes")
