@@ -24,6 +24,7 @@ from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
 from forceid.estimation.loads.channels import DrivenMotion
+from forceid.estimation.loads.hidden.misfit import typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
@@ -304,6 +305,7 @@ def assemble(
     )
     force_std = deviation(state.wrench_cov)[:, :3]
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
+    exceeds = None if solution.shown is None else solution.shown / typical_variance(state.wrench_cov)
     shape_said = [*judge_shape(kin, motion, recording.body, left), *judge_common(kin)]
     if not settings.part:  # parts stand where their joints let them
         shape_said = [*judge_reference(recording.body, kin), *shape_said]
@@ -316,7 +318,7 @@ def assemble(
         *([] if kin.model == SEGMENTS else shape_said),
         *judge_roughness(solution.priors),
         *judge_tuning(kin, solution.noise_at_limit),
-        *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), wild_said),
+        *judge_innovations(motion.time, state.innovation, state.nis, reach(solution), exceeds, wild_said),
         *judge_momentum(kin, state.H, state.moment),
         *judge_loads(loads),
         *same,

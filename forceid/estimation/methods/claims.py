@@ -19,6 +19,7 @@ from forceid.estimation.loads.hidden.left_out import (
     least_band,
     lines_at_spin,
 )
+from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.loads.lines import widened_by_ringing
@@ -97,13 +98,8 @@ def allow_for_edges(problem: Problem) -> Problem:
     """Edges of the loads, whose places are open to a part of a step or to more."""
     channels, priors, flight, state = problem.channels, problem.priors, problem.flight, problem.state
     time = flight.time
-    apart = {name: spread_of(ch, priors[name], problem.engine) for name, ch in channels.items()}
-    seen = {name: np.isin(time, channels[name].time) for name in channels}
-    spread = {
-        name: one.at(np.maximum(np.cumsum(seen[name]) - 1, 0))
-        for name, one in apart.items()
-        if one is not None
-    }
+    apart = {name: spread_of(ch, priors[name], time, problem.engine) for name, ch in channels.items()}
+    spread = {name: one for name, one in apart.items() if one is not None}
     if not spread:
         return problem
     fall = (time - time[0])[:, None] * flight.gravity
@@ -121,7 +117,7 @@ def allow_for_edges(problem: Problem) -> Problem:
             given[:, own] += spread[name].mean[:, :3]
     places = [spread.get(name) for name in ("force", "moment")]
     found = impulses(flight, each, given, places, problem.engine)
-    return replace(problem, state=with_edges_known(state, spread, seen, given), impulses=found).noting(*said)
+    return replace(problem, state=with_edges_known(state, spread, given), impulses=found).noting(*said)
 
 
 def judge_lever(problem: Problem) -> Problem:
@@ -218,6 +214,8 @@ def solution_of(problem: Problem) -> Solution:
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
         turned = problem.turned_at("moment") if kin.attitude else None
         hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
+    alone = {name: problem.turned_at(name) if kin.attitude else None for name in problem.channels}
+    misfit = shown_misfit(problem.channels, priors, flight.time, state.innovation, alone)
     swings = any(prior.lines for prior in priors.values())
     filtered = judge_filter(kin, None if hidden is None else hidden.band, swings)
     return Solution(
@@ -234,4 +232,5 @@ def solution_of(problem: Problem) -> Solution:
         problem.growth,
         problem.moving,
         problem.impulses,
+        misfit * typical_variance(problem.plain),
     )

@@ -180,7 +180,8 @@ class Solution:
     smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
     what the record does not tell of its priors, moving (mode, 3): of those of amplitude, rate and
     acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
-    of them. impulses: of loads that come in pieces.
+    of them. impulses: of loads that come in pieces; shown (6,): variance of the wrench that its innovations
+    show at least, NaN where they do not.
     """
 
     kinematics: Kinematics
@@ -196,6 +197,7 @@ class Solution:
     growth: Array | None = None
     moving: Array | None = None
     impulses: Impulses | None = None
+    shown: Array | None = None
 
 
 def named(kin: Kinematics, priors: Mapping[str, LoadPrior]) -> dict[str, float]:

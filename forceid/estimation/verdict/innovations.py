@@ -6,32 +6,47 @@ import numpy as np
 from scipy.special import ndtri
 
 from forceid.estimation.verdict.catalogue import note
-from forceid.records import Array, Finding
+from forceid.records import Array, Finding, Level
 from forceid.significance import CHANCE, PATIENCE, SIGMAS
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
+AMISS = 1.5  # errors over those claimed, from which on a claim is too small to be called right
 COLOR = 0.2  # autocorrelation of whitened innovations, beyond three standard errors, that is called color
 
 
 def judge_innovations(
-    time: Array, innovation: Array, nis: Array, reach: Array, wild_said: bool = False
+    time: Array,
+    innovation: Array,
+    nis: Array,
+    reach: Array,
+    exceeds: Array | None = None,
+    wild_said: bool = False,
 ) -> list[Finding]:
-    """Whether the innovations (time, channel) are white and as large as they were predicted to be.
+    """Whether the innovations (time, channel) are as they were predicted to be, as far as claims rest on it.
 
     reach (channel,): load, over its claimed standard deviation, that moves a channel by one standard
-    deviation of its measurement at 1 rad/s; wild_said: whether wild ones have been named already.
+    deviation of its measurement at 1 rad/s; exceeds (6,): variance of the wrench that they show over that
+    claimed, NaN or None where they do not: then they have to be white, and as large as predicted; wild_said:
+    whether wild ones have been named already.
     """
     if innovation.shape[1] == 0 or not np.isfinite(nis).any():
         return []
     found = []
-    level = float(np.nanmean(nis))
+    level, beyond = float(np.nanmean(nis)), np.full(6, np.nan) if exceeds is None else exceeds
+    told = bool(np.isfinite(beyond).any())
+    if told and (worst := float(np.nanmax(beyond))) > AMISS**2:
+        k = int(np.nanargmax(beyond))
+        load, axis = ("force", "moment")[k // 3], "xyz"[k % 3]
+        found.append(note("innovations-in-band", load=load, axis=axis, times=np.sqrt(worst)))
+    at_stake: Level = "ok" if told else "degraded"
     if not NIS_BAND[0] < level < NIS_BAND[1]:
-        found.append(note("innovations-small" if level < 1 else "innovations-large", times=np.sqrt(level)))
+        code = "innovations-small" if level < 1 else "innovations-large"
+        found.append(note(code, at_stake, times=np.sqrt(level)))
     if (wild := wild_innovation(time, innovation, nis)) is not None and not wild_said:
         found.append(note("innovation-wild", sigma=wild[0], time_s=wild[1]))
     color, channel = lag_one_correlation(innovation)
     if color:
-        found.append(note("innovations-correlated", channel=channel, correlation=color))
+        found.append(note("innovations-correlated", at_stake, channel=channel, correlation=color))
     line, channel = strongest_line(time, innovation, reach)
     if line:
         found.append(note("innovations-line", channel=channel, frequency_hz=line))

@@ -239,7 +239,7 @@ def test_white_innovations_of_unit_size_are_not_remarked_on():
 
 
 @pytest.mark.parametrize(
-    ("size", "word"), [(0.5, "smoother than the noise"), (1.5, "too small by about that")]
+    ("size", "word"), [(0.5, "smoother than the noise"), (1.5, "noise stated is too small")]
 )
 def test_innovations_of_another_size_than_predicted_are_said_in_numbers(size, word):
     (text,) = innovations_judged(size * white())

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.estimation.loads.pieces.cells import Cells, load_in
 from forceid.flight.channels import Channel, driven_in_pieces, load_chain
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
-from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.building.lines import along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
@@ -170,6 +171,14 @@ def shifted(time: Array, reach: float, pieces: Pieces, k: int) -> list[Pieces]:
     return [replace(pieces, edges=np.sort([*others, one])) for one in new]
 
 
+def of_any_size(evidence: Evidence, pieces: Pieces, k: int) -> Pieces:
+    """The pieces, the load in one of them of the likeliest size on each axis, larger if it has to be."""
+    at = np.arange(len(pieces.size))[:, None] == k
+    tried = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in (1.0, *LARGER)]
+    likely = evidence.likelihood(tried).argmax(0)
+    return replace(pieces, size=np.stack([tried[f].size[:, axis] for axis, f in enumerate(likely)], 1))
+
+
 def as_large_as_may_be(evidence: Evidence, pieces: Pieces) -> Pieces:
     """The pieces, the load in each of the largest size on each axis that loses less than a standard error."""
     level, size = evidence.likelihood([pieces])[0], pieces.size.copy()
@@ -181,20 +190,11 @@ def as_large_as_may_be(evidence: Evidence, pieces: Pieces) -> Pieces:
     return replace(pieces, size=size)
 
 
-def hiding(evidence: Evidence, pieces: Pieces) -> Array:
-    """What loads as large as they may be add to the covariance (time, 3, 3) of a load in pieces."""
-    load, var = load_in(evidence, pieces)
-    largest, wide = load_in(evidence, as_large_as_may_be(evidence, pieces))
-    axes, apart = evidence.prior.axes, largest - load
-    more = axes * np.maximum(wide - var, 0.0)[:, None] @ axes.T
-    return np.asarray(more + apart[:, :, None] * apart[:, None])
-
-
-def load_in(evidence: Evidence, pieces: Pieces) -> tuple[Array, Array]:
-    """The load (time, 3) that a channel shows in pieces, world axes, and its variance along the prior's."""
-    channel, was = evidence.channel, evidence.prior
-    prior: LoadPrior = replace(was, tuned=replace(was.tuned, pieces=pieces))
-    found = evidence.engine.smooth(channel_model(channel, prior), channel.moved)
-    rows = prior.axes.T @ prior.rows
-    var = np.einsum("ai,tij,aj->ta", rows, found.P[:, : prior.states, : prior.states], rows, optimize=True)
-    return found.x[:, : prior.states] @ prior.rows.T, var
+def hiding(evidence: Evidence, cells: Cells, pieces: Pieces) -> tuple[Array, Array]:
+    """Covariance (time, 3, 3) of a load in pieces, and what loads as large as they may be add to it."""
+    axes, known = evidence.prior.axes, (cells, evidence.prior)
+    load, cov = load_in(*known, pieces, evidence.engine)
+    largest, wide = load_in(*known, as_large_as_may_be(evidence, pieces), evidence.engine)
+    apart, wider = largest - load, np.einsum("ai,tab,bi->ti", axes, wide - cov, axes)
+    more = axes * np.maximum(wider, 0.0)[:, None] @ axes.T
+    return cov, np.asarray(more + apart[:, :, None] * apart[:, None])

@@ -7,13 +7,13 @@ as a state, gives the covariance of the two: a contact or an impact is known by 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from forceid.estimation.loads.pieces.cells import change_of, with_copy
 from forceid.estimation.loads.pieces.edges import Spread
 from forceid.flight.model import Flight, Reference, seen_part
-from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Impulses
@@ -58,17 +58,5 @@ def edges_of(prior: LoadPrior) -> Array:
 
 def change_cov(model: StateSpace, z: Array, first: int, last: int, engine: Engine) -> Array:
     """Covariance (3, 3) of what the momentum in a model changes from one sample to a later one, smoothed."""
-    n, steps = len(model.x0), len(z) - 1
-    F, Q = (np.zeros((steps, n + 3, n + 3)) for _ in range(2))
-    F[:, :n, :n], Q[:, :n, :n] = model.F, model.Q
-    F[:, n:, n:] = np.eye(3)
-    F[first, n:, n:], F[first, n:, MOMENTUM] = 0.0, np.eye(3)  # the copy
-    wide = replace(
-        model, F=F, Q=Q, H=np.pad(model.H, [*[(0, 0)] * (model.H.ndim - 1), (0, 3)]),
-        x0=np.pad(model.x0, (0, 3)), P0=np.pad(model.P0, (0, 3)),
-        u=None if model.u is None else np.pad(model.u, ((0, 0), (0, 3))),
-    )  # fmt: skip
-    P = engine.smooth(wide, z).P[last]
-    change = np.zeros((3, n + 3))
-    change[:, MOMENTUM], change[:, n:] = np.eye(3), -np.eye(3)
-    return np.asarray(change @ P @ change.T)
+    found = engine.smooth(with_copy(model, first, len(z) - 1), z)
+    return change_of(found.P[last])

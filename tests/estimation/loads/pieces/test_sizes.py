@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.pieces.cells import cells_beside, load_in
 from forceid.estimation.loads.pieces.character import with_character
-from forceid.estimation.loads.pieces.evidence import Evidence, as_large_as_may_be, hiding, load_in
+from forceid.estimation.loads.pieces.evidence import Evidence, as_large_as_may_be, hiding
 from forceid.flight.channels import Channel
 from forceid.kalman.engines import engine
 
@@ -42,10 +43,10 @@ def found_in(channel):
 def test_a_flight_that_shows_no_load_claims_the_load_that_noise_hides_there(seed):
     channel, load = between_contacts(seed, 0.03)
     evidence, pieces = found_in(channel)
-    estimate, var = load_in(evidence, pieces)
-    var = var @ (evidence.prior.axes**2).T
+    cells = cells_beside(channel, (), TIME)
+    estimate, _ = load_in(cells, evidence.prior, pieces, ENGINE)
     after = (TIME > 0.7) & (TIME < 1.1)
-    more = np.diagonal(hiding(evidence, pieces), axis1=1, axis2=2)
+    var, more = (np.diagonal(one, axis1=1, axis2=2) for one in hiding(evidence, cells, pieces))
     square = ((estimate - load)[after] ** 2).mean()
     assert square < 4 * (var + more)[after].mean()
 
