@@ -9,11 +9,10 @@ import numpy as np
 
 from evidence.calibration.patience import within
 from evidence.calibration.record import DrawnRecord, drawn_record
-from evidence.drawn.hidden_loads import WRONG, slow_part
 from evidence.drawn.records.scored import QUANTILE, judged_part
 from evidence.strangers.attempt import attempt
-from evidence.strangers.judged import LOADS, NEAR, scores
-from forceid.records import Array, Estimate
+from evidence.strangers.judged import LOADS, NEAR, scores, silently_wrong
+from forceid.records import Estimate
 
 PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
 UNKNOWN = (np.nan, np.nan)
@@ -59,17 +58,17 @@ class Outcome:
     @property
     def beyond_claim(self) -> bool:
         """Whether it calls itself ok and is off by more than twice its claim."""
-        return self.verdict == "ok" and self.worst > WRONG
+        return silently_wrong(self.verdict, self.over)
 
     @property
     def beyond_witness(self) -> bool:
         """Whether it calls itself ok and is off by more than twice what the plain route is."""
-        return self.verdict == "ok" and float(np.nan_to_num(self.beside).max()) > WRONG
+        return silently_wrong(self.verdict, self.beside)
 
     @property
     def silent(self) -> bool:
         """Whether it calls itself ok and is wrong, by its claim or beside the plain route."""
-        return self.beyond_claim or self.beyond_witness
+        return silently_wrong(self.verdict, self.over, self.beside)
 
     @property
     def needless(self) -> bool:
@@ -103,31 +102,13 @@ def judged(case: DrawnRecord, found: Estimate) -> dict[str, tuple[float, ...]]:
     truth = [case.recording.truth[name] for name in LOADS]
     band = found.hidden.band if found.hidden else np.full(6, np.inf)
     band = np.where(np.isfinite(band), band, np.inf)
-    beside, inside, whole = [], [], []
-    for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
+    inside = []
+    for name, true in zip(LOADS, truth, strict=True):
         error, std = (judged_part(a) for a in (getattr(found, name) - true, getattr(found, f"{name}_std")))
         known = np.isfinite(error) & np.isfinite(std)
         held = np.abs(error)[known] <= QUANTILE * std[known]
         inside.append(float(np.mean(held)) if known.any() else np.nan)
-        plain = np.full_like(true, np.nan) if found.witness is None else getattr(found.witness, name)
-        pair = error, judged_part(plain - true)
-        beside.append(over(*pair, band[3 * k : 3 * k + 3], case.drawn.rate))
-        whole.append(over(*pair, np.full(3, np.inf), case.drawn.rate))
-    named = {"beside": beside, "beside_plain": whole, "inside": inside}
-    off = scores(found, truth, band, case.drawn.rate)
-    return off | {name: tuple(values) for name, values in named.items()}
-
-
-def over(error: Array, other: Array, band: Array, rate: float) -> float:
-    """Rms of an error (time, 3) over that of another, each within the band (3,) Hz, where both are known."""
-    both = np.isfinite(error + other).all(1)
-    if not both.any():
-        return float("nan")
-    squares = [
-        sum(np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(off[both].T, band, strict=True))
-        for off in (error, other)
-    ]
-    return float(np.sqrt(squares[0] / squares[1]))
+    return scores(found, truth, band, case.drawn.rate) | {"inside": tuple(inside)}
 
 
 def outcome_of(job: tuple[int, int]) -> Outcome:

@@ -25,7 +25,8 @@ HEADS = (
 class Judged:
     """What came of a record. over: rms error over rms claim, of force and moment, within the band.
 
-    plain: the same without a band, which steps and waves beyond it are in; relative: over the rms of truth.
+    beside: rms error over that of the witness, within the band; plain, beside_plain: both without a band,
+    which steps and waves beyond it are in; relative: over the rms of truth.
 
     NaN where nothing is claimed. verdict: ok, degraded, refused, crashed or not simulated; codes: of its
     findings, or what it crashed of; facts: how it was watched; seconds of CPU.
@@ -36,7 +37,9 @@ class Judged:
     verdict: str
     codes: tuple[str, ...]
     over: tuple[float, ...] = (np.nan, np.nan)
+    beside: tuple[float, ...] = (np.nan, np.nan)
     plain: tuple[float, ...] = (np.nan, np.nan)
+    beside_plain: tuple[float, ...] = (np.nan, np.nan)
     relative: tuple[float, ...] = (np.nan, np.nan)
     facts: str = ""
     seconds: float = 0.0
@@ -48,17 +51,39 @@ class Judged:
 
     @property
     def silent(self) -> bool:
-        """Whether it calls itself ok and is off by more than twice its claim."""
-        return self.verdict == "ok" and self.worst > WRONG
+        """Whether it calls itself ok and is wrong."""
+        return silently_wrong(self.verdict, self.over, self.beside)
 
     def __repr__(self) -> str:
         values = ", ".join(
-            f"{name} {off:.2f}, plain {plain:.2f} ({100 * part:.3g} %)"
-            for name, off, plain, part in zip(LOADS, self.over, self.plain, self.relative, strict=True)
+            f"{name} {off:.2f}, beside the witness {other:.2f}, plain {plain:.2f} ({100 * part:.3g} %)"
+            for name, off, other, plain, part in zip(
+                LOADS, self.over, self.beside, self.plain, self.relative, strict=True
+            )
         )
         said = f"{self.verdict}{' SILENT' if self.silent else ''}"
         parts = f"{self.kind} {self.seed}: {said}", values, f"{self.seconds:.1f} s", ", ".join(self.codes)
         return "; ".join([*parts, self.facts])
+
+
+def silently_wrong(verdict: str, *ratios: Sequence[float]) -> bool:
+    """Whether a record calls itself ok, and one ratio that is known is above two.
+
+    ratios: rms error over rms claim, and over the rms error of the plain route, both within the band.
+    """
+    return verdict == "ok" and float(np.nan_to_num(np.concatenate(ratios)).max(initial=0.0)) > WRONG
+
+
+def over_witness(error: Array, other: Array, band: Array, rate: float) -> float:
+    """Rms of an error (time, axis) over that of another, within the band (axis,) Hz, where both are known."""
+    both = np.isfinite(error + other).all(1)
+    if not both.any():
+        return float("nan")
+    squares = [
+        sum(np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(off[both].T, band, strict=True))
+        for off in (error, other)
+    ]
+    return float(np.sqrt(squares[0] / squares[1]))
 
 
 def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
@@ -80,18 +105,31 @@ def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
 def scores(found: Any, truth: Sequence[Array], band: Array, rate: float) -> dict[str, tuple[float, ...]]:
     """Error over claim within the band (6,) Hz, without one, and error over the truth, of force and moment.
 
-    Each is (time, 3), or (time, joint, 3), and then over all joints. A truth far below the claim is none.
+    Beside: over the error of the witness, where there is one. Each is (time, 3), or (time, joint, 3), and
+    then over all joints. A truth far below the claim is none.
     """
-    over, plain, relative = [], [], []
+    over, plain, relative, beside, beside_plain = [], [], [], [], []
+    witness = getattr(found, "witness", None)
     for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
         error, std = getattr(found, name) - true, getattr(found, f"{name}_std")
         flat, claimed = (a.reshape(len(a), -1) for a in (error, std))
         wide = np.tile(np.where(np.isfinite(band), band, np.inf)[3 * k : 3 * k + 3], flat.shape[1] // 3)
         over.append(over_claim(flat, claimed, wide, rate))
         plain.append(over_claim(flat, claimed, np.full_like(wide, np.inf), rate))
+        other = np.full_like(error, np.nan) if witness is None else getattr(witness, name) - true
+        pair = judged_part(flat), judged_part(other.reshape(flat.shape))
+        beside.append(over_witness(*pair, wide, rate))
+        beside_plain.append(over_witness(*pair, np.full_like(wide, np.inf), rate))
         there = rms(true) > NEGLIGIBLE * rms(std)
         relative.append(float(rms(error) / rms(true)) if there else float("nan"))
-    return {"over": tuple(over), "plain": tuple(plain), "relative": tuple(relative)}
+    named = {
+        "over": over,
+        "beside": beside,
+        "plain": plain,
+        "beside_plain": beside_plain,
+        "relative": relative,
+    }
+    return {name: tuple(values) for name, values in named.items()}
 
 
 def counted(kind: str, of: Sequence[Judged]) -> list[str]:

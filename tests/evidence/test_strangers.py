@@ -77,10 +77,12 @@ def test_of_joints_all_count_together():
     ones = np.ones((80, 2, 3))
     found = SimpleNamespace(force=3 * ones, moment=ones, force_std=ones, moment_std=ones)
     got = scores(found, [ones, ones], np.full(6, np.nan), 100.0)
-    assert got == dict.fromkeys(("over", "plain", "relative"), pytest.approx((2.0, 0.0)))
+    assert got == dict.fromkeys(("over", "plain", "relative"), pytest.approx((2.0, 0.0))) | dict.fromkeys(
+        ("beside", "beside_plain"), pytest.approx((np.nan, np.nan), nan_ok=True)
+    )
 
 
-def test_only_an_ok_off_by_more_than_two_claims_is_silent():
+def test_only_an_ok_off_by_more_than_two_claims_or_witnesses_is_silent():
     def made(verdict, *over):
         return Judged("box", 1, verdict, (), over)
 
@@ -89,6 +91,7 @@ def test_only_an_ok_off_by_more_than_two_claims_is_silent():
         made("degraded", 3.5, 0.2), made("degraded", 2.0, 0.2), made("refused"), made("crashed"),
     ]  # fmt: skip
     assert [j.silent for j in all_of_them] == [False, True] + 6 * [False]
+    assert replace(made("ok", 1.0, 1.0), beside=(0.5, 2.1)).silent
     # records, ok and right, degraded within 1.5 and beyond 3, silent, refused, crashed
     assert counted("box", [replace(j, over=j.over or (np.nan, np.nan)) for j in all_of_them])[1:8] == list(
         "8211111"
