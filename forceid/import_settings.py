@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
@@ -180,14 +180,16 @@ class ImportSettings(Section):
     plates: PlateSetting | None = None
 
 
-def load_import_settings(path: str | Path | None) -> ImportSettings:
-    """The [import] table of a TOML file. ConfigError: no file, no such table, or a key that is wrong.
+def load_import_settings(path: str | Path | None, **overrides: Any) -> ImportSettings:
+    """The [import] table of a TOML file, then keys that override it. ConfigError: no such table, a wrong key.
 
     >>> load_import_settings(None)
     Traceback (most recent call last):
     forceid.errors.ConfigError: import: has no configuration, expected one that says mass and gravity; \
 give it with -c: `forceid import --help` shows the shortest
     """
+    if path is None and overrides:
+        return validate(ImportSettings, overrides, "import:")
     if path is None:
         what = "has no configuration, expected one that says mass and gravity"
         raise ConfigError(what, "import:", "give it with -c: `forceid import --help` shows the shortest")
@@ -195,4 +197,4 @@ give it with -c: `forceid import --help` shows the shortest
     if "import" not in table:
         next_step = "add it: `forceid import --help` shows the shortest"
         raise ConfigError("has no table [import]", str(path), next_step)
-    return validate(ImportSettings, table["import"], f"{path}: [import]")
+    return validate(ImportSettings, table["import"] | overrides, f"{path}: [import]")

@@ -157,7 +157,7 @@ def read_variables(
         factor = si_factor(text(attrs.get("units", spec.units)), spec.units, here)
         values[name] = unpack(read_real(source, spec, sizes, here), attrs, here)
         if factor != 1.0:
-            values[name] *= factor
+            values[name] = values[name] * factor  # what is in a tree stays as it is
         if "noise_std" in attrs:
             noise[name] = factor * real_attr(attrs["noise_std"], here, "noise_std")
     return values, noise
