@@ -199,7 +199,8 @@ def validate(section: type[S], table: dict[str, Any], where: str) -> S:
             if first["type"] == "missing" and field is not None and field.examples:
                 raise ConfigError(f"key '{key}' is missing", where, f"add {field.examples[0]}") from e
             found = "" if first["type"] in ("missing", "value_error") else f", found {first['input']!r}"
-            raise ConfigError(f"key '{key}': {what}{found}", where) from e
+            next_step = "fill in the number" if first["type"] == "finite_number" else ""
+            raise ConfigError(f"key '{key}': {what}{found}", where, next_step) from e
         near = nearest_key(section, first["loc"])
         raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near}'?") from e
 

@@ -132,6 +132,18 @@ class BodySetting(Section):
     sensor_rotation: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
 
 
+class CaptureSetting(Section):
+    """Which part of a capture is the motion.
+
+    body: of several, the rigid body whose pose it is, or how the names of its markers begin; use: "markers"
+    or "pose", where both are there; markers: only these.
+    """
+
+    body: str = ""
+    use: Literal["markers", "pose"] | None = None
+    markers: tuple[str, ...] = ()
+
+
 class UntilSetting(Section):
     """Keep the rows before the lowest point of the body comes within `clearance` (m) of a plane.
 
@@ -172,6 +184,7 @@ class ImportSettings(Section):
     noise_std: dict[str, float] = Field(default_factory=dict)
     csv: CsvSetting | None = None
     channels: ChannelSetting | None = None
+    capture: CaptureSetting | None = None
     body: BodySetting = BodySetting()
     segment: tuple[SegmentSetting, ...] = ()
     joint: dict[str, JointSetting] = Field(default_factory=dict)

@@ -93,6 +93,7 @@ def parse_recording(
         history=text(attrs.get("history", "")),
         sha256=sha256,
         known_loads=read_known_loads(groups, sizes, where),
+        **{name: text(attrs[name]) for name in ("import_settings", "source_sha256") if name in attrs},
     )
     check_recording(recording, where)
     return recording
