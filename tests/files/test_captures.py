@@ -1,5 +1,7 @@
 import hashlib
+import re
 import tomllib
+from pathlib import Path
 
 import captures
 import numpy as np
@@ -229,35 +231,30 @@ def test_init_lists_the_channels_of_a_file_of_channels(tmp_path):
         settings_for([tmp_path / "a.xyz"])
 
 
-RESULTS = {
-    "vicon.csv": (captures.vicon, 0),
-    "motive.csv": (captures.motive, 0),
-    "qualisys.tsv": (captures.qualisys, 0),
-    "opencap.trc": (captures.opencap, 0),
-    "tracker.csv": (captures.tracker, 1),
-    "rostopic.csv": (captures.ros, 1),
+PAGE = (Path(__file__).parents[2] / "docs" / "laboratories.md").read_text("utf-8")
+TOML = re.findall(r"^```toml\n# (\S+)\n(.*?)^```", PAGE, re.S | re.M)
+WRITERS = {
+    name: write
+    for name, (write, *_) in (MARKERS | POSES).items()
+    if name in ("vicon.csv", "motive.csv", "qualisys.tsv", "opencap.trc", "tracker.csv", "rostopic.csv")
 }
 
 
-@pytest.mark.parametrize("name", RESULTS)
-def test_a_file_becomes_a_result_in_two_commands_and_at_most_ten_lines(tmp_path, name):
-    write, posed = RESULTS[name]
+def test_the_page_has_settings_for_every_format():
+    assert {name for name, _ in TOML} == WRITERS.keys()
+
+
+@pytest.mark.parametrize(("name", "lines"), TOML)
+def test_a_file_becomes_a_result_in_two_commands_and_at_most_ten_lines(tmp_path, name, lines):
     throw = Throw(60)
-    path = write(tmp_path / name, throw)
-    y = name in ("motive.csv", "opencap.trc")
-    lines = ["[import]", f"gravity = {[0.0, -9.81, 0.0] if y else [0.0, 0.0, -9.81]}"]
-    if posed:
-        lines += ["noise_std = { center = 1e-4, orientation = 1e-3 }", "[import.body]", "total_mass = 0.6"]
-        lines += [f"inertia = {throw.inertia.tolist()}"]
-    else:
-        lines += [toml_of(captures.MASS).removeprefix("import.").strip()]
-    assert len(lines) <= 10
+    path = WRITERS[name](tmp_path / name, throw)
+    assert len(lines.splitlines()) <= 10
     config, motion, result = tmp_path / "lab.toml", tmp_path / "m.h5", tmp_path / "r.h5"
-    config.write_text("\n".join(lines))
+    config.write_text(lines)
     assert main(["import", str(path), "-o", str(motion), "-c", str(config)]) == 0
     assert main(["estimate", str(motion), "-o", str(result), "-c", str(config)]) == 0
     found = read_result(result)
-    force = y_up(throw.force) if y else throw.force
+    force = y_up(throw.force) if format_of(path).up == "y" else throw.force
     error = (found.force - force)[5:-5]
     assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(force**2))
     assert np.mean((error / found.force_std[5:-5]) ** 2) < 2.0
