@@ -22,6 +22,7 @@ from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
+from forceid.flight.priors.stated import Stated
 from forceid.flight.spectral_start import Channels, Peak, first_sight, sight
 from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern
@@ -55,6 +56,7 @@ def tune_loads(
     near: Tuned | None = None,
     color: Color | None = None,
     pieces: Pieces | None = None,
+    stated: Stated | None = None,
 ) -> Tuned:
     """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -64,14 +66,23 @@ def tune_loads(
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
     fastest, if none is given. near: a prior about where this one is, which has its order. color: of the
-    noise, None for white; pieces: in which the load comes, with their sizes.
+    noise, None for white; pieces: in which the load comes, with their sizes. stated: what is known of the
+    prior, and not searched for.
     """
+    known = Stated() if stated is None else stated
+    orders = orders if known.order is None else (known.order,)
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
     edges = search_box(time, z, gain, 0)
 
     def box(order: int) -> tuple[Array, Array]:
         lower, upper = (np.tile([level + order * rate, rate], (axes, 1)) for level, rate in edges)
+        for at, value in ((0, known.std), (1, known.rate_at(order))):
+            if value is not None:  # what a coordinate that does not move stands for is taken from `known`
+                lower[:, at] = upper[:, at] = np.log(value)
         return lower, upper
+
+    def natural(points: Array, order: int) -> tuple[Array, Array]:
+        return known.held(order, *natural_of(points, order))
 
     def objective(points: Array, levels: Array, order: int) -> Array:
         shape = points.shape[:-1]
@@ -121,7 +132,8 @@ def tune_loads(
     level: Array = np.full(axes, limits[0])
     together, first, seen = np.ones((axes, axes), bool), None, None
     channels = Channels(runs, gain, drift, lines, color, box, for_tuning(engine))
-    stationary = channels.even and pieces is None  # what has a spectrum
+    free = known.std is None and not known.paced
+    stationary = channels.even and pieces is None and free  # what has a spectrum
     if near is not None:
         kernel, level = near.kernel, np.clip(np.log(near.noise), *limits)
         assert isinstance(kernel, Matern)
@@ -158,6 +170,8 @@ def tune_loads(
         start = (peak[0], level)
         peak, same = by_axis(lambda same: search(order, limits, same, start), axes, pays_apart(order))
     at, level, value = peak
+    if known.std is not None:  # then it varies
+        return tuned(order, at, level, float(value.sum()), np.ones(axes, bool))
     none = box(order)[0]
     each = objective(np.stack([at, none], 1)[None], level[None], order)[0]
     quiet = none, level, each[:, 1]
@@ -206,7 +220,7 @@ def by_axis(
     return best, same
 
 
-def natural(points: Array, order: int) -> tuple[Array, Array]:
+def natural_of(points: Array, order: int) -> tuple[Array, Array]:
     """The std and rate (...) of search points (..., 2): log of std * rate^(order - 1/2), and log rate.
 
     The first is the level at high frequency, which a record fixes far better than std and rate alone.
@@ -216,7 +230,7 @@ def natural(points: Array, order: int) -> tuple[Array, Array]:
 
 
 def points_of(kernel: Matern) -> Array:
-    """The search points (axis, 2) of a kernel: those whose `natural` it is."""
+    """The search points (axis, 2) of a kernel: those that `natural_of` takes to it."""
     level = np.log(np.maximum(kernel.std, np.finfo(float).tiny)) + (kernel.order - 0.5) * np.log(kernel.rate)
     return np.stack([level, np.log(kernel.rate)], 1)
 
