@@ -81,12 +81,12 @@ def tune_loads(
                 lower[:, at] = upper[:, at] = np.log(value)
         return lower, upper
 
-    def natural(points: Array, order: int) -> tuple[Array, Array]:
-        return known.held(order, *natural_of(points, order))
+    def numbers(points: Array, order: int) -> tuple[Array, Array]:
+        return known.held(order, *natural(points, order))
 
     def objective(points: Array, levels: Array, order: int) -> Array:
         shape = points.shape[:-1]
-        std, rate = natural(points.reshape(-1, 2), order)
+        std, rate = numbers(points.reshape(-1, 2), order)
         axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
         noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
@@ -126,7 +126,7 @@ def tune_loads(
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
         at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < AT_LIMIT) > 0.5
-        return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value, pieces)
+        return Tuned(Matern(order, *numbers(at, order)), np.exp(level), bool(at_limit), value, pieces)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])
@@ -220,7 +220,7 @@ def by_axis(
     return best, same
 
 
-def natural_of(points: Array, order: int) -> tuple[Array, Array]:
+def natural(points: Array, order: int) -> tuple[Array, Array]:
     """The std and rate (...) of search points (..., 2): log of std * rate^(order - 1/2), and log rate.
 
     The first is the level at high frequency, which a record fixes far better than std and rate alone.
@@ -230,7 +230,7 @@ def natural_of(points: Array, order: int) -> tuple[Array, Array]:
 
 
 def points_of(kernel: Matern) -> Array:
-    """The search points (axis, 2) of a kernel: those that `natural_of` takes to it."""
+    """The search points (axis, 2) of a kernel: those whose `natural` it is."""
     level = np.log(np.maximum(kernel.std, np.finfo(float).tiny)) + (kernel.order - 0.5) * np.log(kernel.rate)
     return np.stack([level, np.log(kernel.rate)], 1)
 

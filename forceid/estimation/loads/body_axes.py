@@ -16,7 +16,7 @@ from forceid.flight.channels import Channel, on_clock, search_box
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.spectral_start import ENOUGH_SAMPLES, FIRST_ORDER, WHITENINGS
-from forceid.flight.tuning import LEAK, ORDERS, in_doubt, natural_of, points_of, smoothest
+from forceid.flight.tuning import LEAK, ORDERS, in_doubt, natural, points_of, smoothest
 from forceid.flight.whittle import Spectrum, ordinates
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
@@ -115,10 +115,10 @@ class BodySearch:
                 return None
             if promise[at] < PATIENCE:
                 break
-            kernel = Matern(FIRST_ORDER, *natural_of(points[at], FIRST_ORDER))
+            kernel = Matern(FIRST_ORDER, *natural(points[at], FIRST_ORDER))
         told = dict(zip(self.orders, points, strict=True))
         kernels = {
-            order: Matern(order, *natural_of(told[order], order))
+            order: Matern(order, *natural(told[order], order))
             for order in in_doubt(dict(zip(self.orders, promise.tolist(), strict=True)))
         }
         values = {order: self.value(kernel) for order, kernel in kernels.items()}

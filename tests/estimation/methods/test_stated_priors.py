@@ -151,3 +151,23 @@ def test_numbers_that_do_not_fit_are_refused_in_one_line(case):
 
 def test_a_channel_is_what_the_tests_take_it_for(seen):
     assert len(Channel(*seen[:3], np.zeros((len(seen[0]), 3, 3)), np.zeros((3, 3))).z) == 200
+
+
+@pytest.mark.long
+def test_sensors_beside_markers_leave_a_stated_prior_as_it_is():
+    prior = {"force": {"order": 2, "std": 4.0, "rate": 30.0}, "moment": {"std": 0.02}}
+    result = forceid.estimate(forceid.open_motion("data/synthetic/instrumented.h5"), prior=prior)
+    found = result["estimate"].attrs
+    force = [found[f"tuned_force_{name}"] for name in ("order", "std_1", "std_3", "rate_2")]
+    assert force == [2, 4.0, 4.0, 30.0]
+    assert [found[f"tuned_moment_std_{k}"] for k in (1, 2, 3)] == [0.02] * 3
+
+
+def test_numbers_of_a_prior_are_refused_where_nothing_shows_poses():
+    tree = forceid.motion(
+        time=np.arange(50) / 100, specific_force=np.ones((50, 1, 3)), angular_velocity=np.ones((50, 1, 3)),
+        total_mass=1.0, mass_center=[0, 0, 0], inertia=np.eye(3), sensor_position=[[0, 0, 0]], gravity=G,
+        noise_std={"specific_force": 0.1, "angular_velocity": 0.01},
+    )  # fmt: skip
+    with pytest.raises(ConfigError, match=r"numbers of a prior are for poses, .*; leave it out"):
+        forceid.estimate(tree, prior={"force": {"std": 1.0}})
