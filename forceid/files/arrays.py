@@ -15,6 +15,7 @@ from forceid.files.parse import Stored, parse_recording
 from forceid.files.schema import BODY, LABELS, MOTION
 from forceid.files.tables import columns_of, points_of
 from forceid.files.tree import tree_from_recording
+from forceid.files.units import si_factor
 from forceid.records import Variable
 
 WHERE = "arrays"  # what errors call the source
@@ -68,8 +69,9 @@ def motion(
             near = get_close_matches(name, KNOWN, n=1, cutoff=0.0)[0]
             raise ConfigError(f"unknown variable {name!r}", "motion:", f"did you mean {near!r}?")
     found, shown = gathered(position, named, columns, variables | {"time": time})
-    own, found = found.pop("gravity", None), {k: v for k, v in found.items() if v is not None}
-    if (pull := own if gravity is None else gravity) is None:
+    pull = si(found.pop("gravity", None) if gravity is None else gravity, "m s-2", "gravity")
+    found = {name: si(v, KNOWN[name].units, name) for name, v in found.items() if v is not None}
+    if pull is None:
         what = "lacks gravity, expected three numbers in m s-2, world axes"
         raise ConfigError(what, "motion:", "add it, for example gravity=[0, 0, -9.81]")
     time = clock(found.pop("time", None), rate, found, named)
@@ -96,7 +98,8 @@ def motion(
     deviations = noise_std if isinstance(noise_std, Mapping) else {"position": noise_std}
     for key, said in (("units", units or {}), ("noise_std", deviations)):
         for name in said.keys() & fields.keys():
-            fields[name].attrs |= {key: said[name]} if said[name] is not None else {}
+            value = si(said[name], fields[name].attrs.get("units", KNOWN[name].units), name)
+            fields[name].attrs |= {key: value} if value is not None else {}
     if "position" in fields and {"mass", "mass_matrix"} & fields.keys() and SHAPE not in fields:
         seen = fields["position"]
         if seen.dtype.kind in "fiu" and seen.ndim == 3:  # else the parser says what it is
@@ -131,6 +134,17 @@ def gathered(
     return found | ({} if data is None else {"position": data}), ()
 
 
+def si(value: Any, units: str, name: str) -> Any:
+    """The numbers of quantities of pint in SI, alone, by node or in a DataArray; else what it is."""
+    if isinstance(value, Mapping):
+        return {key: si(one, units, name) for key, one in value.items()}
+    if isinstance(value, xr.DataArray) and hasattr(value.data, "magnitude"):
+        return value.copy(data=si(value.data, units, name))
+    if hasattr(value, "magnitude") and hasattr(value, "units"):
+        return si_factor(format(value.units, "~C"), units, f"{WHERE}:{name}") * value.magnitude
+    return value
+
+
 def field(data: Any, attrs: Mapping[str, Any]) -> xr.Variable:
     """A copy of an array in one block as the parser takes it, which judges its shape and type.
 
@@ -159,8 +173,6 @@ def is_by_name(value: Any, spec: Variable) -> bool:
 def laid_out(value: Any, spec: Variable, order: Sequence[str], names: Names, name: str) -> xr.Variable:
     """An array in the order of the contract, with the attributes `units` and `node` that it brings."""
     attrs: dict[str, Any] = {}
-    if hasattr(value, "magnitude") and hasattr(value, "units"):  # a quantity of pint
-        value, attrs["units"] = value.magnitude, format(value.units, "~C")
     if isinstance(value, xr.DataArray):
         value, order = renamed(value, spec.dims, names, name), spec.dims
         attrs |= {key: value.attrs[key] for key in ("units", "noise_std") if key in value.attrs}

@@ -146,30 +146,57 @@ def test_a_rate_stands_for_a_clock():
     assert tree["motion/time"].values == pytest.approx(TIME)
 
 
+class Unit(str):
+    """A unit as one of pint writes itself."""
+
+    __slots__ = ()
+
+    def __format__(self, how):
+        assert how == "~C"
+        return str(self)
+
+
 class Quantity:
     """What a quantity of pint shows of itself."""
 
-    class Unit:
-        def __format__(self, how):
-            return {"~C": "mm"}[how]
+    def __init__(self, magnitude, units="mm"):
+        self.magnitude, self.units = magnitude, Unit(units)
 
-    units = Unit()
-
-    def __init__(self, magnitude):
-        self.magnitude = magnitude
+    def __array__(self, *_):
+        raise AssertionError("its unit is stripped")
 
 
 def test_units_are_brought_to_si_as_in_a_file():
     millimeters = 1e3 * POSITION
+    in_mm = {"units": {"position": "mm"}}
+    array_in_mm = xr.DataArray(millimeters, dims=("time", "node", "axis"))
     for given, more in (
-        (millimeters, {"units": {"position": "mm"}}),
-        (xr.DataArray(millimeters, dims=("time", "node", "axis"), attrs={"units": "mm"}), {}),
-        (Quantity(millimeters), {}),
+        (millimeters, {"noise_std": 1.0} | in_mm),
+        (millimeters, {"noise_std": Quantity(1e-3, "m")} | in_mm),
+        (array_in_mm.assign_attrs(units="mm"), {"noise_std": 1.0}),
+        (Quantity(millimeters), {"noise_std": 1e-3}),
     ):
-        tree = made(given, TIME, nodes=NAMES, noise_std=1.0, **more)
+        tree = made(given, TIME, nodes=NAMES, **more)
         assert np.array_equal(tree["motion/position"].values, 1e-3 * millimeters)
         assert np.array_equal(tree["body/position"].values, 1e-3 * millimeters[0])
         assert tree["motion/position"].attrs["noise_std"] == 1e-3
+
+
+def test_quantities_of_pint_bring_their_units_wherever_they_are():
+    plain = made(POSITION, TIME, nodes=NAMES, noise_std=1e-3)
+    mass = {name: Quantity(1e3 * kg, "g") for name, kg in MASS.items()}
+    told = made(
+        Quantity(POSITION, "m"), Quantity(1e3 * TIME, "ms"), nodes=NAMES, mass=mass,
+        gravity=Quantity(np.array([0.0, 0.0, -9.81]), "m/s**2"), noise_std=Quantity(1.0, "mm"),
+    )  # fmt: skip
+    for group in ("motion", "body"):
+        for name, values in plain[group].data_vars.items():
+            assert told[group][name].values == pytest.approx(values.values, rel=1e-14)
+    assert told["motion/time"].values == pytest.approx(TIME, rel=1e-14)
+    assert told["motion"].attrs["gravity"] == pytest.approx(G)
+    assert told["motion/position"].attrs["noise_std"] == 1e-3
+    with pytest.raises(DataError, match="arrays:mass has units 'm', expected 'kg'"):
+        made(POSITION, TIME, nodes=NAMES, mass=Quantity([1, 1, 1], "m"))
 
 
 def test_a_pose_comes_from_columns_of_a_table():
