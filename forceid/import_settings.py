@@ -159,6 +159,7 @@ class PlateSetting(Section):
     """Columns of force plates in a MOT file: prefixes that x, y, z complete; {plate} is one of `plate`.
 
     The plates are truth, to compare with, but those `known`: they are loads beside which others are found.
+    Those of a C3D file are named by numbers from 1; `plate` takes some of them, this table all.
     """
 
     plate: tuple[str, ...] = ("1",)

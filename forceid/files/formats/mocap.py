@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.formats.captures.capture import Capture, check_count, number_rows, text_lines
+from forceid.files.formats.captures.capture import Capture, Plates, check_count, number_rows, text_lines
 from forceid.files.formats.channels import optional
 from forceid.files.units import si_factor
 from forceid.import_settings import PlateSetting
 from forceid.records import Array
-
-
-@dataclass(frozen=True)
-class Plates:
-    """Force plates: force, point and free moment (time, plate, 3) in N, m, N m, world axes."""
-
-    time: Array
-    force: Array
-    point: Array
-    moment: Array
-
-    def of(self, which: list[int]) -> Plates:
-        """Some of the plates."""
-        return Plates(self.time, self.force[:, which], self.point[:, which], self.moment[:, which])
 
 
 def is_trc(head: str) -> bool:
@@ -81,9 +66,8 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
                 raise DataError(what, str(path), "correct [import.plates]")
         return np.stack([data[:, [names.index(name) for name in plate]] for plate in wanted], 1)
 
-    return Plates(
-        data[:, names.index("time")], take(setting.force), take(setting.point), take(setting.moment)
-    )
+    loads = take(setting.force), take(setting.point), take(setting.moment)
+    return Plates(data[:, names.index("time")], *loads, setting.plate)
 
 
 def read_c3d(path: str | Path) -> Capture:
@@ -102,12 +86,32 @@ def read_c3d(path: str | Path) -> Capture:
     factor = si_factor(str(point["UNITS"]["value"][0]), "m", f"{path}:POINT:UNITS")
     frame = np.arange(len(data)) + c3d["header"]["points"]["first_frame"]
     time = frame / float(point["RATE"]["value"][0])
-    return Capture(names, time, np.where(lost[..., None], np.nan, factor * data), left_out=beside_points(c3d))
+    analog, left = c3d["data"]["analogs"].shape[1], []
+    plates, said = c3d_plates(ezc3d, c3d, path, time[0] if len(time) else 0.0)
+    taken = 0 if plates is None else int(np.size(c3d["parameters"]["FORCE_PLATFORM"]["CHANNEL"]["value"]))
+    left = [f"{analog - taken} analog channels"] if analog > taken else []
+    position = np.where(lost[..., None], np.nan, factor * data)
+    return Capture(names, time, position, left_out=(*left, *said), plates=plates)
 
 
-def beside_points(c3d: Any) -> tuple[str, ...]:
-    """What a C3D file holds beside its points, in words."""
-    analog, plates = c3d["data"]["analogs"].shape[1], c3d["parameters"].get("FORCE_PLATFORM", {})
-    used = int(sum(plates["USED"]["value"][:1])) if "USED" in plates else 0
-    found = [f"{analog} analog channels"] if analog else []
-    return tuple(found + ([f"{used} force plates"] if used else []))
+def c3d_plates(ezc3d: Any, c3d: Any, path: str | Path, start: float) -> tuple[Plates | None, tuple[str, ...]]:
+    """The force plates of a C3D file as ezc3d reads them, moments about their middles; why not, in words."""
+    known = c3d["parameters"].get("FORCE_PLATFORM", {})
+    used = int(sum(known["USED"]["value"][:1])) if "USED" in known else 0
+    if not used:
+        return None, ()
+    try:
+        found = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"]
+    except (OSError, RuntimeError, ValueError, IndexError) as e:
+        return None, (f"{used} force plates ({' '.join(str(e).split())[:120]})",)
+    rate, where = float(c3d["parameters"]["ANALOG"]["RATE"]["value"][0]), f"{path}:FORCE_PLATFORM"
+    force, point, moment = [], [], []
+    for plate in found:
+        newton = si_factor(plate["unit_force"] or "N", "N", where)
+        meter = si_factor(plate["unit_position"] or "m", "m", where)
+        force.append(newton * np.asarray(plate["force"]).T)
+        moment.append(newton * meter * np.asarray(plate["moment"]).T)
+        point.append(np.broadcast_to(meter * np.mean(plate["corners"], axis=1), force[-1].shape))
+    time = start + np.arange(len(force[0])) / rate
+    names = tuple(str(k + 1) for k in range(used))
+    return Plates(time, np.stack(force, 1), np.stack(point, 1), np.stack(moment, 1), names), ()

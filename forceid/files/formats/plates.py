@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forceid.errors import ConfigError
-from forceid.files.formats.mocap import Plates
+from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.segments import Points, known_name
-from forceid.import_settings import ImportSettings, PlateSetting
 from forceid.records import Array, KnownLoads
 
 
@@ -34,17 +33,16 @@ def pair_plates(captures: Sequence[Path], plates: Sequence[Path]) -> dict[Path, 
     return pairs
 
 
-def split_plates(plates: Plates, settings: ImportSettings) -> tuple[Plates | None, KnownLoads | None]:
+def split_plates(plates: Plates, known: Sequence[str]) -> tuple[Plates | None, KnownLoads | None]:
     """The plates to compare with, and those that are known beforehand; None where there are none."""
-    setting = settings.plates or PlateSetting()
-    for name in setting.known:
-        known_name(name, setting.plate, "[import.plates] known:")
-    which = [k for k, name in enumerate(setting.plate) if name in setting.known]
-    rest = [k for k in range(len(setting.plate)) if k not in which]
-    names = tuple(f"plate_{setting.plate[k]}" for k in which)
+    for name in known:
+        known_name(name, plates.name, "[import.plates] known:")
+    which = [k for k, name in enumerate(plates.name) if name in known]
+    rest = [k for k in range(len(plates.name)) if k not in which]
     own = plates.of(which)
-    known = KnownLoads(own.time, names, own.force, own.moment, point=own.point) if which else None
-    return plates.of(rest) if rest else None, known
+    names = tuple(f"plate_{name}" for name in own.name)
+    loads = KnownLoads(own.time, names, own.force, own.moment, point=own.point) if which else None
+    return plates.of(rest) if rest else None, loads
 
 
 def plate_truth(plates: Plates, time: Array, points: Points | None, kept: Array) -> dict[str, Array]:

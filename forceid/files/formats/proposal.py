@@ -66,6 +66,10 @@ def of_capture(capture: Capture, form: Format) -> list[str]:
     lines = ["[import]", gravity(form.up), ""]
     if capture.name:
         lines += masses(capture.name)
+        if capture.plates is not None:
+            names = ", ".join(capture.plates.name)
+            lines += ["", f"# force plates {names}, to compare with:", "# [import.plates]"]
+            lines += ["# known = []  # of these: loads beside which the others are found"]
         if capture.pose:
             body = next(iter(capture.pose))
             lines += ["", "# or the pose of a body, in place of its markers:", "# [import.capture]"]

@@ -14,12 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.errors import ConfigError
+from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
 from forceid.files.formats.channels import Channels
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
-from forceid.files.formats.mocap import Plates, read_mot
+from forceid.files.formats.mocap import read_mot
 from forceid.files.formats.plates import pair_plates, plate_truth, split_plates, window
 from forceid.files.formats.proposal import proposal
 from forceid.files.formats.segments import (
@@ -81,7 +82,10 @@ def settings_for(sources: Sequence[str | Path]) -> str:
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
-    read, left_out = read_signals(path, settings)
+    read, left_out, own = read_signals(path, settings)
+    if own is not None and plates is not None:
+        left_out = (*left_out, f"force plates {', '.join(own.name)}, in place of which are others")
+    plates = own if plates is None else plates
     used = [path, *([] if mot is None else [mot])]
     used += [path.parent / settings.static] if settings.static else []
     said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
@@ -98,14 +102,26 @@ def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> li
     ]
 
 
-def read_signals(path: Path, settings: ImportSettings) -> tuple[list[tuple[str, Signals]], tuple[str, ...]]:
-    """The named recordings in one file, as measured variables in SI; what else it holds, in words."""
+def read_signals(
+    path: Path, settings: ImportSettings
+) -> tuple[list[tuple[str, Signals]], tuple[str, ...], Plates | None]:
+    """The named recordings in one file, in SI; what else it holds, in words; its plates, if asked for."""
     ending = path.suffix.lower()
     form = None if settings.csv is not None and ending in TEXTS else format_of(path)
-    if form is not None:
-        signals, left_out = chosen(form.read(path), settings, str(path))
-        return [(path.stem, signals)], left_out
-    return read_tables(path, settings), ()
+    if form is None:
+        return read_tables(path, settings), (), None
+    capture = form.read(path)
+    signals, left_out = chosen(capture, settings, str(path))
+    plates, asked = capture.plates, settings.plates
+    if plates is not None and asked is None:
+        names = f"force plates {', '.join(plates.name)}"
+        return [(path.stem, signals)], (*left_out, f"{names}, which the table [import.plates] asks for"), None
+    if plates is not None and asked is not None:
+        if "plate" in asked.model_fields_set:
+            taken = [known_name(one, plates.name, "[import.plates] plate:") for one in asked.plate]
+            plates = plates.of(taken)
+        plates = plates.on_body(np.array(settings.gravity))
+    return [(path.stem, signals)], left_out, plates
 
 
 def read_tables(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:
@@ -177,7 +193,8 @@ def assemble_recording(
         values = values | {"orientation": canonical(values["orientation"])}
     gravity, noise_std = np.array(settings.gravity), dict(settings.noise_std)
     motion = Motion(**values, gravity=gravity, noise_std=noise_std)  # type: ignore[arg-type]
-    judged, known = (None, None) if plates is None else split_plates(plates, settings)
+    beforehand = () if settings.plates is None else settings.plates.known
+    judged, known = (None, None) if plates is None else split_plates(plates, beforehand)
     keep = window(motion.time, settings.start, settings.stop)
     if settings.until is not None:
         keep &= np.arange(len(keep)) < first_contact(motion, body, settings.until)

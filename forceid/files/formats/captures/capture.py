@@ -15,11 +15,33 @@ Row = tuple[int, list[str]]  # the number of a line, and its cells
 
 
 @dataclass(frozen=True)
+class Plates:
+    """Force plates: force, point and the moment about it (time, plate, 3) in N, m, N m, world axes; names."""
+
+    time: Array
+    force: Array
+    point: Array
+    moment: Array
+    name: tuple[str, ...]
+
+    def of(self, which: list[int]) -> Plates:
+        """Some of the plates."""
+        names = tuple(self.name[k] for k in which)
+        return Plates(self.time, self.force[:, which], self.point[:, which], self.moment[:, which], names)
+
+    def on_body(self, gravity: Array) -> Plates:
+        """What the plates do to the body, whichever of both a file holds: they push against gravity."""
+        if not (self.force @ gravity).sum() > 0:
+            return self
+        return Plates(self.time, -self.force, self.point, -self.moment, self.name)
+
+
+@dataclass(frozen=True)
 class Capture:
     """Tracks of one clock: time (time,) s, position (time, marker, 3) m, NaN where a marker is not seen.
 
     pose: of bodies by name, origin (time, 3) m and orientation (time, 4) body to world, NaN where not seen;
-    left_out: what else the file holds, in words.
+    plates: that the file holds too; left_out: what else it holds, in words.
     """
 
     name: tuple[str, ...]
@@ -27,6 +49,7 @@ class Capture:
     position: Array
     pose: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    plates: Plates | None = None
 
 
 def head_of(path: Path, size: int = 1 << 16) -> str:
