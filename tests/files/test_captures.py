@@ -1,12 +1,14 @@
 import hashlib
 import re
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import captures
 import numpy as np
 import pytest
 from captures import Throw, y_up
+from laboratory import refusal
 
 from forceid.cli.app import main
 from forceid.config import validate
@@ -304,3 +306,30 @@ def test_no_format_takes_the_files_of_another(tmp_path):
         head = write(tmp_path / name, throw, **more).read_text(encoding="utf-8-sig")
         assert [one.name for one in FORMATS if one.begins(head)] == [called]
     assert not [one.name for one in FORMATS if one.begins("t,tip x,tip y,tip z\n0,1,2,3\n")]
+
+
+def spoiled(rng, whole):
+    """The bytes of a file, cut, with lines lost or said twice, or with a few that are others."""
+    lines, at = whole.split(b"\n"), int(rng.integers(min(len(whole), 900)))
+    odd = [b"", b",", b"\t", b"\n", b'"', b"nan", b"1e999", b"-", b"\x00", b"\xff"]
+    return [
+        whole[: rng.integers(len(whole))],
+        whole[:at] + odd[rng.integers(len(odd))] + whole[at + 1 :],
+        whole[:at] + whole[at + rng.integers(60) :],
+        b"\n".join(line for k, line in enumerate(lines) if k != rng.integers(12)),
+        b"\n".join([*lines[: (k := int(rng.integers(len(lines))))], lines[k // 2], *lines[k:]]),
+    ][rng.integers(5)]
+
+
+@pytest.mark.parametrize("name", ["vicon.csv", "motive.csv", "qualisys.tsv", "opencap.trc", *POSES])
+def test_whatever_a_capture_holds_it_is_read_or_refused_in_one_line(tmp_path, name):
+    (write, more), rng = (MARKERS | POSES)[name][:2], np.random.default_rng(7)
+    whole, refused = write(tmp_path / name, Throw(12), **more).read_bytes(), 0
+    settings = validate(ImportSettings, RIGID if name in POSES and name != "motive.csv" else MARKED, "test:")
+    for _ in range(120):
+        (tmp_path / f"x{name}").write_bytes(spoiled(rng, whole))
+        for read in (partial(import_sources, settings=settings), settings_for):
+            said = refusal(partial(read, [tmp_path / f"x{name}"]))
+            assert "\n" not in said
+            refused += bool(said)
+    assert 10 < refused < 230

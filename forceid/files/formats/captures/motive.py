@@ -72,7 +72,8 @@ def poses(found: dict[Column, dict[str, int]], data: Array, factor: float) -> di
     result = {}
     for kind, name, part in found:
         turn, place = (found.get((kind, name, p), {}) for p in ("Rotation", "Position"))
-        if (kind, part) == ("Rigid Body", "Rotation") and turn.keys() == set("XYZW") and place:
+        whole = turn.keys() == set("XYZW") and place.keys() == set("XYZ")
+        if (kind, part) == ("Rigid Body", "Rotation") and whole:
             center = factor * data[:, [place[axis] for axis in "XYZ"]]
             result[name] = center, data[:, [turn[axis] for axis in "XYZW"]]
     return result
