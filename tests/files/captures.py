@@ -44,7 +44,7 @@ def cell(value, digits=6):
     return "" if np.isnan(value) else f"{value:.{digits}f}"
 
 
-def vicon(path, throw, subject="bird:", devices=True, separator=","):
+def vicon(path, throw, subject="bird:", devices=True, separator=",", decimal="."):
     """Nexus: a section of devices at 1000 Hz, then trajectories in mm, frames from one."""
     out = []
     if devices:
@@ -54,7 +54,8 @@ def vicon(path, throw, subject="bird:", devices=True, separator=","):
     out += ["Frame,Sub Frame" + ",X,Y,Z" * 4, "," + ",mm" * 12]
     for k, frame in enumerate(1000 * throw.position):
         out.append(f"{k + 1},0," + ",".join(cell(v, 4) for v in frame.ravel()))
-    path.write_text("\n".join(out).replace(",", separator) + "\n", encoding="utf-8-sig")
+    text = "\n".join(out).replace(",", separator).replace(".", decimal)
+    path.write_text(text + "\n", encoding="utf-8-sig")
     return path
 
 
@@ -103,10 +104,28 @@ def motive(path, throw, form="1.23", markers=True, body=True, rotation="Quaterni
     return path
 
 
-def qualisys(path, throw, header=True, clock=True, lost="0.000"):
+def qualisys_6d(path, throw):
+    """QTM, version 2: bodies with angles and, column by column, the matrix from body to world."""
+    n = len(throw.time)
+    out = ["FILE_VERSION\t2.0.0", f"NO_OF_FRAMES\t{n}", "NO_OF_CAMERAS\t4", "NO_OF_BODIES\t1",
+           f"FREQUENCY\t{RATE:g}", "NO_OF_ANALOG\t0", "ANALOG_FREQUENCY\t0", "DESCRIPTION\t--",
+           "TIME_STAMP\t2024-05-01, 12:00:00\t1234.5", "DATA_INCLUDED\t6D", "BODY_NAMES\tbird"]  # fmt: skip
+    columns = ["X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))]
+    out.append("\t".join(["Frame", "Time", "bird " + columns[0], *columns[1:]]))
+    for k, t in enumerate(throw.time):
+        c, s = np.cos(4 * t), np.sin(4 * t)
+        yaw = np.degrees(np.arctan2(s, c))
+        values = [*1000 * throw.center[k], 0.0, 0.0, yaw, 0.3, c, s, 0, -s, c, 0, 0, 0, 1]
+        out.append("\t".join([str(k + 1), f"{t:.5f}", *(f"{v:.7f}" for v in values)]))
+    path.write_text("\n".join(out) + "\n")
+    return path
+
+
+def qualisys(path, throw, header=True, clock=True, lost="0.000", version=False):
     """QTM: millimeters, lost markers at zero or blank."""
     n = len(throw.time)
-    out = [f"NO_OF_FRAMES\t{n}", "NO_OF_CAMERAS\t8", f"NO_OF_MARKERS\t{len(throw.names)}",
+    out = ["FILE_VERSION\t2.0.0"] if version else []
+    out += [f"NO_OF_FRAMES\t{n}", "NO_OF_CAMERAS\t8", f"NO_OF_MARKERS\t{len(throw.names)}",
            f"FREQUENCY\t{RATE:g}", "NO_OF_ANALOG\t0", "ANALOG_FREQUENCY\t0", "DESCRIPTION\t--",
            "TIME_STAMP\t2024-05-01, 12:00:00.000\t1234.5", "DATA_INCLUDED\t3D",
            "EVENT\tthrown\t12\t0.055", "MARKER_NAMES\t" + "\t".join(throw.names),

@@ -41,12 +41,13 @@ def lost(throw):
 MARKERS = {
     "vicon.csv": (captures.vicon, {}, "Vicon CSV"),
     "vicon alone.csv": (captures.vicon, {"devices": False, "subject": ""}, "Vicon CSV"),
-    "vicon of another country.csv": (captures.vicon, {"separator": ";"}, "Vicon CSV"),
+    "vicon of another country.csv": (captures.vicon, {"separator": ";", "decimal": ","}, "Vicon CSV"),
     "motive.csv": (captures.motive, {}, "Motive CSV"),
     "motive 1.25.csv": (captures.motive, {"form": "1.25"}, "Motive CSV"),
     "motive 1.1.csv": (captures.motive, {"form": "1.1", "body": False}, "Motive CSV"),
     "qualisys.tsv": (captures.qualisys, {}, "Qualisys TSV"),
     "qualisys bare.tsv": (captures.qualisys, {"header": False, "clock": False, "lost": ""}, "Qualisys TSV"),
+    "qualisys 2.tsv": (captures.qualisys, {"version": True}, "Qualisys TSV"),
     "qualisys.txt": (captures.qualisys, {"clock": False, "lost": "NULL"}, "Qualisys TSV"),
     "opencap.trc": (captures.opencap, {}, "TRC"),
     "theia.trc": (captures.opencap, {"units": "mm"}, "TRC"),
@@ -71,6 +72,7 @@ def test_markers_of_every_format_are_read_as_they_were_written(tmp_path, name):
 POSES = {
     "tracker.csv": (captures.tracker, {}),
     "motive.csv": (captures.motive, {}),
+    "qualisys_6d.tsv": (captures.qualisys_6d, {}),
     "rostopic.csv": (captures.ros, {"kind": "rostopic"}),
     "bagpy.csv": (captures.ros, {"kind": "bagpy"}),
     "plotjuggler.csv": (captures.ros, {"kind": "plotjuggler"}),
@@ -239,7 +241,16 @@ TOML = [(name, lines) for name, lines in FOUND if not name.endswith(".c3d")]  # 
 WRITERS = {
     name: write
     for name, (write, *_) in (MARKERS | POSES).items()
-    if name in ("vicon.csv", "motive.csv", "qualisys.tsv", "opencap.trc", "tracker.csv", "rostopic.csv")
+    if name
+    in (
+        "vicon.csv",
+        "motive.csv",
+        "qualisys.tsv",
+        "opencap.trc",
+        "tracker.csv",
+        "rostopic.csv",
+        "qualisys_6d.tsv",
+    )
 }
 
 
@@ -276,7 +287,8 @@ BROKEN = {
     "motive units": (captures.motive, lambda s: s.replace("Meters", "Furlongs"), "'Furlongs', expected 'm'"),
     "motive text": (captures.motive, lambda s: s.replace("\n3,0.01", "\n3,late0.01"), "text in line 11"),
     "qualisys rate": (captures.qualisys, lambda s: s.replace("FREQUENCY\t200", "FREQUENCY\t0"), "NCY '0'"),
-    "qualisys 6d": (captures.qualisys, lambda s: s.replace("\t3D", "\t6D"), "holds 6D data"),
+    "qualisys 6d": (captures.qualisys, lambda s: s.replace("\t3D", "\t6D"), "6D data without BODY_NAMES"),
+    "qualisys turn": (captures.qualisys_6d, lambda s: s.replace("Rot[3]", "Quality"), "expected Rot.0. to"),
     "qualisys cut": (captures.qualisys, lambda s: s[:4000], "frames, expected 120 by its header"),
     "qualisys names": (captures.qualisys, lambda s: s.replace("MARKERS\t4", "MARKERS\t5"), "expected 5 by"),
     "ros time": (captures.ros, lambda s: s.replace("stamp", "stomp").replace("%time", "tick"), "no time"),
@@ -290,7 +302,9 @@ BROKEN = {
 @pytest.mark.parametrize("case", BROKEN)
 def test_a_damaged_capture_is_refused_in_one_line_with_the_next_step(tmp_path, case):
     write, damage, said = BROKEN[case]
-    suffix = {captures.qualisys: ".tsv", captures.opencap: ".trc"}.get(write, ".csv")
+    suffix = {captures.qualisys: ".tsv", captures.qualisys_6d: ".tsv", captures.opencap: ".trc"}.get(
+        write, ".csv"
+    )
     path = write(tmp_path / f"a{suffix}", Throw())
     path.write_text(damage(path.read_text(encoding="utf-8-sig")))
     with pytest.raises(ForceIdError, match=said) as refusal:
@@ -298,6 +312,31 @@ def test_a_damaged_capture_is_refused_in_one_line_with_the_next_step(tmp_path, c
     assert "\n" not in str(refusal.value)
     assert refusal.value.next_step
     assert str(path) in str(refusal.value)
+
+
+def test_a_body_of_qualisys_turns_as_its_angles_say(tmp_path):
+    # roll about x, then pitch about the new y, then yaw about the new z: the standard of Qualisys
+    roll, pitch, yaw = np.radians([-20.0, 35.0, 50.0])
+    R_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    R_y = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+    R_z = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    R = R_x @ R_y @ R_z
+    path = captures.qualisys_6d(tmp_path / "a.tsv", Throw(4))
+    lines = path.read_text().splitlines()
+    row = [1.0, 2.0, 3.0, -20.0, 35.0, 50.0, 0.2, *R.T.ravel()]
+    rows = ["\t".join(map(str, (k, k / 200, *row))) for k in range(4)]
+    path.write_text("\n".join([*lines[:-4], *rows]))
+    x, y, z, w = brought(path, RIGID).motion.orientation[0]
+    nose = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]  # of the body, in the world
+    assert nose == pytest.approx(R[:, 0], abs=1e-12)
+
+
+def test_qualisys_times_of_frames_from_outside_are_those_of_the_column(tmp_path):
+    path = captures.qualisys(tmp_path / "a.tsv", Throw(8))
+    path.write_text(
+        path.read_text().replace("FREQUENCY\t200", "FREQUENCY\tEXT").replace("0.00500", "0.00600")
+    )
+    assert brought(path).motion.time[:3] == pytest.approx([0.0, 0.006, 0.01])
 
 
 def test_no_format_takes_the_files_of_another(tmp_path):
