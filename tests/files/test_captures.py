@@ -170,6 +170,13 @@ def test_columns_of_opensim_are_channels(tmp_path, triples):
     assert recording.motion.time.tolist() == throw.time.tolist()
 
 
+def test_a_time_that_is_none_is_refused_by_its_line(tmp_path):
+    path = captures.sto(tmp_path / "a.sto", Throw(8))
+    path.write_text(path.read_text().replace("\n0.01\t", "\ninf\t"))
+    with pytest.raises(DataError, match="holds no time in line 10, expected a finite number; correct it"):
+        brought(path, channels={"position": "{name}"})
+
+
 def test_the_motion_file_holds_the_settings_and_the_hashes_of_its_sources(tmp_path):
     path = captures.vicon(tmp_path / "a.csv", Throw())
     (tmp_path / "a.toml").write_text("[import]\ngravity = [0.0, 0.0, -9.81]\n" + toml_of(captures.MASS)[7:])

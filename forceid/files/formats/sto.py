@@ -24,7 +24,11 @@ def read_sto(path: Path) -> Channels:
     parts = {"Vec3": 3, "Quaternion": 4, "SpatialVec": 6}.get(head.get("DataType", "double"), 1)
     width = 1 + parts * (len(names) - 1)
     split = [(n, line.replace(",", " ").split()) for n, line in enumerate(lines[ends[0] + 2 :], ends[0] + 3)]
-    data = number_rows([row for row in split if row[1]], width, str(path))
+    rows = [row for row in split if row[1]]
+    data = number_rows(rows, width, str(path))
+    if not np.isfinite(data[:, 0]).all():
+        line = rows[int(np.argmin(np.isfinite(data[:, 0])))][0]
+        raise DataError(f"holds no time in line {line}, expected a finite number", str(path), "correct it")
     columns = data[:, 1:].reshape(len(data), len(names) - 1, parts)
     values: dict[str, Array] = {
         name: np.ascontiguousarray(columns[:, k, 0] if parts == 1 else columns[:, k])
