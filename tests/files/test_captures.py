@@ -123,6 +123,14 @@ def test_what_is_left_out_is_said_in_the_file_and_on_the_terminal(tmp_path, caps
     assert err.strip() == f"note: {devices}"
 
 
+def test_columns_that_no_setting_names_are_said(tmp_path):
+    rows = [f"{k / 100},{k},0,0,{k},1,0,{k},0,1,5,6" for k in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,a x,a y,a z,b x,b y,b z,c x,c y,c z,trigger,emg", *rows]))
+    settings = {"csv": {"time": "t", "position": "{name} {axis}"}, "body": {"mass": {"a": 1, "b": 1, "c": 1}}}
+    recording = brought(tmp_path / "a.csv", {"gravity": [0, 0, -9.81]} | settings)
+    assert recording.history.split("\n")[1:] == ["left out columns trigger, emg"]
+
+
 def toml_of(mass):
     return f"import.body.mass = {{ {', '.join(f'{name} = {value}' for name, value in mass.items())} }}\n"
 

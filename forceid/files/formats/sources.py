@@ -82,46 +82,52 @@ def settings_for(sources: Sequence[str | Path]) -> str:
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
-    read, left_out, own = read_signals(path, settings)
+    read, own = read_signals(path, settings)
     if own is not None and plates is not None:
-        left_out = (*left_out, f"force plates {', '.join(own.name)}, in place of which are others")
+        read = [
+            (name, without_plates(signals, own, "in place of which are others")) for name, signals in read
+        ]
     plates = own if plates is None else plates
     used = [path, *([] if mot is None else [mot])]
     used += [path.parent / settings.static] if settings.static else []
     said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
     files = " ".join(p.name for p in used[: 1 + (mot is not None)])
-    history = [f"forceid {__version__} import {files}", *(f"left out {what}" for what in left_out)]
     came: dict[str, Any] = {
-        "history": "\n".join(history),
         "import_settings": tomli_w.dumps(said)[:ATTRIBUTE],
         "source_sha256": "\n".join(f"{sha256(p.read_bytes()).hexdigest()}  {p.name}" for p in used),
     }
-    return [
-        (name, replace(assemble_recording(signals, plates, settings, str(path), files, name), **came))
-        for name, signals in read
-    ]
+    found = []
+    for name, signals in read:
+        recording = assemble_recording(signals, plates, settings, str(path), files, name)
+        left = [f"left out {what}" for what in signals.left_out]
+        history = "\n".join([f"forceid {__version__} import {files}", *left])
+        found.append((name, replace(recording, history=history, **came)))
+    return found
 
 
-def read_signals(
-    path: Path, settings: ImportSettings
-) -> tuple[list[tuple[str, Signals]], tuple[str, ...], Plates | None]:
-    """The named recordings in one file, in SI; what else it holds, in words; its plates, if asked for."""
+def read_signals(path: Path, settings: ImportSettings) -> tuple[list[tuple[str, Signals]], Plates | None]:
+    """The named recordings in one file, in SI; its plates, if asked for."""
     ending = path.suffix.lower()
     form = None if settings.csv is not None and ending in TEXTS else format_of(path)
     if form is None:
-        return read_tables(path, settings), (), None
+        return read_tables(path, settings), None
     capture = form.read(path)
-    signals, left_out = chosen(capture, settings, str(path))
+    signals = chosen(capture, settings, str(path))
     plates, asked = capture.plates, settings.plates
     if plates is not None and asked is None:
-        names = f"force plates {', '.join(plates.name)}"
-        return [(path.stem, signals)], (*left_out, f"{names}, which the table [import.plates] asks for"), None
+        signals = without_plates(signals, plates, "which the table [import.plates] asks for")
+        return [(path.stem, signals)], None
     if plates is not None and asked is not None:
         if "plate" in asked.model_fields_set:
             taken = [known_name(one, plates.name, "[import.plates] plate:") for one in asked.plate]
             plates = plates.of(taken)
         plates = plates.on_body(np.array(settings.gravity))
-    return [(path.stem, signals)], left_out, plates
+    return [(path.stem, signals)], plates
+
+
+def without_plates(signals: Signals, plates: Plates, why: str) -> Signals:
+    """Signals that say which plates are left out, and why."""
+    return replace(signals, left_out=(*signals.left_out, f"force plates {', '.join(plates.name)}, {why}"))
 
 
 def read_tables(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:

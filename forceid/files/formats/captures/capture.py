@@ -104,6 +104,16 @@ def number_in(text: str, what: str, where: str) -> float:
     return value
 
 
+def listed(names: Sequence[str], shown: int = 4) -> str:
+    """The first of many names, and how many more there are.
+
+    >>> listed(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(names[:shown]) + more
+
+
 def without_subject(names: Sequence[str]) -> tuple[str, ...]:
     """Names as `subject:marker` without the subject, where all have the same.
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.formats.captures.capture import Capture
+from forceid.files.formats.captures.capture import Capture, listed
 from forceid.files.formats.segments import known_name
 from forceid.files.formats.signals import Signals
 from forceid.import_settings import CaptureSetting, ImportSettings
@@ -15,8 +15,8 @@ from forceid.records import Array
 TABLE = "[import.capture]"
 
 
-def chosen(capture: Capture, settings: ImportSettings, where: str) -> tuple[Signals, tuple[str, ...]]:
-    """The markers, or the pose of a body, as variables of /motion; what is left out of it, in words.
+def chosen(capture: Capture, settings: ImportSettings, where: str) -> Signals:
+    """The markers, or the pose of a body, as variables of /motion.
 
     Markers where there are any, but the pose where the settings know the body as a rigid whole and name no
     marker. The tracked origin of a pose becomes the mass center, which the settings give in its axes.
@@ -35,7 +35,7 @@ def chosen(capture: Capture, settings: ImportSettings, where: str) -> tuple[Sign
         others = [f"pose of {other}" for other in capture.pose if other != name]
         others += [f"{len(capture.name)} markers"] if capture.name else []
         found = centered(*capture.pose[name], body.mass_center)
-        return Signals({"time": capture.time} | found), (*capture.left_out, *others)
+        return Signals({"time": capture.time} | found, left_out=(*capture.left_out, *others))
     if not capture.name:
         raise DataError("holds no markers", where, 'take the pose: use = "pose"')
     at = list(range(len(capture.name)))
@@ -48,10 +48,10 @@ def chosen(capture: Capture, settings: ImportSettings, where: str) -> tuple[Sign
         at = [known_name(name, capture.name, f"{TABLE} markers:") for name in setting.markers]
     names = tuple(capture.name[k] for k in at)
     unused = [name for name in capture.name if name not in names]
-    others = [f"markers {', '.join(unused[:4])}" + (f" and {len(unused) - 4} more" if unused[4:] else "")]
-    others = (others if unused else []) + [f"pose of {name}" for name in capture.pose]
+    others = [f"markers {listed(unused)}"] if unused else []
+    others += [f"pose of {name}" for name in capture.pose]
     found = {"time": capture.time, "position": capture.position[:, at]}
-    return Signals(found, names), (*capture.left_out, *others)
+    return Signals(found, names, left_out=(*capture.left_out, *others))
 
 
 def centered(origin: Array, orientation: Array, mass_center: tuple[float, ...]) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.formats.captures.capture import Capture
+from forceid.files.formats.captures.capture import Capture, listed
 from forceid.files.formats.csv import CsvTable, read_csv
 from forceid.files.parse import likeliest_name
 from forceid.records import Array
@@ -51,8 +51,8 @@ def read_ros_pose(path: Path) -> Capture:
     time, clock = stamps(table, str(path))
     beside = ("seq", "frame_id", *STAMPS, *(name for pair in PARTS for name in pair))
     rest = [name for name in table if name not in taken | clock and not name.endswith(beside)]
-    left = (f"columns {', '.join(rest[:4])}" + (f" and {len(rest) - 4} more" if rest[4:] else ""),)
-    return Capture((), time, np.empty((len(time), 0, 3)), pose, left if rest else ())
+    left = (f"columns {listed(rest)}",) if rest else ()
+    return Capture((), time, np.empty((len(time), 0, 3)), pose, left)
 
 
 def stamps(table: dict[str, list[str]], where: str) -> tuple[Array, set[str]]:

@@ -16,6 +16,7 @@ from forceid.errors import DataError
 from forceid.files.formats.captures.capture import (
     Capture,
     Row,
+    listed,
     number_in,
     number_rows,
     text_lines,
@@ -42,8 +43,7 @@ class Section:
     def said(self) -> str:
         """What it is, in words."""
         named = list(dict.fromkeys(name for name in self.objects[2:] if name))
-        more = f" and {len(named) - 3} more" if len(named) > 3 else ""
-        return f"{self.name} at {self.rate:g} Hz ({', '.join(named[:3])}{more})"
+        return f"{self.name} at {self.rate:g} Hz ({listed(named)})"
 
 
 def is_vicon(head: str) -> bool:
