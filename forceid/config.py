@@ -86,6 +86,34 @@ class BodyStdSetting(Section):
     inertia: float = Field(default=0.0, ge=0.0, lt=1.0)
 
 
+class PriorSetting(Section):
+    """What is known of how force or moment vary, before a record is seen; what is left out is tuned on it.
+
+    std of each component (N, N m) about its mean, which stays open; rate (1/s) at which the load forgets
+    itself, or bandwidth (Hz), at which its spectral density has fallen to a half; order of the Matern kernel:
+    how often the load has a rate, plus one.
+    """
+
+    order: int | None = Field(default=None, ge=1, le=6)
+    std: float | None = Field(default=None, gt=0.0)
+    rate: float | None = Field(default=None, gt=0.0)
+    bandwidth: float | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def one_pace(self) -> Self:
+        """One way to say how fast a load is."""
+        if self.rate is not None and self.bandwidth is not None:
+            raise ValueError("has rate and bandwidth, expected one of them")
+        return self
+
+
+class PriorsSetting(Section):
+    """Priors of one's own, of the force and of the moment."""
+
+    force: PriorSetting = PriorSetting()
+    moment: PriorSetting = PriorSetting()
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -130,7 +158,8 @@ class Settings(Section):
     modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
     smooth functions of time, those of the "world", or of the "body", which a thrust or a fin turns with;
     "auto" lets the record say it, load by load.
-    load_prior: how they vary in time there, one of the kernels in forceid/flight/priors.
+    load_prior: how they vary in time there, one of the kernels in forceid/flight/priors. prior: what is known
+    of the matern one of the force, and of the moment.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
     for at these frequencies only (Hz). known_load: loads that are known; the force and the moment estimated
@@ -148,6 +177,7 @@ class Settings(Section):
     modes: int | None = Field(default=None, ge=0)
     load_axes: Literal["auto", "world", "body"] = "auto"
     load_prior: Literal["matern", "periodic"] = "matern"
+    prior: PriorsSetting = PriorsSetting()
     internal_momentum: Vector | None = None
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
@@ -157,6 +187,16 @@ class Settings(Section):
     joint: tuple[JointSetting, ...] = ()
     material: dict[str, str | float | tuple[float, ...]] | None = None
     body_std: BodyStdSetting = BodyStdSetting()
+
+    @model_validator(mode="after")
+    def prior_of_its_kind(self) -> Self:
+        """Numbers of a prior are those of a Matern kernel along axes of the world."""
+        if self.prior != PriorsSetting():
+            fitting = {"load_prior": ("matern",), "load_axes": ("auto", "world"), "part": ((),)}
+            for name, only in fitting.items():
+                if getattr(self, name) not in only:
+                    raise ValueError(f"prior has numbers, expected {name} = {only[-1]!r} beside them")
+        return self
 
 
 def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:
@@ -199,7 +239,8 @@ def validate(section: type[S], table: dict[str, Any], where: str) -> S:
             if first["type"] == "missing" and field is not None and field.examples:
                 raise ConfigError(f"key '{key}' is missing", where, f"add {field.examples[0]}") from e
             found = "" if first["type"] in ("missing", "value_error") else f", found {first['input']!r}"
-            raise ConfigError(f"key '{key}': {what}{found}", where) from e
+            next_step = "fill in the number" if first["type"] == "finite_number" else ""
+            raise ConfigError(f"key '{key}': {what}{found}", where, next_step) from e
         near = nearest_key(section, first["loc"])
         raise ConfigError(f"unknown key '{key}'", where, f"did you mean '{near}'?") from e
 

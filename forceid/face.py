@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -26,3 +27,15 @@ def on_first_use(package: str, file: str) -> tuple[list[str], Callable[[str], An
         return getattr(import_module(homes[name]), name)
 
     return [*homes], found
+
+
+class NamedAlike(ModuleType):
+    """A package with the name of a function of the package above it: it may be called in its place.
+
+    Loading a package puts it into the one above, where it hides what had its name.
+    """
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        """What the function of this name returns."""
+        above, _, name = self.__name__.rpartition(".")
+        return import_module(above).__getattr__(name)(*given, **named)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
@@ -132,6 +132,18 @@ class BodySetting(Section):
     sensor_rotation: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
 
 
+class CaptureSetting(Section):
+    """Which part of a capture is the motion.
+
+    body: of several, the rigid body whose pose it is, or how the names of its markers begin; use: "markers"
+    or "pose", where both are there; markers: only these.
+    """
+
+    body: str = ""
+    use: Literal["markers", "pose"] | None = None
+    markers: tuple[str, ...] = ()
+
+
 class UntilSetting(Section):
     """Keep the rows before the lowest point of the body comes within `clearance` (m) of a plane.
 
@@ -147,6 +159,7 @@ class PlateSetting(Section):
     """Columns of force plates in a MOT file: prefixes that x, y, z complete; {plate} is one of `plate`.
 
     The plates are truth, to compare with, but those `known`: they are loads beside which others are found.
+    Those of a C3D file are named by numbers from 1; `plate` takes some of them, this table all.
     """
 
     plate: tuple[str, ...] = ("1",)
@@ -172,6 +185,7 @@ class ImportSettings(Section):
     noise_std: dict[str, float] = Field(default_factory=dict)
     csv: CsvSetting | None = None
     channels: ChannelSetting | None = None
+    capture: CaptureSetting | None = None
     body: BodySetting = BodySetting()
     segment: tuple[SegmentSetting, ...] = ()
     joint: dict[str, JointSetting] = Field(default_factory=dict)
@@ -180,14 +194,16 @@ class ImportSettings(Section):
     plates: PlateSetting | None = None
 
 
-def load_import_settings(path: str | Path | None) -> ImportSettings:
-    """The [import] table of a TOML file. ConfigError: no file, no such table, or a key that is wrong.
+def load_import_settings(path: str | Path | None, **overrides: Any) -> ImportSettings:
+    """The [import] table of a TOML file, then keys that override it. ConfigError: no such table, a wrong key.
 
     >>> load_import_settings(None)
     Traceback (most recent call last):
     forceid.errors.ConfigError: import: has no configuration, expected one that says mass and gravity; \
 give it with -c: `forceid import --help` shows the shortest
     """
+    if path is None and overrides:
+        return validate(ImportSettings, overrides, "import:")
     if path is None:
         what = "has no configuration, expected one that says mass and gravity"
         raise ConfigError(what, "import:", "give it with -c: `forceid import --help` shows the shortest")
@@ -195,4 +211,4 @@ give it with -c: `forceid import --help` shows the shortest
     if "import" not in table:
         next_step = "add it: `forceid import --help` shows the shortest"
         raise ConfigError("has no table [import]", str(path), next_step)
-    return validate(ImportSettings, table["import"], f"{path}: [import]")
+    return validate(ImportSettings, table["import"] | overrides, f"{path}: [import]")

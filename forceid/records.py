@@ -194,7 +194,8 @@ class Recording:
 
     known_loads: loads that were measured beside the motion. truth: variables named as in Estimate (force,
     moment, center, ...), possibly on their own `time`. sha256: hash of the file's bytes, or of the arrays
-    when there is no file.
+    when there is no file. import_settings: the TOML text by which it was imported, and source_sha256 the
+    hashes of the files that it came from, where it was.
     """
 
     body: Body
@@ -205,6 +206,8 @@ class Recording:
     history: str = ""
     sha256: str = ""
     known_loads: KnownLoads | None = None
+    import_settings: str = ""
+    source_sha256: str = ""
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,12 @@ def exported(package: ModuleType) -> list[str]:
     return [n for n in dict.fromkeys(names) if not n.startswith("_")]
 
 
+def meant(package: ModuleType, name: str) -> Any:
+    """What a name of a package is; the function, where a package below it has its name (`NamedAlike`)."""
+    thing = getattr(package, name)
+    return package.__getattr__(name) if inspect.ismodule(thing) and callable(thing) else thing
+
+
 def public(module: ModuleType) -> list[str]:
     """Functions and classes that a module defines for others, in the order of its lines.
 
@@ -173,7 +179,7 @@ def concepts(wanted: str) -> Iterator[tuple[ModuleType, list[str]]]:
         return
     homes: dict[str, list[str]] = {}
     for name in exported(package):
-        thing = getattr(package, name)
+        thing = meant(package, name)
         if inspect.ismodule(thing):
             homes[thing.__name__] = [f"{thing.__name__}.{inner}" for inner in public(thing)]
         elif not isinstance(thing, int | float):  # limits are listed by `forceid settings --thresholds`
@@ -194,8 +200,12 @@ def api(wanted: str) -> str:
             page += as_page(inspect.cleandoc(module.__doc__ or "").splitlines())
         for name in names:
             home, _, own = name.rpartition(".")
-            thing = getattr(import_module(home), own)
-            if inspect.isclass(thing):
+            thing = meant(import_module(home), own)
+            if thing is not getattr(import_module(home), own):
+                page += [f".. py:function:: {name}{inspect.signature(thing)}", ""]
+                lines = as_page(inspect.cleandoc(thing.__doc__ or "").splitlines())
+                page += [f"   {line}".rstrip() for line in lines]
+            elif inspect.isclass(thing):
                 page += [f".. autoclass:: {name}", "   :members:", ""]
             elif callable(thing):
                 page += [f".. autofunction:: {name}", ""]

@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from forceid.cli.estimate import Config
+from forceid.errors import ConfigError
 
 
 def run(
     sources: Annotated[
         list[Path],
-        typer.Argument(metavar="SOURCE...", help="csv, trc with mot, c3d, mat, uff, tdms files."),
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Vicon or Motive csv, Qualisys tsv, poses of ROS as csv, trc or c3d, with mot or sto of "
+            "force plates; any csv, sto, mat, uff, tdms.",
+        ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file to write.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file; SOURCE.h5 if not given."),
+    ] = None,
     config: Config = None,
+    init: Annotated[
+        bool, typer.Option("--init", help="Write the CONFIG that SOURCE needs, to fill in; -o names it.")
+    ] = False,
 ) -> None:
     """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
 
-    CONFIG says what no source does: mass, gravity and, for tables, what they hold. The shortest for csv:
+    CONFIG says what no source does: mass, gravity and, for tables, what they hold; --init writes it, with all
+    that the source says filled in. What of a source is left out is named on stderr and in the file.
+
+    The shortest for csv, of which a capture needs the first line and the last:
 
     \b
       import.gravity = [0.0, 0.0, -9.81]
@@ -29,7 +44,7 @@ def run(
       import.csv.position.hub = ["hub x", "hub y", "hub z"]
       import.body.mass = { tip = 0.02, hub = 0.05 }
 
-    For mat, uff and tdms the table is import.channels in place of import.csv:
+    For mat, uff, tdms and sto it is import.channels in place of import.csv:
 
     \b
       mat   position = "trial.markers.{name}"    fields of a struct, time by 3
@@ -39,15 +54,31 @@ def run(
             specific_force = "acceleration.{name}{axis}"
       tdms  position = "Markers/{name}_{axis}"   group, then channel
 
+    Example: forceid import --init throw.csv -o throw.toml
+
     Example: forceid import throw.csv -o throw.h5 -c throw.toml
-
-    Example: forceid import run7.tdms -o run7.h5 -c lab.toml
     """  # noqa: D301 (the backspace keeps the lines of the example apart)
-    from forceid.files import import_sources, load_import_settings, write_motion
+    from forceid.files import import_sources, load_import_settings, settings_for, write_motion
+    from forceid.files.stored.atomic import write_whole
 
+    if init:
+        text = settings_for(sources)
+        if output is None:
+            print(text, end="")
+        elif output.exists():
+            raise ConfigError("is there already, expected a new file", str(output), "name another with -o")
+        else:
+            write_whole(output, text)
+            print(f"{output}: fill in what is nan")
+        return
+    output = output or sources[0].with_suffix(".h5")
     recordings = import_sources(sources, load_import_settings(config))
+    left_out: dict[str, None] = {}
     for name, recording in recordings:
         several = f"{output.stem}-{name.removeprefix(f'{output.stem}-')}{output.suffix}"
         path = output if len(recordings) == 1 else output.with_name(several)
         write_motion(path, recording)
         print(f"{path}: {len(recording.motion.time)} samples")
+        left_out |= dict.fromkeys(recording.history.split("\n")[1:])
+    for line in left_out:
+        print(f"note: {line}", file=sys.stderr)

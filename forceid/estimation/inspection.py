@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from forceid.config import Settings
+from forceid.config import Settings, load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.body.kinematics import Kinematics, kinematics
@@ -33,6 +33,9 @@ from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording, Verdict
 from forceid.rounding import SOLVED
+
+if TYPE_CHECKING:
+    import xarray
 
 UNITS = {"orientation": "rad"} | {one.name: one.unit for one in INSTRUMENTS}
 
@@ -72,6 +75,9 @@ class Inspection:
     sensitivity: Budget | None
     linkage: JointProspects | None
     findings: tuple[Finding, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self.summary)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -152,6 +158,18 @@ def wording(identifiable: bool, bandwidth: float | None) -> str:
     if bandwidth is None:
         return "identifiable; none stands out of the noise"
     return f"identifiable, all three axes; followed to a tenth of its size up to about {bandwidth:.2g} Hz"
+
+
+def inspect(tree: xarray.DataTree, config: Any = None, **settings: Any) -> Inspection:
+    """What a motion holds and what can be identified from it, before anything runs; `print` shows it.
+
+    tree: from `open_motion`, `motion` or `import_`; config: a TOML file; settings: single keys that override
+    it. Frequencies are in Hz. DataError, ConfigError: see `estimate`.
+    """
+    from forceid.files import recording_from_tree
+
+    merged = load_settings(config, **settings)
+    return inspect_recording(recording_from_tree(tree, merged.gravity), merged)
 
 
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:

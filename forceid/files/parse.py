@@ -93,6 +93,7 @@ def parse_recording(
         history=text(attrs.get("history", "")),
         sha256=sha256,
         known_loads=read_known_loads(groups, sizes, where),
+        **{name: text(attrs[name]) for name in ("import_settings", "source_sha256") if name in attrs},
     )
     check_recording(recording, where)
     return recording
@@ -157,7 +158,7 @@ def read_variables(
         factor = si_factor(text(attrs.get("units", spec.units)), spec.units, here)
         values[name] = unpack(read_real(source, spec, sizes, here), attrs, here)
         if factor != 1.0:
-            values[name] *= factor
+            values[name] = values[name] * factor  # what is in a tree stays as it is
         if "noise_std" in attrs:
             noise[name] = factor * real_attr(attrs["noise_std"], here, "noise_std")
     return values, noise

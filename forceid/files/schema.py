@@ -128,10 +128,10 @@ def motion_groups(recording: Recording) -> dict[str, Group]:
     named = {"node": body.node, "marker": body.marker, "joint": body.joint}
     node = {dim: names for dim, names in named.items() if names}
     noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
+    root = root_attrs(recording.title, recording.history, forceid_schema=SCHEMA, source=recording.source)
+    came = {"import_settings": recording.import_settings, "source_sha256": recording.source_sha256}
     groups = {
-        "/": Group(
-            {}, root_attrs(recording.title, recording.history, forceid_schema=SCHEMA, source=recording.source)
-        ),
+        "/": Group({}, root | {name: said for name, said in came.items() if said}),
         "body": Group(fields(BODY, {name: getattr(body, name) for name in BODY}, node)),
         "motion": Group(
             fields(MOTION, {name: getattr(motion, name) for name in MOTION}, node, noise),

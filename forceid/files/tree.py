@@ -7,12 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
+from forceid.errors import DataError
+from forceid.files.accessor import Accessor
 from forceid.files.parse import Stored, parse_recording
-from forceid.files.schema import MATERIAL, Group, estimate_groups, hash_arrays, motion_groups
+from forceid.files.schema import MATERIAL, Field, Group, estimate_groups, hash_arrays, motion_groups
 from forceid.files.stored.hdf5 import read_motion
+from forceid.files.stored.netcdf import write_groups
 from forceid.records import Estimate, Recording
+
+xr.register_datatree_accessor("forceid")(Accessor)  # type: ignore[no-untyped-call]
 
 
 def open_motion(path: str | Path, gravity: Sequence[float] | None = None) -> xr.DataTree:
@@ -23,8 +29,46 @@ def open_motion(path: str | Path, gravity: Sequence[float] | None = None) -> xr.
     return tree_from_recording(read_motion(path, gravity))
 
 
+def import_(
+    sources: str | Path | Sequence[str | Path], config: str | Path | None = None, **settings: Any
+) -> dict[str, xr.DataTree]:
+    """The motions in the files of a laboratory, by name, as `forceid import` writes them: trees, SI units.
+
+    config: a TOML file with the table [import]; settings: keys of that table that override it, as
+    `gravity=[0.0, 0.0, -9.81]`. One motion a capture, or a group of a CSV file that is parted. DataError,
+    ConfigError: see `forceid import`.
+    """
+    from forceid.files.formats.sources import import_sources, load_import_settings  # scipy and pydantic
+
+    paths = [sources] if isinstance(sources, (str, Path)) else list(sources)
+    recordings = import_sources(paths, load_import_settings(config, **settings))
+    return {name: tree_from_recording(recording) for name, recording in recordings}
+
+
+def save(tree: xr.DataTree, path: str | Path) -> Path:
+    """Write a motion or a result as the file that the commands read; it appears whole or not at all.
+
+    DataError: a motion that is none by the contract. ConfigError: not writable.
+    """
+    if "estimate" not in tree.children:
+        write_groups(path, motion_groups(recording_from_tree(tree)))
+        return Path(path)
+    groups = {"/": Group({}, {str(k): v for k, v in tree.attrs.items()})}
+    for node in tree.descendants:
+        fields = {
+            str(name): Field(tuple(map(str, v.dims)), np.asarray(v.values), dict(v.attrs))
+            for name, v in node.variables.items()
+        }
+        groups[node.path.strip("/")] = Group(fields, {str(k): v for k, v in node.attrs.items()})
+    write_groups(path, groups)
+    return Path(path)
+
+
 def recording_from_tree(tree: xr.DataTree, gravity: Sequence[float] | None = None) -> Recording:
     """The validated recording in a tree; its SHA-256 is that of the arrays. DataError: see open_motion."""
+    if not isinstance(tree, xr.DataTree):
+        what = f"is of type {type(tree).__name__}, expected a motion, as forceid.motion makes one"
+        raise DataError(what, "tree", "build it: forceid.motion(position, time, mass=..., gravity=...)")
     groups = {name: tree_group(node) for name, node in tree.children.items()}
     if "body" in groups and (material := tree.children["body"].children.get("material")) is not None:
         groups[MATERIAL] = tree_group(material)

@@ -64,7 +64,8 @@ def parse(text: str) -> tuple[float, Dimension]:
     (0, 0, -1, 1, 0)
     """
     factor, power = 1.0, list(_NONE)
-    tokens = re.findall(r"/|[^\s*/]+", text.translate(_SUPERSCRIPT).replace("**", "^"))
+    text = re.sub(r"(?<=[a-zA-Z])[.-](?=[a-zA-Z])", " ", text.translate(_SUPERSCRIPT))  # N.m, N-m
+    tokens = re.findall(r"/|[^\s*/]+", text.replace("**", "^"))
     sign = 1
     for token in tokens:
         if token == "/":

@@ -22,6 +22,7 @@ from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
+from forceid.flight.priors.stated import Stated
 from forceid.flight.spectral_start import Channels, Peak, first_sight, sight
 from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern
@@ -55,6 +56,7 @@ def tune_loads(
     near: Tuned | None = None,
     color: Color | None = None,
     pieces: Pieces | None = None,
+    stated: Stated | None = None,
 ) -> Tuned:
     """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
@@ -64,18 +66,27 @@ def tune_loads(
     e^PATIENCE; on an axis where a varying load is not e^PATIENCE times as likely as a constant one, the
     constant. lines: that the load is known to hold beside, with directions along the axes of z. engine: the
     fastest, if none is given. near: a prior about where this one is, which has its order. color: of the
-    noise, None for white; pieces: in which the load comes, with their sizes.
+    noise, None for white; pieces: in which the load comes, with their sizes. stated: what is known of the
+    prior, and not searched for.
     """
+    known = Stated() if stated is None else stated
+    orders = orders if known.order is None else (known.order,)
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
     edges = search_box(time, z, gain, 0)
 
     def box(order: int) -> tuple[Array, Array]:
         lower, upper = (np.tile([level + order * rate, rate], (axes, 1)) for level, rate in edges)
+        for at, value in ((0, known.std), (1, known.rate_at(order))):
+            if value is not None:  # what a coordinate that does not move stands for is taken from `known`
+                lower[:, at] = upper[:, at] = np.log(value)
         return lower, upper
+
+    def numbers(points: Array, order: int) -> tuple[Array, Array]:
+        return known.held(order, *natural(points, order))
 
     def objective(points: Array, levels: Array, order: int) -> Array:
         shape = points.shape[:-1]
-        std, rate = natural(points.reshape(-1, 2), order)
+        std, rate = numbers(points.reshape(-1, 2), order)
         axis = np.broadcast_to(np.arange(axes)[:, None], shape).ravel()
         noise = np.broadcast_to(np.exp(2 * levels)[..., None], shape).ravel()
         total = np.zeros(len(std))
@@ -115,13 +126,14 @@ def tune_loads(
 
     def tuned(order: int, at: Array, level: Array, value: float, moved: Flags) -> Tuned:
         at_limit = limits[1] > limits[0] and np.mean(level[moved] - limits[0] < AT_LIMIT) > 0.5
-        return Tuned(Matern(order, *natural(at, order)), np.exp(level), bool(at_limit), value, pieces)
+        return Tuned(Matern(order, *numbers(at, order)), np.exp(level), bool(at_limit), value, pieces)
 
     limits = (float(np.log(noise_range[0])), float(np.log(noise_range[1])))
     level: Array = np.full(axes, limits[0])
     together, first, seen = np.ones((axes, axes), bool), None, None
     channels = Channels(runs, gain, drift, lines, color, box, for_tuning(engine))
-    stationary = channels.even and pieces is None  # what has a spectrum
+    free = known.std is None and not known.paced
+    stationary = channels.even and pieces is None and free  # what has a spectrum
     if near is not None:
         kernel, level = near.kernel, np.clip(np.log(near.noise), *limits)
         assert isinstance(kernel, Matern)
@@ -158,6 +170,8 @@ def tune_loads(
         start = (peak[0], level)
         peak, same = by_axis(lambda same: search(order, limits, same, start), axes, pays_apart(order))
     at, level, value = peak
+    if known.std is not None:  # then it varies
+        return tuned(order, at, level, float(value.sum()), np.ones(axes, bool))
     none = box(order)[0]
     each = objective(np.stack([at, none], 1)[None], level[None], order)[0]
     quiet = none, level, each[:, 1]

@@ -5,6 +5,9 @@ Source: principal equations 4a, 4b.
 
 from __future__ import annotations
 
+import sys
+
+from forceid.face import NamedAlike
 from forceid.motion.derivative import Derivatives as Derivatives
 from forceid.motion.derivative import derivatives as derivatives
 from forceid.motion.frames import Frames as Frames
@@ -41,3 +44,5 @@ from forceid.motion.window import choose_window as choose_window
 from forceid.motion.window import noise_growth as noise_growth
 from forceid.motion.window import noise_variance as noise_variance
 from forceid.motion.window import windows as windows
+
+sys.modules[__name__].__class__ = NamedAlike  # forceid.motion(position, time, ...) is called so too

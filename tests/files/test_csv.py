@@ -136,7 +136,7 @@ def test_settings_that_do_not_fit_are_refused(tmp_path):
     path = write(tmp_path / "a.csv", [row.replace("-2e0", "1") for row in falling(1)])
     with pytest.raises(ConfigError, match=r"needs the table \[import\.csv\]"):
         import_sources([path], replace_csv(settings()))
-    with pytest.raises(ConfigError, match=r"ends in '\.xls', expected csv, trc, c3d, mat, uff, unv, tdms"):
+    with pytest.raises(ConfigError, match=r"ends in '\.xls', expected Vicon CSV, .*, uff, unv, tdms"):
         import_sources([tmp_path / "a.xls"], settings())
     with pytest.raises(ConfigError, match="unknown name 'centre'; did you mean 'center'"):
         import_sources([path], settings(noise_std={"centre": 1.0}))

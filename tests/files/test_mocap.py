@@ -133,7 +133,7 @@ def test_plates_go_to_the_capture_whose_name_theirs_begins_with(tmp_path, positi
         (lambda s: s.replace("\tmm", "\tkg"), r"a\.trc:Units has units 'kg', expected 'm'"),
         (lambda s: "\n".join(s.split("\n")[:-3]), "holds 3 frames, expected 5 by its header"),
         (lambda s: s.replace("\t4\tmm", "\t9\tmm"), "holds 4 markers, expected 9 by its header"),
-        (lambda s: s.replace("\t0.02\t", "\tlate\t"), "holds text in data row 3 .*'late'"),
+        (lambda s: s.replace("\t0.02\t", "\tlate\t"), "holds text in line 9 .*'late'"),
         (lambda s: s.replace("\t0.02\t", "\t0.01\t"), "/motion/time goes from 0.01 to 0.01 s"),
         (lambda s: s.replace("\t0.02\t", "\t\t"), "/motion/time holds 1 times that are not finite"),
         (lambda s: s.replace("PathFileType", "Path"), "is not a TRC file"),

@@ -50,3 +50,12 @@ def test_a_tree_is_checked_like_a_file():
     tree["motion"] = tree["motion"].to_dataset().assign_coords(time=np.zeros(20))
     with pytest.raises(DataError, match="tree:/motion/time goes from 0 to 0 s"):
         recording_from_tree(tree)
+
+
+def test_a_tree_in_other_units_stays_as_it_is_when_it_is_read():
+    tree = tree_from_recording(markers())
+    tree["motion/position"] = 1e3 * tree["motion/position"]
+    tree["motion/position"].attrs["units"] = "mm"
+    before = tree["motion/position"].values.copy()
+    assert np.nanmax(np.abs(1e3 * recording_from_tree(tree).motion.position - before)) < 1e-9
+    assert np.array_equal(tree["motion/position"].values, before, equal_nan=True)

@@ -21,6 +21,7 @@ from forceid.flight.model import Flight
 from forceid.flight.modes import FlyingModes
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.stated import Stated
 from forceid.flight.priors.table import PRIORS
 from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import Line
@@ -111,10 +112,12 @@ def tune_channel(
     near: LoadPrior | None = None,
     kind: str = "matern",
     pieces: Pieces | None = None,
+    stated: Stated | None = None,
 ) -> LoadPrior:
     """Prior of the load that drives a channel, and the factor on its noise, beside the lines it holds.
 
-    near: of a channel hardly different, where the search begins if it holds the same lines; kind: of prior.
+    near: of a channel hardly different, where the search begins if it holds the same lines; kind: of prior;
+    stated: what is known of it, None for nothing.
     """
     time, z, gain = channel.time, channel.z, channel.gain
     seen = np.isfinite(z).all(1)
@@ -125,7 +128,8 @@ def tune_channel(
     along = tuple(line.along(axes) for line in lines)
     first = None if near is None else near.tuned
     shown = time, z @ axes, gain, channel.var(axes), drift
-    tuned = PRIORS[kind](*shown, limits, orders, along, engine, first, channel.color, pieces)
+    more = {} if stated is None else {"stated": stated}
+    tuned = PRIORS[kind](*shown, limits, orders, along, engine, first, channel.color, pieces, **more)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
 
 

@@ -18,7 +18,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelihood
 from forceid.estimation.methods.problem import Problem
-from forceid.estimation.methods.tuning import as_on_modes, orders_asked
+from forceid.estimation.methods.tuning import as_on_modes, orders_asked, stated_of
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.model import seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -55,7 +55,8 @@ def choose_axes(problem: Problem) -> Problem:
         return problem
     if asked == "auto" and not tells_axes(problem):
         return problem
-    each = {load: along_body(problem, load) for load in problem.priors}
+    told = {load: stated_of(problem.settings, load) is not None for load in problem.priors}
+    each = {load: along_body(problem, load) for load in problem.priors if not told[load]}
     found = {load: one for load, one in each.items() if one is not None}
     taken = {load: one.prior for load, one in found.items() if asked == "body" or one.gain > PATIENCE}
     between = np.zeros_like(problem.state.wrench_cov)

@@ -27,6 +27,7 @@ from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors
 from forceid.estimation.methods.problem import Problem, Smoothing, Solution, named
+from forceid.estimation.methods.tuning import stated_of
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import Unit, length
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
@@ -148,7 +149,9 @@ def allow_for_priors(problem: Problem) -> Problem:
         name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
         for name, channel in channels.items()
     }
-    growth = growth_along_own(state, looks)
+    told = {name: stated_of(problem.settings, name) for name in looks}
+    rivals = {name: look for name, look in looks.items() if (one := told[name]) is None or not one.whole}
+    growth = growth_along_own(state, rivals)
     if shape := markers_beside_pose(kin, looks):
         growth, said = ringing_body.allow_for_ringing_body(looks, *shape, state, growth)
         problem = problem.noting(*said)

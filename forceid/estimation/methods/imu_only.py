@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.config import Settings
+from forceid.config import PriorsSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.inertia import inertia_of, momentum_inside
@@ -75,6 +75,9 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     if settings.load_prior != "matern":
         what = f"the load prior '{settings.load_prior}' is tuned on poses, which sensors alone do not show"
         raise ConfigError(what, "load_prior", 'use load_prior = "matern", or add markers')
+    if settings.prior != PriorsSetting():
+        what = "the numbers of a prior are for poses, which sensors alone do not show"
+        raise ConfigError(what, "prior", "leave it out, or add markers")
     kin = unmarked_kinematics(body, motion, settings)
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)

@@ -26,6 +26,7 @@ from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.problem import Solution, named
+from forceid.estimation.methods.tuning import stated_of
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior, channel_model
@@ -58,7 +59,7 @@ def estimate_in_segments(
     causal, priors, states = settings.method == "filter", {}, {}
     for load, channel in channels.items():
         with stage("force" if load == "force" else "moment"):
-            priors[load] = tune(channel)
+            priors[load] = tune(channel, stated=stated_of(settings, load))
             states[load] = smoothed(channel, priors[load], engine, causal)
     state = both(kin, motion, states["force"], states["moment"])
     with stage("claims"):
@@ -69,7 +70,10 @@ def estimate_in_segments(
         }
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
         louder = {load: replace(ch, noise_cov=noise.most**2 * ch.noise_cov) for load, ch in channels.items()}
-        others = [smoothed(channel, tune(channel), engine, causal).force for channel in louder.values()]
+        others = [
+            smoothed(channel, tune(channel, stated=stated_of(settings, load)), engine, causal).force
+            for load, channel in louder.items()
+        ]
         apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - np.concatenate(others, 1))
         square = apart[:, :, None] * apart[:, None]
         cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))

@@ -38,6 +38,7 @@ from forceid.estimation.methods.tuning import (
     settle_noise,
     tune_force,
     tune_moment,
+    with_stated_priors,
 )
 from forceid.kalman.building.line_search import AT_ONCE
 from forceid.kalman.engines import Engine
@@ -56,7 +57,7 @@ def add_instruments(problem: Problem) -> Problem:
     flight = with_strain_gauges(flight, kin, body, motion, settings)
     apiece = problem.priors
     flight, priors = fused(flight, apiece, kin, body, motion, settings, problem.engine)
-    return replace(problem, apiece=apiece, flight=flight, priors=priors)
+    return with_stated_priors(replace(problem, apiece=apiece, flight=flight, priors=priors))
 
 
 @stage("flight")
@@ -78,7 +79,7 @@ def tune_on_flight(problem: Problem) -> Problem:
     priors = by_the_flight(flight, problem.priors, problem.state, problem.engine)
     if priors["moment"] is problem.priors["moment"]:
         return problem
-    return solve(replace(problem, priors=priors))
+    return solve(with_stated_priors(replace(problem, priors=priors)))
 
 
 @stage("frames")

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from forceid.config import Settings
 from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.body.tracks.late_frames import lateness
@@ -20,6 +21,7 @@ from forceid.flight.color import LowPassed
 from forceid.flight.elastic import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.stated import Stated
 from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.building.process import matern_density
 from forceid.motion import noise_growth
@@ -86,17 +88,32 @@ def tuned_beside(problem: Problem, load: str, limits: tuple[float, float]) -> Lo
     """
     near, engine, kind = problem.near.get(load), problem.engine, problem.settings.load_prior
     channel, lines = getattr(problem.driven, load), getattr(problem.lines, load)
-    orders = orders_asked(problem)
-    if (limits, lines, orders, near, kind) == AS_LOOKED:
+    orders, stated = orders_asked(problem), stated_of(problem.settings, load)
+    if (limits, lines, orders, near, kind, stated) == (*AS_LOOKED, None):
         prior = problem.driven.prior(load, engine)
     else:
         pieces = None if near is None else near.tuned.pieces
-        prior = tune_channel(channel, limits, lines, orders, engine, near, kind, pieces)
+        prior = tune_channel(channel, limits, lines, orders, engine, near, kind, pieces, stated)
     kernel, hidden = prior.kernel, problem.kin.hidden
-    if hidden is None or not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
+    if hidden is None or (stated is not None and stated.order is not None):
         return prior
-    untold = tune_channel(channel, limits, lines, (UNTOLD_ORDER,), engine, kind=kind)
+    if not isinstance(kernel, Matern) or kernel.order <= UNTOLD_ORDER:
+        return prior
+    untold = tune_channel(channel, limits, lines, (UNTOLD_ORDER,), engine, kind=kind, stated=stated)
     return prior if untold.tuned.log_likelihood < prior.tuned.log_likelihood - PATIENCE else untold
+
+
+def stated_of(settings: Settings, load: str) -> Stated | None:
+    """What the settings know of the prior of a load, None for nothing."""
+    stated = Stated(**getattr(settings.prior, load).model_dump())
+    return None if stated == Stated() else stated
+
+
+def with_stated_priors(problem: Problem) -> Problem:
+    """The problem, with what the settings know of its priors in the place of what changed them since."""
+    known = {load: stated_of(problem.settings, load) for load in problem.priors}
+    kept = {load: one.kept(problem.priors[load]) for load, one in known.items() if one is not None}
+    return replace(problem, priors=problem.priors | kept) if kept else problem
 
 
 def orders_asked(problem: Problem) -> tuple[int, ...]:
@@ -187,9 +204,10 @@ def in_pieces(problem: Problem, load: str) -> Problem:
     """The problem with a load in pieces, where the evidence is for them.
 
     Not where errors of tracks follow each other: these have edges too. Nor where a deformation hides loads,
-    or sensors show them.
+    or sensors show them, or settings say what the load is.
     """
-    if problem.hides or problem.slow is not None or problem.motion.readings:
+    hidden = problem.hides or problem.slow is not None or problem.motion.readings
+    if hidden or stated_of(problem.settings, load) is not None:
         return problem
     prior, others = problem.priors[load], [prior for name, prior in problem.priors.items() if name != load]
     given = [other.tuned.pieces.edges for other in others if other.tuned.pieces is not None]

@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.files.formats.captures.capture import Capture, Plates, check_count, number_rows, text_lines
 from forceid.files.formats.channels import optional
 from forceid.files.units import si_factor
 from forceid.import_settings import PlateSetting
 from forceid.records import Array
 
 
-@dataclass(frozen=True)
-class Markers:
-    """Marker tracks: time (time,) s, position (time, marker, 3) m, NaN where a marker is not seen."""
-
-    name: tuple[str, ...]
-    time: Array
-    position: Array
+def is_trc(head: str) -> bool:
+    """Whether the file begins as a TRC file does."""
+    return head.startswith("PathFileType")
 
 
-@dataclass(frozen=True)
-class Plates:
-    """Force plates: force, point and free moment (time, plate, 3) in N, m, N m, world axes."""
-
-    time: Array
-    force: Array
-    point: Array
-    moment: Array
-
-    def of(self, which: list[int]) -> Plates:
-        """Some of the plates."""
-        return Plates(self.time, self.force[:, which], self.point[:, which], self.moment[:, which])
+def is_c3d(head: str) -> bool:
+    """Whether the file begins as a C3D file does: its second byte is 0x50."""
+    return head[1:2] == "P" and not head[:1].isprintable()
 
 
-def read_trc(path: str | Path) -> Markers:
+def read_trc(path: str | Path) -> Capture:
     """Markers of an OpenSim TRC file; blank cells are NaN. DataError: cut short, ragged, not of length."""
     lines = text_lines(path)
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
@@ -47,11 +35,12 @@ def read_trc(path: str | Path) -> Markers:
     head = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
     names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
     width = 2 + 3 * len(names)
-    data = number_rows([line.split("\t") for line in lines[5:] if line.strip()], width, str(path))
+    rows = [(n, line.split("\t")) for n, line in enumerate(lines[5:], 6) if line.strip()]
+    data = number_rows(rows, width, str(path))
     check_count(len(data), head.get("NumFrames", ""), "frames", str(path))
     check_count(len(names), head.get("NumMarkers", ""), "markers", str(path))
     factor = si_factor(head.get("Units", "m").strip(), "m", f"{path}:Units")
-    return Markers(names, data[:, 1], factor * data[:, 2:].reshape(len(data), -1, 3))
+    return Capture(names, data[:, 1], factor * data[:, 2:].reshape(len(data), -1, 3))
 
 
 def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
@@ -65,7 +54,8 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
     start = stripped.index("endheader") + 1
     head = dict(line.replace(" ", "").split("=", 1) for line in lines[: start - 1] if "=" in line)
     names = lines[start].split()
-    data = number_rows([line.split() for line in lines[start + 1 :] if line.strip()], len(names), str(path))
+    rows = [(n, line.split()) for n, line in enumerate(lines[start + 1 :], start + 2) if line.strip()]
+    data = number_rows(rows, len(names), str(path))
     check_count(len(data), head.get("nRows", head.get("datarows", "")), "rows", str(path))
 
     def take(pattern: str) -> Array:
@@ -76,12 +66,11 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
                 raise DataError(what, str(path), "correct [import.plates]")
         return np.stack([data[:, [names.index(name) for name in plate]] for plate in wanted], 1)
 
-    return Plates(
-        data[:, names.index("time")], take(setting.force), take(setting.point), take(setting.moment)
-    )
+    loads = take(setting.force), take(setting.point), take(setting.moment)
+    return Plates(data[:, names.index("time")], *loads, setting.plate)
 
 
-def read_c3d(path: str | Path) -> Markers:
+def read_c3d(path: str | Path) -> Capture:
     """Markers of a C3D file; lost points are NaN. ConfigError: ezc3d is not installed. DataError: not C3D."""
     ezc3d = optional("ezc3d", "c3d", path)
     if not Path(path).is_file():
@@ -96,42 +85,33 @@ def read_c3d(path: str | Path) -> Markers:
     lost = np.asarray(c3d["data"]["meta_points"]["residuals"])[0].T[:, : len(names)] < 0
     factor = si_factor(str(point["UNITS"]["value"][0]), "m", f"{path}:POINT:UNITS")
     frame = np.arange(len(data)) + c3d["header"]["points"]["first_frame"]
-    return Markers(
-        names, frame / float(point["RATE"]["value"][0]), np.where(lost[..., None], np.nan, factor * data)
-    )
+    time = frame / float(point["RATE"]["value"][0])
+    analog, left = c3d["data"]["analogs"].shape[1], []
+    plates, said = c3d_plates(ezc3d, c3d, path, time[0] if len(time) else 0.0)
+    taken = 0 if plates is None else int(np.size(c3d["parameters"]["FORCE_PLATFORM"]["CHANNEL"]["value"]))
+    left = [f"{analog - taken} analog channels"] if analog > taken else []
+    position = np.where(lost[..., None], np.nan, factor * data)
+    return Capture(names, time, position, left_out=(*left, *said), plates=plates)
 
 
-def text_lines(path: str | Path) -> list[str]:
-    """The lines of a text file. DataError: missing or not text."""
+def c3d_plates(ezc3d: Any, c3d: Any, path: str | Path, start: float) -> tuple[Plates | None, tuple[str, ...]]:
+    """The force plates of a C3D file as ezc3d reads them, moments about their middles; why not, in words."""
+    known = c3d["parameters"].get("FORCE_PLATFORM", {})
+    used = int(sum(known["USED"]["value"][:1])) if "USED" in known else 0
+    if not used:
+        return None, ()
     try:
-        return Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except OSError as e:
-        raise DataError(f"cannot be read ({e.strerror})", str(path), "give the path of a text file") from e
-    except UnicodeDecodeError as e:
-        raise DataError("is not text", str(path), "export it again") from e
-
-
-def number_rows(rows: list[list[str]], width: int, where: str) -> Array:
-    """Cells as float64 (row, width): blanks and cells left out at the end of a row are NaN."""
-    data = np.full((len(rows), width), np.nan)
-    for k, row in enumerate(rows):
-        try:
-            cells = [float(cell) if cell.strip() else np.nan for cell in row]
-        except ValueError as e:
-            raise DataError(
-                f"holds text in data row {k + 1} ({e}), expected numbers", where, "correct it"
-            ) from e
-        if not np.isnan(cells[width:]).all():
-            raise DataError(
-                f"has {len(cells)} cells in data row {k + 1}, expected {width}", where, "correct it"
-            )
-        data[k, : len(cells[:width])] = cells[:width]
-    return data
-
-
-def check_count(found: int, declared: str, what: str, where: str) -> None:
-    """The count in the header is what the file holds."""
-    if declared.strip().isdigit() and int(declared) != found:
-        raise DataError(
-            f"holds {found} {what}, expected {declared.strip()} by its header", where, "export it again"
-        )
+        found = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"]
+    except (OSError, RuntimeError, ValueError, IndexError) as e:
+        return None, (f"{used} force plates ({' '.join(str(e).split())[:120]})",)
+    rate, where = float(c3d["parameters"]["ANALOG"]["RATE"]["value"][0]), f"{path}:FORCE_PLATFORM"
+    force, point, moment = [], [], []
+    for plate in found:
+        newton = si_factor(plate["unit_force"] or "N", "N", where)
+        meter = si_factor(plate["unit_position"] or "m", "m", where)
+        force.append(newton * np.asarray(plate["force"]).T)
+        moment.append(newton * meter * np.asarray(plate["moment"]).T)
+        point.append(np.broadcast_to(meter * np.mean(plate["corners"], axis=1), force[-1].shape))
+    time = start + np.arange(len(force[0])) / rate
+    names = tuple(str(k + 1) for k in range(used))
+    return Plates(time, np.stack(force, 1), np.stack(point, 1), np.stack(moment, 1), names), ()

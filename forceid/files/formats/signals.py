@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from forceid.errors import ConfigError, DataError
+from forceid.files.formats.captures.capture import listed
 from forceid.files.formats.channels import Channels, base_of, nearest_names, raw, shape_of
 from forceid.files.schema import MOTION
 from forceid.files.units import si_factor
@@ -22,12 +23,16 @@ _CLOCK = 1e-3  # of a sampling interval, by which clocks may differ: UFF keeps s
 
 @dataclass(frozen=True)
 class Signals:
-    """Variables of /motion in SI, the names of their nodes and sensors, and places (3,) m of nodes."""
+    """Variables of /motion in SI, the names of their nodes and sensors, and places (3,) m of nodes.
+
+    left_out: what else the file holds, in words.
+    """
 
     variables: dict[str, Array]
     node: tuple[str, ...] = ()
     sensor: tuple[str, ...] = ()
     geometry: dict[str, Array] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
 
 def motion_signals(
@@ -61,7 +66,10 @@ def motion_signals(
             raise ConfigError("has position and displacement, expected one of them", where, "drop the other")
         node = names["position"] = names["displacement"]
         found["position"] = found.pop("displacement") + start_positions(node, geometry, channels)
-    return Signals(found, names.get("position", ()), sensor, geometry)
+    used = {setting.time, setting.rate, getattr(setting, "group", None), *read.used, *map(base_of, read.used)}
+    rest = [name for name in channels.values if name not in used]
+    left_out = (f"{channels.noun}s {listed(rest)}",) if rest else ()
+    return Signals(found, names.get("position", ()), sensor, geometry, left_out)
 
 
 @dataclass(frozen=True)

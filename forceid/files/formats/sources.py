@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import tomli_w
 from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.errors import ConfigError
+from forceid.files.formats.captures.capture import Plates
+from forceid.files.formats.captures.choice import chosen
+from forceid.files.formats.captures.table import FORMATS, format_of
 from forceid.files.formats.channels import Channels
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
-from forceid.files.formats.mocap import Markers, Plates, read_c3d, read_mot, read_trc
+from forceid.files.formats.mocap import read_mot
+from forceid.files.formats.plates import pair_plates, plate_truth, split_plates, window
+from forceid.files.formats.proposal import proposal
 from forceid.files.formats.segments import (
-    Points,
     build_body,
     known_name,
     marker_clusters,
@@ -26,6 +31,7 @@ from forceid.files.formats.segments import (
     resting_markers,
 )
 from forceid.files.formats.signals import Signals, motion_signals
+from forceid.files.formats.sto import read_sto
 from forceid.files.formats.tdms import read_tdms
 from forceid.files.formats.uff import read_uff
 from forceid.files.parse import canonical
@@ -33,66 +39,104 @@ from forceid.files.schema import hash_arrays, motion_groups
 from forceid.files.validate import check_quaternions, check_recording
 from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
-from forceid.records import Array, Body, KnownLoads, Motion, Recording
+from forceid.records import Array, Body, Motion, Recording
 
-CAPTURES: dict[str, Callable[[Path], Markers]] = {".trc": read_trc, ".c3d": read_c3d}
 TABLES: dict[str, Callable[[Path], Channels]] = {
-    ".mat": read_mat, ".uff": read_uff, ".unv": read_uff, ".tdms": read_tdms
+    ".mat": read_mat, ".uff": read_uff, ".unv": read_uff, ".tdms": read_tdms,
+    ".sto": read_sto,
 }  # fmt: skip
+TEXTS = (".csv", ".tsv", ".txt")  # of tables of named columns
+ATTRIBUTE = 60_000  # bytes of a text beside a file's variables: HDF5 keeps 64 kB there
+
+PLATES = """
+[import.plates]  # {plate} in the names of columns is each of these
+plate = ["1"]
+force = "ground_force_{plate}_v"
+point = "ground_force_{plate}_p"
+moment = "ground_force_{plate}_m"
+"""
 
 
 def import_sources(paths: Sequence[str | Path], settings: ImportSettings) -> list[tuple[str, Recording]]:
-    """Named recordings from the files of a laboratory; a mot file adds the truth to its capture.
+    """Named recordings from the files of a laboratory; a mot or sto file adds the truth to its capture.
 
     One recording a capture; one a group of a CSV file that is parted. ConfigError: settings that do not fit
     the files. DataError: files that do not hold what the settings or the contract ask for.
     """
     files = [Path(path) for path in paths]
-    captures = [path for path in files if path.suffix.lower() != ".mot"]
-    plates = pair_plates(captures, [path for path in files if path.suffix.lower() == ".mot"])
+    beside = [path for path in files if path.suffix.lower() in (".mot", ".sto")]
+    if len(beside) == len(files):  # nothing that their loads could belong to
+        beside = [path for path in files if path.suffix.lower() == ".mot"]
+    captures = [path for path in files if path not in beside]
+    plates = pair_plates(captures, beside)
     return [pair for path in captures for pair in import_capture(path, plates.get(path), settings)]
 
 
-def pair_plates(captures: Sequence[Path], plates: Sequence[Path]) -> dict[Path, Path]:
-    """The plates of each capture: those whose name its own begins; a lone capture takes lone plates."""
-    pairs: dict[Path, Path] = {}
-    for mot in plates:
-        alone = len(captures) == len(plates) == 1
-        named = [path for path in captures if alone or mot.stem.startswith(path.stem)]
-        if not named:
-            raise ConfigError(
-                "belongs to no capture, expected one whose name begins its own", str(mot), "add it"
-            )
-        capture = max(named, key=lambda path: len(path.stem))
-        if capture in pairs:
-            raise ConfigError(
-                f"belongs to {capture.name}, as does {pairs[capture].name}", str(mot), "drop one"
-            )
-        pairs[capture] = mot
-    return pairs
+def settings_for(sources: Sequence[str | Path]) -> str:
+    """The import settings that the first of the sources needs, as commented TOML to fill in; see proposal."""
+    text = proposal(sources[0], TABLES)
+    plates = any(Path(path).suffix.lower() in (".mot", ".sto") for path in sources[1:])
+    return text + (PLATES if plates else "")
 
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
-    files = " ".join(p.name for p in (path, mot) if p is not None)
-    return [
-        (name, assemble_recording(signals, plates, settings, str(path), files, name))
-        for name, signals in read_signals(path, settings)
-    ]
+    read, own = read_signals(path, settings)
+    if own is not None and plates is not None:
+        read = [
+            (name, without_plates(signals, own, "in place of which are others")) for name, signals in read
+        ]
+    plates = own if plates is None else plates
+    used = [path, *([] if mot is None else [mot])]
+    used += [path.parent / settings.static] if settings.static else []
+    said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
+    files = " ".join(p.name for p in used[: 1 + (mot is not None)])
+    came: dict[str, Any] = {
+        "import_settings": tomli_w.dumps(said)[:ATTRIBUTE],
+        "source_sha256": "\n".join(f"{sha256(p.read_bytes()).hexdigest()}  {p.name}" for p in used),
+    }
+    found = []
+    for name, signals in read:
+        recording = assemble_recording(signals, plates, settings, str(path), files, name)
+        left = [f"left out {what}" for what in signals.left_out]
+        history = "\n".join([f"forceid {__version__} import {files}", *left])
+        found.append((name, replace(recording, history=history, **came)))
+    return found
 
 
-def read_signals(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:
-    """The named recordings in one file, as measured variables in SI."""
+def read_signals(path: Path, settings: ImportSettings) -> tuple[list[tuple[str, Signals]], Plates | None]:
+    """The named recordings in one file, in SI; its plates, if asked for."""
     ending = path.suffix.lower()
-    if ending in CAPTURES:
-        markers = CAPTURES[ending](path)
-        found = {"time": markers.time, "position": markers.position}
-        return [(path.stem, Signals(found, markers.name))]
-    reference = settings.body.position
-    if ending == ".csv":
+    form = None if settings.csv is not None and ending in TEXTS else format_of(path)
+    if form is None:
+        return read_tables(path, settings), None
+    capture = form.read(path)
+    signals = chosen(capture, settings, str(path))
+    plates, asked = capture.plates, settings.plates
+    if plates is not None and asked is None:
+        signals = without_plates(signals, plates, "which the table [import.plates] asks for")
+        return [(path.stem, signals)], None
+    if plates is not None and asked is not None:
+        if "plate" in asked.model_fields_set:
+            taken = [known_name(one, plates.name, "[import.plates] plate:") for one in asked.plate]
+            plates = plates.of(taken)
+        plates = plates.on_body(np.array(settings.gravity))
+    return [(path.stem, signals)], plates
+
+
+def without_plates(signals: Signals, plates: Plates, why: str) -> Signals:
+    """Signals that say which plates are left out, and why."""
+    return replace(signals, left_out=(*signals.left_out, f"force plates {', '.join(plates.name)}, {why}"))
+
+
+def read_tables(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:
+    """The same of a file of named columns or channels, which the settings tell the meaning of."""
+    ending, reference = path.suffix.lower(), settings.body.position
+    if ending in TEXTS:
         if settings.csv is None:
-            raise ConfigError("needs the table [import.csv], which names its columns", str(path), "add it")
+            what = "needs the table [import.csv], which names its columns"
+            raise ConfigError(what, str(path), f"`forceid import --init {path.name}` writes one")
         found_in = []
         for name, rows in part(read_csv(path, settings.csv.delimiter), settings.csv, str(path)):
             columns = Channels(str(path), "column", CsvTable(rows, str(path)), table="import.csv")
@@ -100,11 +144,12 @@ def read_signals(path: Path, settings: ImportSettings) -> list[tuple[str, Signal
             found_in.append((f"{path.stem}-{name}" if name else path.stem, signals))
         return found_in
     if ending not in TABLES:
-        known = ", ".join(key[1:] for key in (".csv", *CAPTURES, *TABLES))
-        raise ConfigError(f"ends in {path.suffix!r}, expected {known}", str(path), "convert it first")
+        known = ", ".join([*(one.name for one in FORMATS), *(key[1:] for key in (".csv", *TABLES))])
+        what = f"begins as no known format and ends in {path.suffix!r}, expected {known}"
+        raise ConfigError(what, str(path), "convert it first")
     if settings.channels is None:
         what = "needs the table [import.channels], which says what its channels are"
-        raise ConfigError(what, str(path), "add it: `forceid import --help` shows one")
+        raise ConfigError(what, str(path), f"`forceid import --init {path.name}` writes one")
     return [(path.stem, motion_signals(TABLES[ending](path), settings.channels, reference))]
 
 
@@ -154,7 +199,8 @@ def assemble_recording(
         values = values | {"orientation": canonical(values["orientation"])}
     gravity, noise_std = np.array(settings.gravity), dict(settings.noise_std)
     motion = Motion(**values, gravity=gravity, noise_std=noise_std)  # type: ignore[arg-type]
-    judged, known = (None, None) if plates is None else split_plates(plates, settings)
+    beforehand = () if settings.plates is None else settings.plates.known
+    judged, known = (None, None) if plates is None else split_plates(plates, beforehand)
     keep = window(motion.time, settings.start, settings.stop)
     if settings.until is not None:
         keep &= np.arange(len(keep)) < first_contact(motion, body, settings.until)
@@ -164,7 +210,6 @@ def assemble_recording(
         truth={} if judged is None else plate_truth(judged, motion.time, points, motion.time[keep]),
         title=f"{settings.title}: {name}" if settings.title else name,
         source=settings.source or files,
-        history=f"forceid {__version__} import {files}",
         known_loads=known,
     )
     check_recording(recording, where)
@@ -176,17 +221,11 @@ def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Arra
     if not settings.static:
         return None
     path = Path(where).parent / settings.static
-    if path.suffix.lower() not in CAPTURES:
-        what = f"static names {settings.static!r}, expected a capture ({', '.join(CAPTURES)})"
+    if (form := format_of(path)) is None:
+        what = f"static names {settings.static!r}, expected a capture ({', '.join(f.name for f in FORMATS)})"
         raise ConfigError(what, "[import]:", "give the name of one beside the others")
-    shown = CAPTURES[path.suffix.lower()](path)
+    shown = form.read(path)
     return resting_markers(name, shown.name, shown.position)
-
-
-def window(time: Array, start: float | None, stop: float | None) -> NDArray[np.bool_]:
-    """Which times lie between start and stop (s), both included."""
-    low, high = -np.inf if start is None else start, np.inf if stop is None else stop
-    return ~((time < low) | (time > high))
 
 
 def first_contact(motion: Motion, body: Body, until: UntilSetting) -> int:
@@ -207,32 +246,3 @@ def first_contact(motion: Motion, body: Body, until: UntilSetting) -> int:
         )
     low = np.fmin.reduce(height, axis=1) - until.height < until.clearance
     return int(np.argmax(low)) if np.any(low) else len(motion.time)
-
-
-def split_plates(plates: Plates, settings: ImportSettings) -> tuple[Plates | None, KnownLoads | None]:
-    """The plates to compare with, and those that are known beforehand; None where there are none."""
-    setting = settings.plates or PlateSetting()
-    for name in setting.known:
-        known_name(name, setting.plate, "[import.plates] known:")
-    which = [k for k, name in enumerate(setting.plate) if name in setting.known]
-    rest = [k for k in range(len(setting.plate)) if k not in which]
-    names = tuple(f"plate_{setting.plate[k]}" for k in which)
-    own = plates.of(which)
-    known = KnownLoads(own.time, names, own.force, own.moment, point=own.point) if which else None
-    return plates.of(rest) if rest else None, known
-
-
-def plate_truth(plates: Plates, time: Array, points: Points | None, kept: Array) -> dict[str, Array]:
-    """Force and moment of all plates about the mass center of the points, on the plates' own time.
-
-    Between frames the mass center is interpolated linearly; where it is not known the moment is NaN.
-    """
-    if points is None or points.mass is None:
-        what = "need the mass of the markers, expected it for the moment about the mass center"
-        raise ConfigError(what, "plates", "give [[import.segment]] or [import.body] mass")
-    carrying = points.mass > 0
-    center = np.einsum("n,tni->ti", points.mass[carrying] / points.mass.sum(), points.position[:, carrying])
-    keep = window(plates.time, kept[0], kept[-1]) if len(kept) else np.zeros(len(plates.time), bool)
-    at = np.stack([np.interp(plates.time, time, c, left=np.nan, right=np.nan) for c in center.T], -1)
-    moment = (np.cross(plates.point - at[:, None], plates.force) + plates.moment).sum(1)
-    return {"time": plates.time[keep], "force": plates.force.sum(1)[keep], "moment": moment[keep]}

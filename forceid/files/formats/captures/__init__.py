@@ -1,0 +1,1 @@
+"""What the software of capture laboratories exports: one file a format, in one table (`table.py`)."""

@@ -1,0 +1,185 @@
+"""The import settings that a file needs, as commented TOML: what it says is filled in, the rest is nan."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from forceid.errors import ConfigError
+from forceid.files.formats.captures.capture import Capture
+from forceid.files.formats.captures.table import FORMATS, Format, format_of
+from forceid.files.formats.channels import Channels, shape_of
+from forceid.files.formats.csv import CsvTable, read_csv
+
+POINT = re.compile(r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])")
+TURN = re.compile(r"(?:.*[ _.:\-/])?(?:q|quat_?|rot_?|orientation[_.]?)(?P<axis>[xyzwXYZW])")
+CLOCK = re.compile(r"(?:t|time|timestamp|seconds)(?:[ _(\[].*)?", re.I)
+SHOWN = 12  # names in a comment, or masses in a line
+GRAVITY = {"z": "[0.0, 0.0, -9.81]", "y": "[0.0, -9.81, 0.0]"}
+
+
+def proposal(path: str | Path, tables: Mapping[str, Callable[[Path], Channels]]) -> str:
+    """The TOML text for a file; `tables` reads those that are no captures, by ending.
+
+    ConfigError: a file that begins as none that is known. DataError: not whole.
+    """
+    path = Path(path)
+    form = format_of(path)
+    if form is not None:
+        capture = form.read(path)
+        said = [f"# {path.name}: {form.name}, {held(capture)}"]
+        said += [f"# left out: {what}" for what in capture.left_out]
+        lines = of_capture(capture, form)
+    elif path.suffix.lower() in tables:
+        channels = tables[path.suffix.lower()](path)
+        said = [f"# {path.name}: {len(channels.values)} channels; the settings say which is what"]
+        lines = of_channels(channels, "channels")
+    elif path.suffix.lower() in (".csv", ".tsv", ".txt"):
+        delimiter = likely_delimiter(path)
+        table = read_csv(path, delimiter)
+        channels = Channels(str(path), "column", CsvTable(table, str(path)))
+        said = [f"# {path.name}: a table of {len(table)} columns, which has no units"]
+        lines = of_channels(channels, "csv")
+        lines[3:3] = [] if delimiter == "," else [f"delimiter = {json.dumps(delimiter)}"]
+    else:
+        known = ", ".join([*(one.name for one in FORMATS), "csv", *(key[1:] for key in tables)])
+        raise ConfigError(f"begins as no known format, expected {known}", str(path), "convert it first")
+    use = f"#   forceid import {path.name} -o {path.stem}.h5 -c {path.stem}.toml"
+    return "\n".join([*said, "# Fill in what is nan, then", use, "", *lines]) + "\n"
+
+
+def held(capture: Capture) -> str:
+    """What a capture holds, in words."""
+    time = capture.time
+    rate = 1 / np.median(np.diff(time)) if len(time) > 1 else np.nan
+    parts = [f"{len(capture.name)} markers"] if capture.name else []
+    parts += [f"pose of {', '.join(capture.pose)}"] if capture.pose else []
+    return f"{' and '.join(parts) or 'nothing'}, {len(time)} frames at {rate:.6g} Hz"
+
+
+def of_capture(capture: Capture, form: Format) -> list[str]:
+    """The settings of markers, or of the pose of a body."""
+    lines = ["[import]", gravity(form.up), ""]
+    if capture.name:
+        lines += masses(capture.name)
+        if capture.plates is not None:
+            names = ", ".join(capture.plates.name)
+            lines += ["", f"# force plates {names}, to compare with:", "# [import.plates]"]
+            lines += ["# known = []  # of these: loads beside which the others are found"]
+        if capture.pose:
+            body = next(iter(capture.pose))
+            lines += ["", "# or the pose of a body, in place of its markers:", "# [import.capture]"]
+            lines += [f"# body = {json.dumps(body)}", '# use = "pose"', *(f"# {line}" for line in rigid())]
+        return lines
+    if len(capture.pose) > 1:
+        names = ", ".join(capture.pose)
+        lines += ["[import.capture]", f"body = {json.dumps(next(iter(capture.pose)))}  # of {names}", ""]
+    return lines + rigid()
+
+
+def gravity(up: str) -> str:
+    """The line of gravity."""
+    other = GRAVITY["y" if up == "z" else "z"]
+    return f"gravity = {GRAVITY[up]}  # m/s2, world axes, if {up} is up as is usual here; else {other}"
+
+
+def masses(names: Sequence[str]) -> list[str]:
+    """The lines of the mass at every marker, and those of a rigid body in their place."""
+    pairs = [f"{key(name)} = nan" for name in names]
+    note = "# kg that each stands for; 0 for one that carries none"
+    if len(names) <= SHOWN:
+        lines = ["[import.body]", f"mass = {{ {', '.join(pairs)} }}  {note}"]
+    else:
+        lines = [f"[import.body.mass]  {note}", *pairs]
+    return [
+        *lines,
+        "# a rigid body known as a whole has total_mass, mass_center, inertia and position in place of mass,",
+        "# a body of segments [[import.segment]]: see docs/laboratories.md",
+    ]
+
+
+def rigid() -> list[str]:
+    """The lines of a rigid body known as a whole."""
+    return [
+        "[import.body]",
+        "total_mass = nan  # kg",
+        "mass_center = [0.0, 0.0, 0.0]  # m, from the tracked origin, in the axes of the body",
+        "inertia = [[nan, 0.0, 0.0], [0.0, nan, 0.0], [0.0, 0.0, nan]]  # kg m2, about the mass center",
+    ]
+
+
+def of_channels(channels: Channels, table: str) -> list[str]:
+    """The settings of named columns or channels: those that read as places, turns and times."""
+    names = list(channels.values)
+    lines = ["[import]", gravity("z"), f"[import.{table}]"]
+    time = next((name for name in names if CLOCK.fullmatch(name)), None)
+    turn = {m["axis"].lower(): n for n in names if (m := TURN.fullmatch(n))}
+    points = triples([name for name in names if name not in turn.values()])
+    pose = len(turn) == 4 and len(points) == 1
+    used = {time, *(name for triple in points.values() for name in triple)}
+    used |= set(turn.values()) if pose else set()
+    if time is not None:
+        lines.append(f"time = {json.dumps(time)}")
+    elif not channels.time:
+        lines.append("rate = nan  # Hz; or time, the name of the one that holds the times")
+    if pose:
+        lines += [f"center = {json.dumps(next(iter(points.values())))}"]
+        lines += [f"orientation = {json.dumps([turn[axis] for axis in 'xyzw'])}  # body to world"]
+    elif points:
+        lines += positions(points)
+    else:
+        lines += SENSORS
+    if channels.unit is None:
+        lines.append('# units.position = "mm"  # of a variable, where it is not in SI')
+    rest = [name for name in names if name not in used]
+    lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
+    lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
+    return [*lines, "", *(rigid() if pose or not points else masses([*points]))]
+
+
+SENSORS = (
+    '# position = "{name} {axis}"  # the pattern of the names of x, y and z of every point',
+    '# specific_force = { imu = ["ax", "ay", "az"] }',
+    '# angular_velocity = { imu = ["gx", "gy", "gz"] }',
+)
+
+
+def triples(names: Sequence[str]) -> dict[str, list[str]]:
+    """The names of x, y and z of every point that has all three."""
+    found: dict[str, dict[str, str]] = {}
+    for name in names:
+        if match := POINT.fullmatch(name) or re.fullmatch(r"(?P<name>)(?P<between>)(?P<axis>[xyzXYZ])", name):
+            found.setdefault(match["name"], {})[match["axis"].lower()] = name
+    return {n or "body": [a[axis] for axis in "xyz"] for n, a in found.items() if a.keys() == set("xyz")}
+
+
+def positions(points: Mapping[str, Sequence[str]]) -> list[str]:
+    """The lines of positions: one pattern where one finds them all, else each."""
+    for between in ("", " ", "_", ".", ":", "-", "/"):
+        if all(names[0].lower() == f"{name}{between}x".lower() for name, names in points.items()):
+            return [f'position = "{{name}}{between}{{axis}}"  # {", ".join([*points][:SHOWN])}']
+    return [f"position.{key(name)} = {json.dumps(list(names))}" for name, names in points.items()]
+
+
+def described(channels: Channels, name: str) -> str:
+    """A channel in words: its name, and where it is no plain column its size and unit."""
+    unit = (channels.unit or {}).get(name, "")
+    if isinstance(channels.values, CsvTable):
+        return name
+    return f"{name}, {shape_of(np.asarray(channels.values[name]))}{f', {unit}' if unit else ''}"
+
+
+def key(name: str) -> str:
+    """A key of TOML."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+
+
+def likely_delimiter(path: Path) -> str:
+    """Which of comma, semicolon and tab the first line has most of."""
+    with open(path, encoding="utf-8-sig", errors="replace") as f:
+        first = f.readline()
+    return max(",;\t", key=first.count)
