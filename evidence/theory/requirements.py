@@ -5,7 +5,9 @@
 Nets of masses and springs, drawn, with markers on all nodes or on five of them, 0.1 to 1 mm of noise, stated
 or not. Each is estimated as a body known as a whole, by its masses, and by masses and stiffness; by masses at
 every level as well. Rms errors over the central three quarters. A ratio counts as kept below its limit, or
-where both errors are below a tenth of the larger claim. Source: theory of one model, requirements.
+where both errors are below a tenth of the larger claim. *Missed beyond claims*: missed, and the error of
+force or moment is above 1.3 claims; within that, the other estimate had better luck. Source: theory of one
+model, requirements.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from forceid.records import Body, Motion, Recording
 
 LEVELS = ("rigid", "affine", "modal")
 TELLS = ("whole", "masses", "stiffness")
+OF_CLAIM = 1.3  # error over claim that the fourth requirement allows
 Scores = dict[str, RecordScore]
 
 
@@ -66,14 +69,20 @@ def ratios(found: Scores, name: str, others: Sequence[str]) -> list[float]:
     return ratio
 
 
-def kept(values: Sequence[Sequence[float]], limit: float) -> dict[str, str]:
-    """A line of the table: how often a ratio stays below its limit."""
-    a = np.array(values)
-    fine = (a <= limit).all(1)
-    low, high, most = np.nanmedian(a), np.nanquantile(a, 0.9), np.nanmax(a)
+def kept(every: Sequence[Scores], name: str, others: Sequence[str], limit: float) -> dict[str, str]:
+    """A line of the table: how often errors over the least of others stay below a limit, and what they are.
+
+    Missed beyond claims: where an error is above 1.3 claims as well; else the other one had better luck.
+    """
+    a = np.array([ratios(found, name, others) for found in every])
+    over = np.array([[found[name].over_claim(part) for part in (FORCE, MOMENT)] for found in every])
+    missed = ~(a <= limit).all(1)
+    force, moment = np.exp(np.nanmean(np.log(a), axis=0))
     return {
-        "limit": f"{limit:g}", "kept in records": f"{fine.sum()} of {len(a)}", "median": f"{low:.2f}",
-        "90 %": f"{high:.2f}", "largest": f"{most:.3g}",
+        "limit": f"{limit:g}", "kept in records": f"{(~missed).sum()} of {len(a)}",
+        "missed beyond claims": str((missed & ~(over <= OF_CLAIM).all(1)).sum()),
+        "geometric mean: force, moment": f"{force:.2f}, {moment:.2f}", "median": f"{np.nanmedian(a):.2f}",
+        "90 %": f"{np.nanquantile(a, 0.9):.2f}", "largest": f"{np.nanmax(a):.3g}",
     }  # fmt: skip
 
 
@@ -84,12 +93,9 @@ def main() -> None:
         found for *_, found in each(partial(scores_of, first=given.seed), range(given.count), given.jobs)
     ]
     rows = [
-        {"requirement": "masses told, over the body as a whole"}
-        | kept([ratios(f, "masses", ["whole"]) for f in every], 1.1),
-        {"requirement": "stiffness told, over masses alone"}
-        | kept([ratios(f, "stiffness", ["masses"]) for f in every], 1.1),
-        {"requirement": "auto, over the best of all levels"}
-        | kept([ratios(f, "masses", LEVELS) for f in every], 1.2),
+        {"requirement": "masses told, over the body as a whole"} | kept(every, "masses", ["whole"], 1.1),
+        {"requirement": "stiffness told, over masses alone"} | kept(every, "stiffness", ["masses"], 1.1),
+        {"requirement": "auto, over the best of all levels"} | kept(every, "masses", LEVELS, 1.2),
     ]
     claims = []
     for tell in TELLS:
