@@ -13,7 +13,7 @@ import typer
 
 from forceid.cli.completion import words_of
 from forceid.cli.output import describe, summary, to_json
-from forceid.errors import ConfigError, DataError
+from forceid.errors import ConfigError, DataError, EstimationError
 
 if TYPE_CHECKING:
     from forceid.config import Settings
@@ -83,13 +83,16 @@ def run(
 
 @contextmanager
 def naming(source: Path) -> Iterator[None]:
-    """Put the file's name before the variable in errors from where only the variable is known."""
+    """Put the file's name before errors from where only the variable is known, and what was short of memory."""
     try:
         yield
-    except DataError as e:
-        if e.where.startswith(("/body", "/motion")):
-            raise DataError(e.what, f"{source}:{e.where}", e.next_step) from e
-        raise
+    except (DataError, EstimationError) as e:
+        if str(source) in e.where:
+            raise
+        raise type(e)(e.what, f"{source}:{'' if e.where.startswith('/') else ' '}{e.where}", e.next_step) from e
+    except MemoryError as e:
+        what = f"needs more memory than there is ({' '.join(str(e).split()) or 'none left'})"
+        raise EstimationError(what, str(source), "leave out nodes, sensors or frames, or give it more") from e
 
 
 def kept_of(output: Path) -> Path:

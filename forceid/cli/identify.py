@@ -53,9 +53,8 @@ def run(
 def summary(record: dict[str, Any]) -> str:
     """The same for people: the verdict first, then a line for every constant."""
     lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {text}") for text in record["reasons"])]
-    lines.append(
-        f"law      {record['law']}, misfit {record['misfit']:.3g}, noise {record['noise_std']:.2g} m"
-    )
+    law = f"law      {record['law']}, misfit {record['misfit']:.3g}, " if "law" in record else "fit      "
+    lines.append(f"{law}noise {record['noise_std']:.2g} m")
     for name, one in record["constants"].items():
         ends = f"95 %: {one['low']:.6g} to {one['high']:.6g}"
         lines.append(f"{name:12} {one['value']:.6g} +- {one['std']:.2g} {one['unit']}, {ends}")

@@ -32,7 +32,7 @@ from forceid.kalman.engines import engine
 from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording, Verdict
-from forceid.rounding import SOLVED
+from forceid.rounding import SOLVED, solvable
 
 UNITS = {"orientation": "rad"} | {one.name: one.unit for one in INSTRUMENTS}
 
@@ -154,6 +154,7 @@ def wording(identifiable: bool, bandwidth: float | None) -> str:
     return f"identifiable, all three axes; followed to a tenth of its size up to about {bandwidth:.2g} Hz"
 
 
+@solvable()
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     """What the recording holds, which wrench components it determines, and up to which frequency."""
     recording = with_stated(recording, settings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +13,7 @@ from forceid.errors import DataError
 from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, PLANAR, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
+from forceid.memory import memory_limit
 from forceid.records import SENSED, Array, Body, KnownLoads, Motion, Recording, Variable
 
 _SHOWN = 12  # names in a line
@@ -308,9 +308,3 @@ def likeliest_name(name: str, found: Sequence[str], otherwise: str = "add it") -
     return f"did you mean {near[0]!r}?" if near else f"{otherwise}; found {there or 'nothing'}"
 
 
-def memory_limit() -> int:
-    """Bytes that one variable may take: half of the machine's memory."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    except (AttributeError, ValueError, OSError):
-        return 4 << 30
