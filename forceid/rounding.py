@@ -25,4 +25,5 @@ def solvable() -> Iterator[None]:
         yield
     except (np.linalg.LinAlgError, ArithmeticError) as e:
         said = f"leads to equations that have no solution in doubles ({e})"
-        raise EstimationError(said, "the recording", "look for values far off, and units: forceid inspect") from e
+        next_step = "look for values far off, and for units"
+        raise EstimationError(said, "the recording", next_step) from e

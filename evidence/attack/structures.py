@@ -11,7 +11,17 @@ import numpy as np
 from evidence.attack.bodies import SHAPE, put
 
 TYPES = ("i1", "u1", "i8", "f2", "f4", ">f8", "c16", "?", "S4", "V8", "f8,f8", "O")
-NAMES = ("", "\x1b[31mred\x1b[0m", "a\nb", "λ" * 40, "x" * 5000, "<script>alert(1)</script>", "../../etc", "n0", "\u202egnp")
+NAMES = (
+    "",
+    "\x1b[31mred\x1b[0m",
+    "a\nb",
+    "λ" * 40,
+    "x" * 5000,
+    "<script>alert(1)</script>",
+    "../../etc",
+    "n0",
+    "\u202egnp",
+)
 WORDS = ("m", "mm", "", "furlong", "m\x1b[2J", "kg", "m s-2", "1e300 m", "x" * 3000, "μm", "m/m")
 NUMBERS = (0.0, -1.0, 5e-324, 1e300, np.nan, np.inf, 1e-30, 1e3)
 VARIABLES = (
@@ -40,8 +50,14 @@ def retyped(rng: np.random.Generator, file: Any) -> None:
         put(file, name, np.full(shape, "text", object))
     else:
         with np.errstate(all="ignore"):
-            values = file[name][()] if file[name].dtype.kind == "f" and kind[-2] not in "SV," else np.zeros(shape)
-            put(file, name, values.astype(kind) if "," not in kind and kind[0] not in "SV" else np.zeros(shape, kind))
+            values = (
+                file[name][()] if file[name].dtype.kind == "f" and kind[-2] not in "SV," else np.zeros(shape)
+            )
+            put(
+                file,
+                name,
+                values.astype(kind) if "," not in kind and kind[0] not in "SV" else np.zeros(shape, kind),
+            )
 
 
 def reshaped(rng: np.random.Generator, file: Any) -> None:
@@ -108,14 +124,26 @@ def beside(rng: np.random.Generator, file: Any) -> None:
 def attributed(rng: np.random.Generator, file: Any) -> None:
     """An attribute that says something odd of a variable."""
     key = str(rng.choice(["units", "noise_std", "_FillValue", "scale_factor", "add_offset", "missing_value"]))
-    value: Any = rng.choice(WORDS) if rng.random() < (0.9 if key == "units" else 0.15) else rng.choice(NUMBERS)
-    file[pick(rng, file)].attrs[key] = [value, np.array([value, value]), np.zeros(0)][rng.choice(3, p=[0.8, 0.1, 0.1])]
+    value: Any = (
+        rng.choice(WORDS) if rng.random() < (0.9 if key == "units" else 0.15) else rng.choice(NUMBERS)
+    )
+    file[pick(rng, file)].attrs[key] = [value, np.array([value, value]), np.zeros(0)][
+        rng.choice(3, p=[0.8, 0.1, 0.1])
+    ]
 
 
 def about(rng: np.random.Generator, file: Any) -> None:
     """An attribute of the file, or its gravity, that is odd."""
     if rng.random() < 0.5:
-        odd = [np.zeros(3), np.zeros(2), np.array([0, 0, -9810.0]), "down", np.full(3, np.nan), 9.81, np.array([1, 2, 3])]
+        odd = [
+            np.zeros(3),
+            np.zeros(2),
+            np.array([0, 0, -9810.0]),
+            "down",
+            np.full(3, np.nan),
+            9.81,
+            np.array([1, 2, 3]),
+        ]
         file["motion"].attrs["gravity"] = odd[rng.integers(len(odd))]
     else:
         key = str(rng.choice(["forceid_schema", "title", "source", "history"]))
@@ -124,7 +152,10 @@ def about(rng: np.random.Generator, file: Any) -> None:
 
 def named(rng: np.random.Generator, file: Any) -> None:
     """Odd names of nodes."""
-    names = [str(rng.choice(NAMES)).replace("\0", "") + (str(k) if rng.random() < 0.7 else "") for k in range(len(SHAPE))]
+    names = [
+        str(rng.choice(NAMES)).replace("\0", "") + (str(k) if rng.random() < 0.7 else "")
+        for k in range(len(SHAPE))
+    ]
     for group in ("body", "motion"):
         if f"{group}/node" in file:
             put(file, f"{group}/node", names)

@@ -8,7 +8,24 @@ import numpy as np
 
 from evidence.attack.bodies import put
 
-ODD = (0.0, -0.0, 5e-324, 1e-300, 1e-20, 1e-9, 1.0, -1.0, 1e3, 1e9, 1e20, 1e300, -1e300, np.nan, np.inf, 2.0**53)
+ODD = (
+    0.0,
+    -0.0,
+    5e-324,
+    1e-300,
+    1e-20,
+    1e-9,
+    1.0,
+    -1.0,
+    1e3,
+    1e9,
+    1e20,
+    1e300,
+    -1e300,
+    np.nan,
+    np.inf,
+    2.0**53,
+)
 FACTORS = (1e-12, 1e-6, 1e-3, 0.5, 57.29577951308232, 1e3, 1e6, 1e12, -1.0)
 
 

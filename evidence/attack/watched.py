@@ -16,7 +16,7 @@ from pathlib import Path
 PATIENCE = 30.0  # s of wall time that one command may take
 SPACE = 3 << 30  # bytes of address space: an estimate of a small file takes a tenth of that
 CODES = (0, 1, 2, 3, 130)  # of the contract
-START = [sys.executable, "-c", "import sys; from forceid.cli.app import main; sys.exit(main())"]
+START = [sys.executable, "-c", "from forceid.cli.boundary.endings import start; start()"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class End:
             found.append("noise on stderr")
         if self.code in (2, 3) and name and name not in self.last:
             found.append("unnamed")
-        if self.code in (2, 3) and "; " not in self.last and ". See" not in self.last:
+        if self.code in (2, 3) and "; " not in self.last and " See " not in self.last:
             found.append("no next step")
         return found
 

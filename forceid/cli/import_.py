@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.estimate import Config
+from forceid.cli.boundary.terminal import tell
+from forceid.cli.estimate import Config, Force
 
 
 def run(
@@ -17,6 +18,7 @@ def run(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file to write.")],
     config: Config = None,
+    force: Force = False,
 ) -> None:
     """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
 
@@ -43,11 +45,16 @@ def run(
 
     Example: forceid import run7.tdms -o run7.h5 -c lab.toml
     """  # noqa: D301 (the backspace keeps the lines of the example apart)
-    from forceid.files import import_sources, load_import_settings, write_motion
+    from forceid.files import check_output, import_sources, load_import_settings, write_motion
 
-    recordings = import_sources(sources, load_import_settings(config))
-    for name, recording in recordings:
-        several = f"{output.stem}-{name.removeprefix(f'{output.stem}-')}{output.suffix}"
-        path = output if len(recordings) == 1 else output.with_name(several)
+    inputs = [*sources, *([config] if config else [])]
+    check_output(output, "motion", inputs, force)
+    recordings, paths = import_sources(sources, load_import_settings(config)), [output]
+    if len(recordings) > 1:
+        names = [name.removeprefix(f"{output.stem}-") for name, _ in recordings]
+        paths = [output.with_name(f"{output.stem}-{name}{output.suffix}") for name in names]
+    for path in paths:
+        check_output(path, "motion", inputs, force)
+    for path, (_, recording) in zip(paths, recordings, strict=True):
         write_motion(path, recording)
-        print(f"{path}: {len(recording.motion.time)} samples")
+        tell(f"{path}: {len(recording.motion.time)} samples")

@@ -306,5 +306,3 @@ def likeliest_name(name: str, found: Sequence[str], otherwise: str = "add it") -
     near = difflib.get_close_matches(name, found, n=1)
     there = ", ".join(found[:_SHOWN]) + (f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else "")
     return f"did you mean {near[0]!r}?" if near else f"{otherwise}; found {there or 'nothing'}"
-
-

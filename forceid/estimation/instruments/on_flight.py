@@ -37,7 +37,7 @@ from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import SIGMAS, TENTH
 
 AT_NODE = 1e-3  # of the size of the body: nearer than that, a point stands on its node
-CHANNELS = 600  # a hundred sensors of six axes: a frame takes a second, as its cost grows with their cube
+CHANNELS = 120  # twenty sensors of six axes: sixty frames take a quarter of a minute, by the cube of these
 FADING = 2  # the say of a node falls with its distance to the power of four
 
 
@@ -147,8 +147,9 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
         bias, doubt = (a[sensors.kind == i] for a in (state.bias, state.bias_std))
         most = float(np.max(np.abs(bias) - SIGMAS * doubt, initial=0.0))
         if one.tells and most > one.offset and f"{one.name}_bias" not in stated:
+            unit, variable = one.unit, one.name
             found.append(
-                note("bias-beyond", sensors=name, bias=most, most=one.offset, unit=one.unit, variable=one.name)
+                note("bias-beyond", sensors=name, bias=most, most=one.offset, unit=unit, variable=variable)
             )
     worst = max(level, key=level.__getitem__)
     if level[worst] > NIS_BAND[1]:
@@ -204,9 +205,10 @@ def check_work(channels: int, frames: int, name: str) -> None:
     need, room = 8.0 * frames * channels**2, float(memory_limit())
     if channels <= CHANNELS and need <= room:
         return
-    what = f"is read by {channels} channels of sensors in {frames} frames, which would need {need / 1e9:.3g} GB"
+    what = f"is read by {channels} channels of sensors in {frames} frames, which need {need / 1e9:.3g} GB"
     limit = f"limit {room / 1e9:.3g} GB and {CHANNELS} channels"
-    raise DataError(f"{what}, {limit}", f"/motion/{name}", "average sensors that stand together, or cut frames")
+    step = "average sensors that stand together, or leave out frames"
+    raise DataError(f"{what}, {limit}", f"/motion/{name}", step)
 
 
 def marker_step(motion: Motion) -> float:

@@ -40,7 +40,7 @@ def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
 
 
 def judge_size(kin: Kinematics) -> list[Finding]:
-    """A body lighter than any of its length: positions, or moments of inertia, in other units than they say."""
+    """A body lighter than any of its length: positions or inertia in other units than they say."""
     if not kin.seen.any():
         return []
     mass, moments = kin.inertia.mass, np.trace(kin.inertia.tensor)

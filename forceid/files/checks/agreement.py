@@ -16,7 +16,7 @@ OTHER_MODE = 2.0  # of a frequency told twice: nearer ones are those of a coarse
 
 @dataclass(frozen=True)
 class Told:
-    """Mass kg, center (3,) m and inertia (3, 3) kg m2 about it, as one variable tells them; None: it does not."""
+    """Mass kg, center (3,) m and inertia (3, 3) kg m2 about it, as one variable tells them, or None."""
 
     by: str
     mass: float | None
@@ -39,7 +39,9 @@ def check_agreement(body: Body, where: str) -> None:
     if not nodal:
         return
     first = nodal[0]
-    assert first.mass is not None and first.center is not None and first.inertia is not None
+    assert first.mass is not None
+    assert first.center is not None
+    assert first.inertia is not None
     size = np.sqrt(np.trace(first.inertia) / first.mass)
     if body.position is not None:
         size = max(size, float(np.ptp(body.position, axis=0).max(initial=0.0)))
@@ -93,8 +95,8 @@ def check_frequencies(body: Body, where: str) -> None:
     if off.any():
         k = int(np.argmax(off))
         raise DataError(
-            f"is {stated[k]:.4g} Hz for mode {k}, which swings at {found[k]:.4g} Hz by /body/stiffness and the "
-            "masses, expected about the same",
+            f"is {stated[k]:.4g} Hz for mode {k}, which swings at {found[k]:.4g} Hz by /body/stiffness and "
+            "the masses, expected about the same",
             f"{where}/mode_frequency",
             "give Hz, not rad/s, and shapes in the order of the frequencies, or leave one of them out",
         )

@@ -76,8 +76,8 @@ def check_moments(inertia: Array, where: str) -> None:
         )
     if high > low + middle + ROUNDED_MOMENTS * high:
         raise DataError(
-            f"has principal moments {low:.3g}, {middle:.3g} and {high:.3g} kg m2, expected none above the sum "
-            "of the other two: no mass has these",
+            f"has principal moments {low:.3g}, {middle:.3g} and {high:.3g} kg m2, expected none above the "
+            "sum of the other two: no mass has these",
             where,
             "give the tensor about the mass center, its products of inertia with the minus sign",
         )
