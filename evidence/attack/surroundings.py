@@ -162,6 +162,8 @@ def odd_surroundings(folder: Path, every: int = 1) -> Iterator[tuple[str, str, E
             continue
         end = surrounded(odd, words, folder)
         faults = end.faults()
+        if odd.name == "no standard error":
+            faults = [fault for fault in faults if fault != "no next step"]
         if "\x1b" in end.out + end.err and "help" not in name and "usage" not in name:
             faults.append("escapes on the terminal")
         yield odd.name, name, end, faults

@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from forceid import __version__
-from forceid.cli.boundary.endings import ending, fail
+from forceid.cli.boundary.endings import check_room, ending, fail
 from forceid.cli.boundary.terminal import flushed, settle
 from forceid.errors import ConfigError
 
@@ -111,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is None and not debug and not sys.warnoptions:
             warnings.simplefilter("ignore")  # a verdict says what is wrong with numbers
         try:
+            check_room()
             code = typer.main.get_command(app).main(
                 words or ["--help"], prog_name="forceid", standalone_mode=False
             )

@@ -12,9 +12,10 @@ from types import FrameType
 from typing import NoReturn
 
 from forceid.cli.boundary.terminal import printable
-from forceid.errors import ForceIdError
+from forceid.errors import EstimationError, ForceIdError
 
 INTERRUPTED = 130
+ROOM = 500 << 20  # bytes of address space that numpy and scipy take as they load, and a small file then
 SHORT = ("Too many open files", "annot allocate memory", "failed to map segment")
 ASKED: list[int] = []  # interrupts so far: some libraries make another error of one
 
@@ -62,6 +63,17 @@ def start() -> NoReturn:
     code = main()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and told
     sys.exit(code)
+
+
+def check_room() -> None:
+    """An EstimationError where the libraries would stand still for want of address space as they load."""
+    with suppress(ImportError):
+        import resource  # not on every system
+
+        space = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if 0 < space < ROOM:
+            what = f"has {space >> 20} MB of address space, expected {ROOM >> 20} MB or more"
+            raise EstimationError(what, "the process", "raise the limit with ulimit -v")
 
 
 def at_once(_number: int, _frame: FrameType | None) -> NoReturn:

@@ -58,6 +58,11 @@ def printable(text: str) -> str:
 
 def settle() -> None:
     """Prepare streams and environment for whatever runs: done once, as a command begins."""
+    for number in range(3):  # or the next file that is opened gets what is meant for the terminal
+        with suppress(OSError):
+            if not is_open(number):
+                os.open(os.devnull, os.O_RDWR)
+    sys.stdout, sys.stderr = (s or open(os.devnull, "w") for s in (sys.stdout, sys.stderr))  # noqa: SIM115
     codecs.register_error("forceid", plain)
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError, OSError):
@@ -66,6 +71,15 @@ def settle() -> None:
     if columns and not (columns.isdecimal() and len(columns) < 5 and 0 < int(columns) <= WIDEST):
         del os.environ["COLUMNS"]
     os.environ["MPLBACKEND"] = "agg"  # a command opens no window
+
+
+def is_open(number: int) -> bool:
+    """Whether a file is open by that number."""
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
 
 
 def tell(text: str, stream: TextIO | None = None) -> None:
