@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.attack.bodies import MASS, RIGID, SHAPE, Edit, flight, put, whole
+from evidence.attack.bodies import MASS, RIGID, SHAPE, Edit, flight, modes, put, whole
 
 N = len(SHAPE)
 X, Y = np.array([1.0, 0, 0]), np.array([0.0, 1, 0])
@@ -135,7 +135,7 @@ SPRINGS = [
     Kind("stiffness that is not symmetric", "matrix", change("body/stiffness", np.triu)),
     Kind("stiffness of zero", "matrix", change("body/stiffness", np.zeros_like)),
     Kind("frequencies beside a stiffness of others", "matrix", all_of(
-        add("body/mode_shape", rigid_shapes()), add("body/mode_frequency", np.array([1.0, 2.0])))),
+        add("body/mode_shape", modes()["mode_shape"]), add("body/mode_frequency", np.array([1.0, 2.0])))),
 ]  # fmt: skip
 MOTIONS = [
     Kind("markers and pose 45 m/s2 apart", "both", change("motion/center", lambda c: c + 22.5 * (flight()["time"] ** 2)[:, None] * X)),

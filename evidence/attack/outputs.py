@@ -39,7 +39,9 @@ PLACES: dict[str, Place] = {
     "a fifo": os.mkfifo,
     "a socket": bound,
     "a device": lambda path: path.symlink_to("/dev/null"),
-    "a half result": lambda path: path.write_bytes((path.parent / "old.result.h5").read_bytes()[:4000]) and None,
+    "a half result": lambda path: (
+        path.write_bytes((path.parent / "old.result.h5").read_bytes()[:4000]) and None
+    ),
 }
 OUTPUTS = {
     "estimate": "r.h5", "json": "r.h5", "report": "page.html", "simulate": "s.h5", "import": "i.h5", "identify": "r.toml",

@@ -78,7 +78,11 @@ def forked(words: Sequence[str], folder: Path, space: int = SPACE, patience: flo
     """The end of a command in a fork of this process, which has loaded all that it needs."""
     from forceid.cli.app import main
 
-    return child(lambda: main(list(words)), words, folder, space, patience)
+    def work() -> int:
+        sys.argv[1:] = words
+        return main()
+
+    return child(work, words, folder, space, patience)
 
 
 def child(
