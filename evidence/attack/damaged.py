@@ -79,7 +79,7 @@ def originals(folder: Path) -> dict[str, tuple[tuple[str, bytes], ...]]:
     return found
 
 
-PLATE = [f"ground_force_1_{k}{a}" for k in "vp" for a in "xyz"] + [f"ground_torque_1_{a}" for a in "xyz"]
+PLATE = [f"ground_force_1_{k}{a}" for k in "vp" for a in "xyz"] + [f"ground_force_1_m{a}" for a in "xyz"]
 
 
 def trc(t: np.ndarray, x: np.ndarray) -> str:
