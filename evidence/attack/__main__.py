@@ -25,14 +25,24 @@ from evidence.attack.surroundings import odd_surroundings
 from evidence.attack.watched import End, forked, warm
 from evidence.written import asked, paged, table
 
-FAULTS = ("unexpected", "traceback", "noise on stderr", "late", "overwritten", "lost", "torn", "unnamed",
-          "no next step", "escapes on the terminal")  # fmt: skip
+FAULTS = (
+    "unexpected",
+    "traceback",
+    "noise on stderr",
+    "late",
+    "overwritten",
+    "lost",
+    "torn",
+    "unnamed",
+    "no next step",
+    "escapes on the terminal",
+)
 PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
 ABOUT = """\
-`{command}`: what was done, how the command ended, and how often something was wrong with that. `unexpected`: an exit \
-code that the contract does not have, or an error that nobody foresaw; `noise on stderr`: warnings of libraries; `late`: \
-over 30 s; `overwritten`, `lost`, `torn`: of files that were there; `unnamed`: a refusal that does not name the file; \
-`no next step`: one that does not say what to do."""
+`{command}`: what was done, how the command ended, and how often something was wrong with that. \
+`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; `noise on stderr`: \
+warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that were there; `unnamed`: a refusal \
+that does not name the file; `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
 

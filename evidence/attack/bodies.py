@@ -23,11 +23,24 @@ NOISE = {
 }
 FRAMES, RATE = 60, 100.0
 UNITS = {
-    "position": "m", "center": "m", "orientation": "1", "specific_force": "m s-2", "angular_velocity": "rad s-1",
-    "mass": "kg", "mass_matrix": "kg", "total_mass": "kg", "mass_center": "m", "inertia": "kg m2",
-    "stiffness": "N m-1", "mode_shape": "1", "mode_frequency": "Hz", "mode_damping": "1",
-    "sensor_position": "m", "sensor_rotation": "1", "time": "s",
-}  # fmt: skip
+    "position": "m",
+    "center": "m",
+    "orientation": "1",
+    "specific_force": "m s-2",
+    "angular_velocity": "rad s-1",
+    "mass": "kg",
+    "mass_matrix": "kg",
+    "total_mass": "kg",
+    "mass_center": "m",
+    "inertia": "kg m2",
+    "stiffness": "N m-1",
+    "mode_shape": "1",
+    "mode_frequency": "Hz",
+    "mode_damping": "1",
+    "sensor_position": "m",
+    "sensor_rotation": "1",
+    "time": "s",
+}
 
 
 def whole() -> tuple[float, np.ndarray, np.ndarray]:
@@ -39,7 +52,7 @@ def whole() -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def flight(frames: int = FRAMES) -> dict[str, np.ndarray]:
-    """Everything that could be measured of the flight, without noise: pushed along x as it falls and turns about z."""
+    """All that could be measured of the flight, without noise: pushed along x as it falls and turns about z."""
     t = np.arange(frames) / RATE
     mass, center, _ = whole()
     c = np.outer(t, [2.0, 0.5, 3.0]) + 0.5 * t[:, None] ** 2 * (GRAVITY + np.array([0.3, 0, 0]) / mass)
@@ -50,9 +63,13 @@ def flight(frames: int = FRAMES) -> dict[str, np.ndarray]:
     push = np.tile(np.array([0.3, 0, 0]) / mass, (frames, 1))
     at_center = R.inv().apply(push)
     return {
-        "time": t, "position": x, "center": c, "orientation": R.as_quat(canonical=True),
-        "specific_force": at_center[:, None], "angular_velocity": rate[:, None, None] * [0.0, 0, 1],
-    }  # fmt: skip
+        "time": t,
+        "position": x,
+        "center": c,
+        "orientation": R.as_quat(canonical=True),
+        "specific_force": at_center[:, None],
+        "angular_velocity": rate[:, None, None] * [0.0, 0, 1],
+    }
 
 
 def modes() -> dict[str, np.ndarray]:
@@ -64,9 +81,10 @@ def modes() -> dict[str, np.ndarray]:
     )
     q, _ = np.linalg.qr(np.concatenate([rigid, rng.standard_normal((rigid.shape[0], 2))], 1))
     return {
-        "mode_shape": q[:, 6:].T.reshape(2, -1, 3), "mode_frequency": np.array([12.0, 19.0]),
+        "mode_shape": q[:, 6:].T.reshape(2, -1, 3),
+        "mode_frequency": np.array([12.0, 19.0]),
         "mode_damping": np.array([0.01, 0.02]),
-    }  # fmt: skip
+    }
 
 
 def stiffness() -> np.ndarray:

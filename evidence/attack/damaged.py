@@ -29,7 +29,8 @@ WORDS = (
     b"1,5",
     b";",
 )
-HEAD = "[import]\ngravity = [0.0, 0.0, -9.81]\n[import.body]\nmass = { nose = 0.02, left = 0.03, right = 0.03, top = 0.02 }\n"
+HEAD = "[import]\ngravity = [0.0, 0.0, -9.81]\n[import.body.mass]\n"
+HEAD += "nose = 0.02\nleft = 0.03\nright = 0.03\ntop = 0.02\n"
 PLACES = "[import.body.position]\n" + "".join(f'"{k}" = [{k}.0, 0.0, {k % 2}.0]\n' for k in range(1, 5))
 NUMBERED = HEAD
 for place, name in enumerate(NAMES, 1):
@@ -40,8 +41,9 @@ TABLES = {
     + "".join(f'{n} = ["{n} x", "{n} y", "{n} z"]\n' for n in NAMES),
     "mat": '[import.channels]\ntime = "t"\nposition = "m.{name}"\n',
     "uff": '[import.channels]\ndisplacement = "displacement.{name}{axis}"\n',
-    "tdms": f'[import.channels]\nrate = {RATE}\nunits.position = "m"\nposition = "capture/{{name}}_{{axis}}"\n',
-}  # fmt: skip
+    "tdms": f'[import.channels]\nrate = {RATE}\nunits.position = "m"\n'
+    'position = "capture/{name}_{axis}"\n',
+}
 
 
 def tracks() -> np.ndarray:
@@ -84,9 +86,14 @@ PLATE = [f"ground_force_1_{k}{a}" for k in "vp" for a in "xyz"] + [f"ground_forc
 
 def trc(t: np.ndarray, x: np.ndarray) -> str:
     """A capture as a table of OpenSim has it."""
-    lines = ["PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
-             f"{RATE}\t{RATE}\t{len(t)}\t4\tm", "Frame#\tTime\t" + "\t\t\t".join(NAMES) + "\t\t",
-             "\t\t" + "\t".join(f"{a}{k}" for k in range(1, 5) for a in "XYZ"), ""]  # fmt: skip
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\ta.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+        f"{RATE}\t{RATE}\t{len(t)}\t4\tm",
+        "Frame#\tTime\t" + "\t\t\t".join(NAMES) + "\t\t",
+        "\t\t" + "\t".join(f"{a}{k}" for k in range(1, 5) for a in "XYZ"),
+        "",
+    ]
     rows = x.reshape(len(t), -1).tolist()
     return "\n".join([*lines, *("\t".join(map(str, [k + 1, at, *rows[k]])) for k, at in enumerate(t))])
 
@@ -115,12 +122,27 @@ def uff(path: Path, t: np.ndarray, x: np.ndarray) -> None:
     import pyuff
 
     sets = [
-        {"type": 58, "binary": 0, "func_type": 1, "rsp_node": k + 1, "rsp_dir": a + 1, "ref_node": 0, "ref_dir": 0,
-         "data": x[:, k, a], "x": t, "abscissa_spacing": 1, "abscissa_spec_data_type": 17,
-         "abscissa_axis_units_lab": "s", "ordinate_spec_data_type": 8, "ordinate_axis_units_lab": "m",
-         "orddenom_spec_data_type": 0, "z_axis_spec_data_type": 0}
-        for k in range(4) for a in range(3)
-    ]  # fmt: skip
+        {
+            "type": 58,
+            "binary": 0,
+            "func_type": 1,
+            "rsp_node": k + 1,
+            "rsp_dir": a + 1,
+            "ref_node": 0,
+            "ref_dir": 0,
+            "data": x[:, k, a],
+            "x": t,
+            "abscissa_spacing": 1,
+            "abscissa_spec_data_type": 17,
+            "abscissa_axis_units_lab": "s",
+            "ordinate_spec_data_type": 8,
+            "ordinate_axis_units_lab": "m",
+            "orddenom_spec_data_type": 0,
+            "z_axis_spec_data_type": 0,
+        }
+        for k in range(4)
+        for a in range(3)
+    ]
     pyuff.UFF(str(path)).write_sets(sets, mode="add")
 
 

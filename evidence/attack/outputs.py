@@ -1,4 +1,4 @@
-"""Odd outputs: whatever stands where a command would write, it is whole afterwards, or was ours to replace."""
+"""Odd outputs: whatever stands where a command would write is whole afterwards, or was ours to replace."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ def bound(path: Path) -> None:
         s.bind(os.path.relpath(path))
 
 
+def cut_short(path: Path) -> None:
+    """A result that breaks off."""
+    path.write_bytes((path.parent / "old.result.h5").read_bytes()[:4000])
+
+
 def a_folder(path: Path) -> None:
     """A folder with something in it."""
     path.mkdir()
@@ -39,14 +44,18 @@ PLACES: dict[str, Place] = {
     "a fifo": os.mkfifo,
     "a socket": bound,
     "a device": lambda path: path.symlink_to("/dev/null"),
-    "a half result": lambda path: (
-        path.write_bytes((path.parent / "old.result.h5").read_bytes()[:4000]) and None
-    ),
+    "a half result": lambda path: cut_short(path),
 }
 OUTPUTS = {
-    "estimate": "r.h5", "json": "r.h5", "report": "page.html", "simulate": "s.h5", "import": "i.h5", "identify": "r.toml",
-    "batch": "out/m.result.h5", "resume": "out/m.result.h5",
-}  # fmt: skip
+    "estimate": "r.h5",
+    "json": "r.h5",
+    "report": "page.html",
+    "simulate": "s.h5",
+    "import": "i.h5",
+    "identify": "r.toml",
+    "batch": "out/m.result.h5",
+    "resume": "out/m.result.h5",
+}
 
 
 def looks(path: Path) -> tuple[object, ...]:

@@ -25,11 +25,27 @@ NAMES = (
 WORDS = ("m", "mm", "", "furlong", "m\x1b[2J", "kg", "m s-2", "1e300 m", "x" * 3000, "μm", "m/m")
 NUMBERS = (0.0, -1.0, 5e-324, 1e300, np.nan, np.inf, 1e-30, 1e3)
 VARIABLES = (
-    "body/total_mass", "body/mass_center", "body/inertia", "body/mass_matrix", "body/stiffness", "body/mode_shape",
-    "body/mode_frequency", "body/mode_damping", "body/sensor_position", "body/sensor_rotation", "motion/center",
-    "motion/orientation", "motion/specific_force", "motion/angular_velocity", "motion/strain", "truth/force",
-    "body/internal_momentum", "motion/magnetic_field", "body/strain_shape", "load_known/force",
-)  # fmt: skip
+    "body/total_mass",
+    "body/mass_center",
+    "body/inertia",
+    "body/mass_matrix",
+    "body/stiffness",
+    "body/mode_shape",
+    "body/mode_frequency",
+    "body/mode_damping",
+    "body/sensor_position",
+    "body/sensor_rotation",
+    "motion/center",
+    "motion/orientation",
+    "motion/specific_force",
+    "motion/angular_velocity",
+    "motion/strain",
+    "truth/force",
+    "body/internal_momentum",
+    "motion/magnetic_field",
+    "body/strain_shape",
+    "load_known/force",
+)
 
 
 def pick(rng: np.random.Generator, file: Any) -> str:
@@ -67,9 +83,17 @@ def reshaped(rng: np.random.Generator, file: Any) -> None:
     if not isinstance(a, np.ndarray) or a.dtype.kind != "f":
         a = np.zeros((3, 3))
     ways: list[Callable[[], np.ndarray]] = [
-        lambda: a.T.copy(), lambda: a[None], lambda: a.ravel(), lambda: a[:0], lambda: a[:1], lambda: a[..., :2],
-        lambda: a[..., :1], lambda: np.concatenate([a, a]), lambda: np.zeros(()), lambda: a[: int(rng.integers(2, 14))],
-    ]  # fmt: skip
+        lambda: a.T.copy(),
+        lambda: a[None],
+        lambda: a.ravel(),
+        lambda: a[:0],
+        lambda: a[:1],
+        lambda: a[..., :2],
+        lambda: a[..., :1],
+        lambda: np.concatenate([a, a]),
+        lambda: np.zeros(()),
+        lambda: a[: int(rng.integers(2, 14))],
+    ]
     put(file, name, ways[rng.integers(len(ways))]())
 
 
@@ -110,12 +134,25 @@ def beside(rng: np.random.Generator, file: Any) -> None:
     name, n, frames = str(rng.choice(VARIABLES)), len(SHAPE), len(file["motion/time"])
     last = name.rsplit("/", 1)[-1]
     shape = {
-        "total_mass": (), "mass_center": (3,), "inertia": (3, 3), "mass_matrix": (3 * n, 3 * n), "internal_momentum": (3,),
-        "stiffness": (3 * n, 3 * n), "mode_shape": (2, n, 3), "mode_frequency": (2,), "mode_damping": (2,),
-        "sensor_position": (1, 3), "sensor_rotation": (1, 4), "orientation": (frames, 4), "strain": (frames, 2),
-        "specific_force": (frames, 1, 3), "angular_velocity": (frames, 1, 3), "magnetic_field": (frames, 1, 3),
-        "strain_shape": (2, n, 3), "force": (frames, 1, 3) if name.startswith("load") else (frames, 3),
-    }.get(last, (frames, 3))  # fmt: skip
+        "total_mass": (),
+        "mass_center": (3,),
+        "inertia": (3, 3),
+        "mass_matrix": (3 * n, 3 * n),
+        "internal_momentum": (3,),
+        "stiffness": (3 * n, 3 * n),
+        "mode_shape": (2, n, 3),
+        "mode_frequency": (2,),
+        "mode_damping": (2,),
+        "sensor_position": (1, 3),
+        "sensor_rotation": (1, 4),
+        "orientation": (frames, 4),
+        "strain": (frames, 2),
+        "specific_force": (frames, 1, 3),
+        "angular_velocity": (frames, 1, 3),
+        "magnetic_field": (frames, 1, 3),
+        "strain_shape": (2, n, 3),
+        "force": (frames, 1, 3) if name.startswith("load") else (frames, 3),
+    }.get(last, (frames, 3))
     a = rng.standard_normal(shape) * rng.choice([1e-3, 1.0, 1e3])
     a = np.asarray(a) + np.swapaxes(a, -1, -2) if len(shape) == 2 and shape[0] == shape[1] else np.asarray(a)
     put(file, name, a)
@@ -166,10 +203,15 @@ def linked(rng: np.random.Generator, file: Any) -> None:
     name = pick(rng, file)
     del file[name]
     ways = [
-        h5py.SoftLink("/nowhere"), h5py.SoftLink(f"/{name}"), h5py.ExternalLink("other.h5", "/x"),
-        h5py.ExternalLink("/dev/zero", "/x"), file["motion"], file["body"], h5py.SoftLink("/motion/time"),
+        h5py.SoftLink("/nowhere"),
+        h5py.SoftLink(f"/{name}"),
+        h5py.ExternalLink("other.h5", "/x"),
+        h5py.ExternalLink("/dev/zero", "/x"),
+        file["motion"],
+        file["body"],
+        h5py.SoftLink("/motion/time"),
         np.dtype("f8"),
-    ]  # fmt: skip
+    ]
     file[name] = ways[rng.integers(len(ways))]
 
 

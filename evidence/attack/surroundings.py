@@ -75,10 +75,18 @@ def renamed(name: str | bytes) -> Callable[[Sequence[str]], Sequence[str | bytes
 MB = 1 << 20
 ENCODINGS = ("ascii", "latin-1", "cp1252", "utf-16", "cp437")
 NAMES: dict[str, str | bytes] = {
-    "not UTF-8": b"m\xff\xfe.h5", "escapes": "m\x1b[31m\x07.h5", "a newline": "m\nforceid: ok.h5", "blank": " .h5",
-    "unicode": "mλ\u202e.h5", "long": "m" * 250 + ".h5", "longest": "m" * 243 + ".h5", "a dash": "./-m.h5",
-    "markup": "<img src=x onerror=alert(1)>.h5", "percent": "%s%n{0}.h5", "tooLong": "m" * 300 + ".h5",
-}  # fmt: skip
+    "not UTF-8": b"m\xff\xfe.h5",
+    "escapes": "m\x1b[31m\x07.h5",
+    "a newline": "m\nforceid: ok.h5",
+    "blank": " .h5",
+    "unicode": "mλ\u202e.h5",
+    "long": "m" * 250 + ".h5",
+    "longest": "m" * 243 + ".h5",
+    "a dash": "./-m.h5",
+    "markup": "<img src=x onerror=alert(1)>.h5",
+    "percent": "%s%n{0}.h5",
+    "tooLong": "m" * 300 + ".h5",
+}
 ODD = [
     *(Odd(f"output in {e}", {"PYTHONIOENCODING": e}) for e in ENCODINGS),
     Odd("locale C", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
@@ -89,19 +97,27 @@ ODD = [
     Odd("reader gone", out="gone"),
     *(Odd(f"COLUMNS {c[:12]}", {"COLUMNS": c}) for c in ("1000000000", "0", "-5", "1", "x", "9" * 400)),
     *(Odd(f"MPLBACKEND {b}", {"MPLBACKEND": b}) for b in ("nonsense", "TkAgg", "module://no")),
-    Odd("no home", {"HOME": "/nonexistent", "MPLCONFIGDIR": "/nonexistent/x", "XDG_CACHE_HOME": "/nonexistent"}),
+    Odd(
+        "no home",
+        {"HOME": "/nonexistent", "MPLCONFIGDIR": "/nonexistent/x", "XDG_CACHE_HOME": "/nonexistent"},
+    ),
     Odd("no temporary folder", {"TMPDIR": "/nonexistent"}),
     Odd("TERM dumb", {"TERM": "dumb", "NO_COLOR": "1"}),
     Odd("engine unknown", {"FORCEID_ENGINE_ARCH": "nonsense"}),
     Odd("threads 0", {"OMP_NUM_THREADS": "0", "OPENBLAS_NUM_THREADS": "-3"}),
     *(Odd(f"{n} open files", before=limit(resource.RLIMIT_NOFILE, n)) for n in (6, 8, 10, 12, 16, 24)),
-    *(Odd(f"{n} MB of address space", before=limit(resource.RLIMIT_AS, n * MB)) for n in (150, 200, 300, 500)),
-    Odd("files of 4 kB at most", before=lambda: (signal.signal(signal.SIGXFSZ, signal.SIG_IGN),
-        limit(resource.RLIMIT_FSIZE, 4096)())),
+    *(
+        Odd(f"{n} MB of address space", before=limit(resource.RLIMIT_AS, n * MB))
+        for n in (150, 200, 300, 500)
+    ),
+    Odd(
+        "files of 4 kB at most",
+        before=lambda: (signal.signal(signal.SIGXFSZ, signal.SIG_IGN), limit(resource.RLIMIT_FSIZE, 4096)()),
+    ),
     Odd("no processes", before=limit(resource.RLIMIT_NPROC, 1)),
     Odd("stack of 1 MB", before=limit(resource.RLIMIT_STACK, MB)),
     Odd("folder gone", before=lambda: (os.mkdir("away"), os.chdir("away"), os.rmdir("../away"))),
-]  # fmt: skip
+]
 
 
 def furnish(folder: Path) -> None:
@@ -134,9 +150,15 @@ def surrounded(odd: Odd, words: Sequence[str], folder: Path, patience: float = P
         out = open(odd.out, "w")  # noqa: SIM115
     began = time.monotonic()
     process = subprocess.Popen(
-        [*START, *given], cwd=folder, env=os.environ | dict(odd.env), stdout=out, stderr=subprocess.PIPE,
-        stdin=subprocess.DEVNULL, preexec_fn=odd.before, start_new_session=True,
-    )  # fmt: skip
+        [*START, *given],
+        cwd=folder,
+        env=os.environ | dict(odd.env),
+        stdout=out,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        preexec_fn=odd.before,
+        start_new_session=True,
+    )
     if out is not subprocess.PIPE:
         out.close()
     try:
@@ -152,7 +174,7 @@ def surrounded(odd: Odd, words: Sequence[str], folder: Path, patience: float = P
 
 
 def odd_surroundings(folder: Path, every: int = 1) -> Iterator[tuple[str, str, End, list[str]]]:
-    """Name of the surrounding and of the command, end and faults, for each of all pairs, or of every so many."""
+    """Name of the surrounding and of the command, end and faults, of all pairs or of every so many."""
     furnish(folder)
     surrounded(Odd("none"), ["estimate", "m.h5", "-o", "old.result.h5", *QUICK], folder)
     pairs = [(odd, name) for odd in ODD for name in COMMANDS]

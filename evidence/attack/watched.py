@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,10 +134,8 @@ def waited(process: int, patience: float) -> tuple[int, bool]:
         os.close(handle)
     if late:
         for group in (os.killpg, os.kill):
-            try:
+            with suppress(ProcessLookupError):
                 group(process, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
     return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), late
 
 

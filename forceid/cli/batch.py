@@ -118,8 +118,8 @@ def refuse_existing(
     for own, output in plan:
         status = status_of(output)
         taken = None if status is None else given.get((status.st_dev, status.st_ino))
-        motion = taken is not None and taken != own and not is_result(taken)
-        check_output(output, "result", [taken] if motion else [], force)
+        lost = [taken] if taken is not None and taken != own and not is_result(taken) else []
+        check_output(output, "result", lost, force)
     check_output(folder / PAGE, "page", [] if config is None else [config], force)
 
 

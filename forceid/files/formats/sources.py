@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.errors import ConfigError
+from forceid.files.checks.numbers import check_quaternions
 from forceid.files.formats.channels import Channels
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.mat import read_mat
@@ -30,7 +31,7 @@ from forceid.files.formats.tdms import read_tdms
 from forceid.files.formats.uff import read_uff
 from forceid.files.parse import canonical
 from forceid.files.schema import hash_arrays, motion_groups
-from forceid.files.validate import check_quaternions, check_recording
+from forceid.files.validate import check_recording
 from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
 from forceid.records import Array, Body, KnownLoads, Motion, Recording
