@@ -40,9 +40,10 @@ FAULTS = (
 PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
 ABOUT = """\
 `{command}`: what was done, how the command ended, and how often something was wrong with that. \
-`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; `noise on stderr`: \
-warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that were there; `unnamed`: a refusal \
-that does not name the file; `no next step`: one that does not say what to do."""
+`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; \
+`noise on stderr`: warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that \
+were there; `unnamed`: a refusal that does not name the file; \
+`no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
 

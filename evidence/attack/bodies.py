@@ -52,7 +52,7 @@ def whole() -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def flight(frames: int = FRAMES) -> dict[str, np.ndarray]:
-    """All that could be measured of the flight, without noise: pushed along x as it falls and turns about z."""
+    """All that could be measured of the flight, without noise: a push along x, a fall, a turn about z."""
     t = np.arange(frames) / RATE
     mass, center, _ = whole()
     c = np.outer(t, [2.0, 0.5, 3.0]) + 0.5 * t[:, None] ** 2 * (GRAVITY + np.array([0.3, 0, 0]) / mass)

@@ -175,7 +175,8 @@ def read_real(source: Any, spec: Variable, sizes: dict[str, int], where: str) ->
         with_rotations = spec.dims == ("dof", "dof_2") and source.shape == (6 * sizes["node"],) * 2
         sizes["dof"] = (6 if with_rotations else 3) * sizes["node"]
     expected = tuple(sizes[d.removesuffix("_2")] for d in spec.dims if d.removesuffix("_2") in sizes)
-    if source.shape != expected and not (spec.dims == () and source.size == 1):
+    told = source.shape == expected and len(expected) == len(spec.dims)
+    if not told and not (spec.dims == () and source.size == 1):
         wanted = ", ".join(f"{d} = {sizes.get(d.removesuffix('_2'), '?')}" for d in spec.dims)
         raise DataError(
             f"has shape {tuple(map(int, source.shape))}, expected ({wanted})",
