@@ -48,6 +48,11 @@ def test_no_force_makes_an_input_or_a_device_an_output(tmp_path):
         write_motion(tmp_path / "fifo", markers())
 
 
+def test_a_name_longer_than_the_system_takes_is_told_as_such(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_motion(tmp_path / f"{'m' * 300}.h5", markers())
+
+
 def test_a_link_is_replaced_only_by_force_and_what_it_names_stays(tmp_path):
     (tmp_path / "link.h5").symlink_to(tmp_path / "nowhere")
     with pytest.raises(ConfigError, match="is a link"):

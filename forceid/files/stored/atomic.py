@@ -42,7 +42,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
             "give a file in an existing folder with room and write permission",
         ) from e
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # a name too long was never there
+            partial.unlink(missing_ok=True)
 
 
 def write_whole(path: str | Path, text: str) -> None:
