@@ -6,6 +6,7 @@ import os
 import shutil
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from pathlib import Path
 
 from evidence.attack.bodies import write
@@ -17,8 +18,8 @@ Place = Callable[[Path], None]
 
 def bound(path: Path) -> None:
     """A socket by that name."""
-    with socket.socket(socket.AF_UNIX) as s:
-        s.bind(os.path.relpath(path))
+    with socket.socket(socket.AF_UNIX) as s, chdir(path.parent):  # the name of a socket is short
+        s.bind(path.name)
 
 
 def cut_short(path: Path) -> None:
@@ -71,7 +72,6 @@ def looks(path: Path) -> tuple[object, ...]:
 
 def odd_outputs(folder: Path) -> Iterator[tuple[str, str, End, list[str]]]:
     """Name of what is there and of the command, end and faults, for each of all pairs."""
-    os.chdir(folder)
     furnish(folder)
     (folder / "kept.txt").write_text("kept")
     forked(["estimate", "m.h5", "-o", "old.result.h5", *QUICK], folder)

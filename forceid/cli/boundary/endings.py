@@ -59,8 +59,12 @@ def start() -> NoReturn:
     signal.signal(signal.SIGINT, at_once)
     from forceid.cli.app import main
 
-    signal.signal(signal.SIGINT, ask)
-    code = main()
+    sys.unraisablehook = lambda _: None  # an interrupt that fell where nothing can be raised
+    try:
+        signal.signal(signal.SIGINT, ask)
+        code = main()
+    except KeyboardInterrupt:  # before the command began, or after it ended
+        code = fail("interrupted", INTERRUPTED)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and told
     sys.exit(code)
 
