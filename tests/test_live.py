@@ -112,7 +112,7 @@ def test_an_earlier_file_is_kept_until_there_is_a_wrench_and_nothing_is_left_bes
     path, earlier = tmp_path / "none.csv", tmp_path / "live.h5"
     path.write_text("0.1,2,3\n")
     earlier.write_text("of yesterday")
-    assert main(["live", str(shelf / "body.h5"), str(path), "-o", str(earlier)]) == 3
+    assert main(["live", str(shelf / "body.h5"), str(path), "-o", str(earlier), "--force"]) == 3
     assert earlier.read_text() == "of yesterday"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["live.h5", "none.csv"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
@@ -14,7 +15,9 @@ import typer
 from typer.core import TyperGroup
 
 from forceid import __version__
-from forceid.errors import ConfigError, ForceIdError
+from forceid.cli.boundary.endings import check_room, ending, fail
+from forceid.cli.boundary.terminal import flushed, settle
+from forceid.errors import ConfigError
 
 HERE = (  # each a module of this folder
     "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "settings", "demo"
@@ -25,7 +28,6 @@ EVIDENCE = {  # in a distribution of their own, with what their line of the help
 }
 COMMANDS = (*HERE, *EVIDENCE)
 LISTING = "forceid.listing"
-INTERRUPTED = 130
 
 
 class LazyGroup(TyperGroup):
@@ -103,27 +105,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != "--debug"]  # accepted before the command and after it
-    try:
-        code = typer.main.get_command(app).main(
-            words or ["--help"], prog_name="forceid", standalone_mode=False
-        )
-        return code if isinstance(code, int) else 0
-    except (KeyboardInterrupt, typer.Abort):
-        return fail("interrupted", INTERRUPTED)
-    except Exception as error:
-        if words != given:
-            traceback.print_exc()
-        if isinstance(error, ForceIdError):
-            return fail(str(error), error.exit_code)
-        if hasattr(error, "format_message"):  # wrong usage, as typer reports it
-            context = getattr(error, "ctx", None)
-            command = context.command_path if context else "forceid"
-            return fail(f"{error.format_message()} See {command} --help.", 2)
-        hint = "" if words != given else " (add --debug for the traceback)"
-        return fail(f"unexpected {type(error).__name__}: {error}{hint}", 1)
-
-
-def fail(message: str, code: int) -> int:
-    """Print the error as one line on stderr and return the exit code."""
-    print("forceid: error:", " ".join(message.split()), file=sys.stderr)
+    debug = words != given
+    settle()
+    with warnings.catch_warnings():
+        if arguments is None and not debug and not sys.warnoptions:
+            warnings.simplefilter("ignore")  # a verdict says what is wrong with numbers
+        try:
+            check_room()
+            code = typer.main.get_command(app).main(
+                words or ["--help"], prog_name="forceid", standalone_mode=False
+            )
+            code = code if isinstance(code, int) else 0
+        except BaseException as error:
+            if debug:
+                traceback.print_exc()
+            if isinstance(error, SystemExit | GeneratorExit):
+                raise
+            code = fail(*ending(error, words, debug))
+    if (lost := flushed()) is not None and not code:
+        code = fail(f"standard output cannot be written ({lost.strerror}); give it another place", 2)
     return code

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Config, EngineOption, Json, MethodOption, ModelOption
 from forceid.cli.output import to_json, worse_verdict, wrap
 from forceid.errors import ConfigError, DataError, ForceIdError
@@ -66,21 +68,21 @@ def run(
         foreseen, left = parted([planned_outcome(job, settings, keep, force) for job in plan])
         show(foreseen, json)
         say_left_out(left, json)
-        refuse_existing(plan, resume or force)
+        refuse_existing(plan, output, resume, force, config)
         return
     from forceid.cli.crew.claim import claimed
 
     with claimed(output), crew_of(jobs, scheduler, len(plan)) as crew:
-        refuse_existing(plan, resume or force)
+        refuse_existing(plan, output, resume, force, config)
         done, stopped = work_through(plan, settings, crew, keep, scheduler is not None, json)
         records, left = parted(done)
         if left and not records and not stopped:
             what = f"is a result of forceid ({len(left)} of {len(left)} inputs are), expected motion files"
             raise DataError(what, left[0]["file"], "give the files that they were made from")
         said = sys.stderr if json else sys.stdout
-        print(outcome_table(records), file=said)
+        tell(outcome_table(records), said)
         say_left_out(left, json)
-        print(f"summary  {write_batch_page(records, output, len(plan) - len(done))}", file=said)
+        tell(f"summary  {write_batch_page(records, output, len(plan) - len(done))}", said)
     if stopped:
         raise KeyboardInterrupt
     if any(record["status"] == "failed" or worse_verdict(record) == "refused" for record in records):
@@ -97,20 +99,40 @@ def plan_jobs(files: Sequence[Path], folder: Path) -> list[Job]:
     return plan
 
 
-def refuse_existing(plan: Sequence[Job], allowed: bool) -> None:
-    """A ConfigError where results exist, and nothing says what to do with them."""
-    existing = [] if allowed else [output for _, output in plan if output.exists()]
+def refuse_existing(
+    plan: Sequence[Job], folder: Path, resume: bool, force: bool, config: Path | None
+) -> None:
+    """A ConfigError where results exist and nothing says what to do with them, or a file would be lost.
+
+    A motion file among the inputs is never written over, a result among them is no input.
+    """
+    from forceid.files import check_output, is_result
+
+    existing = [] if resume or force else [output for _, output in plan if output.exists()]
     if existing:
         what = f"exists already, as do {len(existing) - 1} more" if len(existing) > 1 else "exists already"
         raise ConfigError(
             what, str(existing[0]), "give --resume to keep current results or --force to replace"
         )
+    given = {(s.st_dev, s.st_ino): source for source, _ in plan if (s := status_of(source)) is not None}
+    for own, output in plan:
+        status = status_of(output)
+        taken = None if status is None else given.get((status.st_dev, status.st_ino))
+        lost = [taken] if taken is not None and taken != own and not is_result(taken) else []
+        check_output(output, "result", lost, force)
+    check_output(folder / PAGE, "page", [] if config is None else [config], force)
+
+
+def status_of(path: Path) -> os.stat_result | None:
+    """The status of a file, None where there is none."""
+    try:
+        return os.stat(path)
+    except OSError:
+        return None
 
 
 def crew_of(jobs: int | None, scheduler: str | None, files: int) -> AbstractContextManager[Crew]:
     """Processes here, or the workers of a cluster."""
-    import os
-
     from forceid.cli.crew.pool import processes
 
     if scheduler is None:
@@ -162,7 +184,7 @@ def work_through(
                 records.append(record)
                 advance()
                 if json and record["status"] != LEFT_OUT:
-                    print(to_json(record), flush=True)
+                    tell(to_json(record))
         except KeyboardInterrupt:
             return records, True
         finally:
@@ -183,7 +205,7 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
     if left:
         first, more = left[0]["file"], f" and {len(left) - 1} more" if len(left) > 1 else ""
         said = sys.stderr if json else sys.stdout
-        print(f"left out {first}{more}: results of forceid, no motion files", file=said)
+        tell(f"left out {first}{more}: results of forceid, no motion files", said)
 
 
 def write_batch_page(records: Sequence[Record], folder: Path, undone: int) -> str:
@@ -202,7 +224,7 @@ def show(records: Sequence[Record], json: bool) -> None:
     """One line a record."""
     for record in records:
         line = f"{record['status']:8} {record['file']} -> {record['output']}"
-        print(to_json(record) if json else line + (f": {record['error']}" if "error" in record else ""))
+        tell(to_json(record) if json else line + (f": {record['error']}" if "error" in record else ""))
 
 
 def outcome_table(records: Sequence[Record]) -> str:

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from forceid.cli.boundary.terminal import tell
 from forceid.cli.completion import words_of
 from forceid.cli.output import describe, summary, to_json
-from forceid.errors import ConfigError, DataError
+from forceid.errors import DataError, EstimationError
 
 if TYPE_CHECKING:
     from forceid.config import Settings
@@ -41,6 +42,7 @@ ENGINE_WORDS = "compiled, numpy, filterpy (slow) or auto (the fastest here)."
 MethodOption = Annotated[str | None, choice("M", METHOD_WORDS, "forceid.config", "Method")]
 ModelOption = Annotated[str | None, choice("L", MODEL_WORDS, "forceid.config", "Model")]
 EngineOption = Annotated[str | None, choice("E", ENGINE_WORDS, "forceid.kalman.engines", "MODULES", "auto")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is not of this program.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -53,6 +55,7 @@ def run(
     method: MethodOption = None,
     model: ModelOption = None,
     engine: EngineOption = None,
+    force: Force = False,
     json: Json = False,
     profile: Annotated[
         bool, typer.Option("--profile", help="Show the CPU time of every stage, with --json on stderr.")
@@ -73,8 +76,8 @@ def run(
     settings = load_settings(config, method=method, model=model, engine=engine)
     output = output or file.with_suffix(".result.h5")
     sweep(output.parent, {output.name})
-    record = estimate_file(file, output, settings, progress)
-    print(to_json(record) if json else summary(record))
+    record = estimate_file(file, output, settings, progress, *([config] if config else []), force=force)
+    tell(to_json(record) if json else summary(record))
     if profile:
         show_stages(record["timing"], sys.stderr if json else sys.stdout)
     if "refused" in (record["verdict"], record.get("interface", {}).get("verdict")):
@@ -83,13 +86,18 @@ def run(
 
 @contextmanager
 def naming(source: Path) -> Iterator[None]:
-    """Put the file's name before the variable in errors from where only the variable is known."""
+    """Put the file's name before errors from where only the variable is known; say want of memory."""
     try:
         yield
-    except DataError as e:
-        if e.where.startswith(("/body", "/motion")):
-            raise DataError(e.what, f"{source}:{e.where}", e.next_step) from e
-        raise
+    except (DataError, EstimationError) as e:
+        if str(source) in e.where:
+            raise
+        raise type(e)(
+            e.what, f"{source}:{'' if e.where.startswith('/') else ' '}{e.where}", e.next_step
+        ) from e
+    except MemoryError as e:
+        what = f"needs more memory than there is ({' '.join(str(e).split()) or 'none left'})"
+        raise EstimationError(what, str(source), "leave out nodes, sensors or frames, or give it more") from e
 
 
 def kept_of(output: Path) -> Path:
@@ -98,18 +106,25 @@ def kept_of(output: Path) -> Path:
 
 
 def estimate_file(
-    source: Path, output: Path, settings: Settings, progress: Progress | None = None
+    source: Path,
+    output: Path,
+    settings: Settings,
+    progress: Progress | None = None,
+    *beside: Path,
+    force: bool = False,
 ) -> dict[str, Any]:
-    """Read, estimate, write; return what there is to say of it. progress: of a recording that takes long."""
+    """Read, estimate, write; return what there is to say of it. progress: of a recording that takes long.
+
+    beside: further inputs that the output must not be; force: it may take the place of any file.
+    """
     from shutil import rmtree
 
     from forceid.timing import in_order, recorded, stage
 
     with recorded() as spent, stage("loading"):
         from forceid.estimation import estimate_source, unwatched
-        from forceid.files import write_result
-    if output.resolve() == source.resolve():
-        raise ConfigError("is both input and output", str(output), "name another output with -o")
+        from forceid.files import check_output, write_result
+    check_output(output, "result", (source, *beside), force)
     try:
         with naming(source):
             estimate, recording = estimate_source(source, settings, kept_of(output), progress or unwatched)

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from forceid.cli.estimate import Config, Json, MotionFile, naming, written
+from forceid.cli.boundary.terminal import tell
+from forceid.cli.estimate import Config, Force, Json, MotionFile, naming, written
 from forceid.cli.output import to_json, verdict_of, wrap
 
 
@@ -17,6 +18,7 @@ def run(
     output: Annotated[
         Path | None, written("OUT.toml", "Settings whose table `material` holds what was found.")
     ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Identify the material of the body in FILE, or its modes, from its free flight, with 95 % intervals.
@@ -30,9 +32,12 @@ def run(
     """
     from forceid.config import load_settings
     from forceid.estimation import identify_modes, identify_recording, read_recording
+    from forceid.files import check_output
     from forceid.files.stored.atomic import write_whole
 
     settings = load_settings(config)
+    if output is not None:
+        check_output(output, "settings", [file, *([config] if config else [])], force)
     with naming(file):
         recording = read_recording(file, settings)[0]
         body = recording.body
@@ -44,8 +49,8 @@ def run(
     if output is not None and record.get("material"):
         import tomli_w
 
-        write_whole(output, tomli_w.dumps({"material": record["material"]}))
-    print(to_json(record) if json else summary(record))
+        write_whole(output, "# made by forceid identify\n" + tomli_w.dumps({"material": record["material"]}))
+    tell(to_json(record) if json else summary(record))
     if refused:
         raise typer.Exit(1)
 
@@ -53,9 +58,8 @@ def run(
 def summary(record: dict[str, Any]) -> str:
     """The same for people: the verdict first, then a line for every constant."""
     lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {text}") for text in record["reasons"])]
-    lines.append(
-        f"law      {record['law']}, misfit {record['misfit']:.3g}, noise {record['noise_std']:.2g} m"
-    )
+    law = f"law      {record['law']}, misfit {record['misfit']:.3g}, " if "law" in record else "fit      "
+    lines.append(f"{law}noise {record['noise_std']:.2g} m")
     for name, one in record["constants"].items():
         ends = f"95 %: {one['low']:.6g} to {one['high']:.6g}"
         lines.append(f"{name:12} {one['value']:.6g} +- {one['std']:.2g} {one['unit']}, {ends}")

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.estimate import Config
-from forceid.errors import ConfigError
+from forceid.cli.boundary.terminal import tell
+from forceid.cli.estimate import Config, Force
 
 
 def run(
@@ -29,6 +29,7 @@ def run(
     init: Annotated[
         bool, typer.Option("--init", help="Write the CONFIG that SOURCE needs, to fill in; -o names it.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Turn SOURCES into a motion file; several recordings become FILE-NAME.h5, one each.
 
@@ -58,27 +59,37 @@ def run(
 
     Example: forceid import throw.csv -o throw.h5 -c throw.toml
     """  # noqa: D301 (the backspace keeps the lines of the example apart)
-    from forceid.files import import_sources, load_import_settings, settings_for, write_motion
+    from forceid.files import (
+        check_output,
+        import_sources,
+        load_import_settings,
+        settings_for,
+        write_motion,
+    )
     from forceid.files.stored.atomic import write_whole
 
+    inputs = [*sources, *([config] if config else [])]
     if init:
         text = settings_for(sources)
         if output is None:
-            print(text, end="")
-        elif output.exists():
-            raise ConfigError("is there already, expected a new file", str(output), "name another with -o")
+            tell(text.rstrip("\n"))
         else:
+            check_output(output, "settings", inputs, force)
             write_whole(output, text)
-            print(f"{output}: fill in what is nan")
+            tell(f"{output}: fill in what is nan")
         return
     output = output or sources[0].with_suffix(".h5")
-    recordings = import_sources(sources, load_import_settings(config))
+    check_output(output, "motion", inputs, force)
+    recordings, paths = import_sources(sources, load_import_settings(config)), [output]
+    if len(recordings) > 1:
+        names = [name.removeprefix(f"{output.stem}-") for name, _ in recordings]
+        paths = [output.with_name(f"{output.stem}-{name}{output.suffix}") for name in names]
+    for path in paths:
+        check_output(path, "motion", inputs, force)
     left_out: dict[str, None] = {}
-    for name, recording in recordings:
-        several = f"{output.stem}-{name.removeprefix(f'{output.stem}-')}{output.suffix}"
-        path = output if len(recordings) == 1 else output.with_name(several)
+    for path, (_, recording) in zip(paths, recordings, strict=True):
         write_motion(path, recording)
-        print(f"{path}: {len(recording.motion.time)} samples")
+        tell(f"{path}: {len(recording.motion.time)} samples")
         left_out |= dict.fromkeys(recording.history.split("\n")[1:])
     for line in left_out:
-        print(f"note: {line}", file=sys.stderr)
+        tell(f"note: {line}", sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Config, Json, MotionFile, naming
 from forceid.cli.output import to_json, wrap
 
@@ -25,6 +26,6 @@ def run(file: MotionFile, config: Config = None, json: Json = False) -> None:
         inspection = inspect_recording(recording, settings)
     inspection = replace(inspection, findings=(*inspection.findings, *left_out))
     if json:
-        print(to_json({"file": str(file), **inspection.as_dict()}))
+        tell(to_json({"file": str(file), **inspection.as_dict()}))
     else:
-        print(*map(wrap, inspection.summary), sep="\n")
+        tell("\n".join(map(wrap, inspection.summary)))

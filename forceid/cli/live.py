@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from forceid.cli.estimate import Config, naming
+from forceid.cli.boundary.terminal import give_up, printable, tell
+from forceid.cli.estimate import Config, Force, naming
 from forceid.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def run(
     follow: Annotated[
         bool, typer.Option("--follow", help="Wait for more of FRAMES.csv, up to a line `end`.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Estimate force and moment while the motion goes on: a frame in, the wrench of a lag before out.
 
@@ -57,11 +58,11 @@ def run(
     """
     from forceid.config import load_settings
     from forceid.estimation import followed_live, live_pace, read_recording
-    from forceid.files import frames_from_lines, growing_file
+    from forceid.files import check_output, frames_from_lines, growing_file
 
     settings = load_settings(config)
-    if output is not None and any(output.resolve() == Path(p).resolve() for p in (body, frames)):
-        raise ConfigError("is an input too", str(output), "give another name for the output")
+    if output is not None:
+        check_output(output, "live", [body, frames, *([config] if config else [])], force)
     with naming(body):
         recording = read_recording(body, settings)[0]
     pace = live_pace(lag, first, retune)
@@ -105,16 +106,16 @@ def printed(found: Iterator[LiveWrench], keep: Callable[[LiveWrench], None] | No
 def print_line(text: str) -> bool:
     """Print a line at once; False where nobody reads it any more."""
     try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(printable(text), flush=True)
+    except OSError as error:
+        give_up(sys.stdout, error)
         return False
     return True
 
 
 def say(text: str) -> None:
     """Say something beside the results."""
-    print("forceid live:", " ".join(text.split()), file=sys.stderr, flush=True)
+    tell(f"forceid live: {' '.join(text.split())}", sys.stderr)
 
 
 def beside(keep: Callable[[str], None]) -> Callable[[str], None]:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.estimate import written
+from forceid.cli.boundary.terminal import tell
+from forceid.cli.estimate import Force, written
 
 
 def run(
@@ -15,14 +16,18 @@ def run(
     output: Annotated[
         Path | None, written("PAGE.html", "Page to write; OUT.html beside the result if not given.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write OUT.h5 as one HTML page with figures, numbers, verdict and settings inside.
 
     Example: forceid report toss.result.h5 -o toss.html
     """
     page = output or file.with_suffix(".html")
+    from forceid.files import check_output
+
+    check_output(page, "page", [file], force)
     write_result_page(file, page)
-    print(page)
+    tell(str(page))
 
 
 def write_result_page(result: Path, page: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Json
 from forceid.cli.output import to_json
 
@@ -26,15 +27,15 @@ def run(
     from forceid.config import Settings, to_toml
 
     if not thresholds:
-        print(to_json(Settings().model_dump()) if json else to_toml(Settings()).rstrip())
+        tell(to_json(Settings().model_dump()) if json else to_toml(Settings()).rstrip())
         return
     found = chosen_numbers()
     if json:
-        print(to_json({"numbers": [asdict(number) for number in found]}))
+        tell(to_json({"numbers": [asdict(number) for number in found]}))
         return
     room = None
     for number in found:
         if number.module != room:
             room = number.module
-            print(f"\n{room}")
-        print(f"  {number.name} = {number.value}  {number.reason}".rstrip())
+            tell(f"\n{room}")
+        tell(f"  {number.name} = {number.value}  {number.reason}".rstrip())

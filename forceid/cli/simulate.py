@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.boundary.terminal import tell
+from forceid.cli.estimate import Force
+
 
 def run(
     scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Recipe of the scene, a TOML file.")],
@@ -14,14 +17,16 @@ def run(
     seed: Annotated[
         int | None, typer.Option(metavar="N", help="Seed of the noise, in place of that of SCENE.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Simulate SCENE and write the motion as measured, with the truth beside it.
 
     Example: forceid simulate scene.toml -o toss.h5 --seed 7
     """
-    from forceid.files import write_motion
+    from forceid.files import check_output, write_motion
     from forceid.scenes import load_recipe, simulate
 
+    check_output(output, "motion", [scene], force)
     recording = simulate(load_recipe(scene, seed))
     write_motion(output, recording)
-    print(f"{output}: {len(recording.motion.time)} samples, {recording.title}")
+    tell(f"{output}: {len(recording.motion.time)} samples, {recording.title}")

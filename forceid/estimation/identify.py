@@ -26,6 +26,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW, judge
 from forceid.principal import summation_operator
 from forceid.records import Array, Finding, Recording, Verdict
+from forceid.rounding import solvable
 from forceid.significance import DENIED, PATIENCE, TENTH
 
 QUANTILE = 1.959964  # of the normal distribution: 95 %, two-sided
@@ -79,6 +80,7 @@ class Identified:
         return {"name": self.law, **own, "damping": max(damping, 0.0), **more}
 
 
+@solvable()
 def identify_recording(recording: Recording, settings: Settings) -> Identified:
     """Constants of the material from a flight under weight alone.
 
@@ -143,6 +145,7 @@ class IdentifiedModes:
         return {"constants": constants, "covariance": cov, "misfit": misfit, "noise_std": self.noise_std}
 
 
+@solvable()
 def identify_modes(recording: Recording, settings: Settings) -> IdentifiedModes:
     """Frequency and damping of the modes that a body brings, by shapes or a stiffness, from a free flight.
 

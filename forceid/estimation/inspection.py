@@ -32,7 +32,7 @@ from forceid.kalman.engines import engine
 from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Body, Finding, Motion, Recording, Verdict
-from forceid.rounding import SOLVED
+from forceid.rounding import SOLVED, solvable
 
 if TYPE_CHECKING:
     import xarray
@@ -172,6 +172,7 @@ def inspect(tree: xarray.DataTree, config: Any = None, **settings: Any) -> Inspe
     return inspect_recording(recording_from_tree(tree, merged.gravity), merged)
 
 
+@solvable()
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     """What the recording holds, which wrench components it determines, and up to which frequency."""
     recording = with_stated(recording, settings)

@@ -68,7 +68,7 @@ from forceid.kalman.engines import engine
 from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, deviation
-from forceid.rounding import SOLVED
+from forceid.rounding import SOLVED, solvable
 from forceid.threads import threads_for
 from forceid.timing import in_order, recorded, stage
 
@@ -90,6 +90,7 @@ def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarr
     return tree_from_estimate(estimate_recording(recording, merged), recording)
 
 
+@solvable()
 def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     """Applied wrench (weight excluded), mean motion and deformation; the joint forces of a body in parts.
 
@@ -158,7 +159,8 @@ def estimate_beside(
         kin = kin if beside is None else seen
         try:
             at = of_segments if segments else at_its_level
-            solution, choice = at(seen, body, motion, settings)
+            with solvable():
+                solution, choice = at(seen, body, motion, settings)
         except EstimationError as e:
             plain = stand_in(body, motion, kin, e)
             if plain is None:

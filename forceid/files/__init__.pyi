@@ -12,6 +12,8 @@ from forceid.files.stored.growing import growing_file as growing_file
 from forceid.files.stored.hdf5 import read_motion as read_motion
 from forceid.files.stored.hdf5 import stamp as stamp
 from forceid.files.stored.hdf5 import write_motion as write_motion
+from forceid.files.stored.outputs import check_output as check_output
+from forceid.files.stored.outputs import kind_of_file as kind_of_file
 from forceid.files.tree import open_motion as open_motion
 from forceid.files.tree import recording_from_tree as recording_from_tree
 from forceid.files.tree import tree_from_estimate as tree_from_estimate

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +13,7 @@ from forceid.errors import DataError
 from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, PLANAR, SCHEMA, TRUTH
 from forceid.files.units import si_factor
 from forceid.files.validate import check_recording
+from forceid.memory import memory_limit
 from forceid.records import SENSED, Array, Body, KnownLoads, Motion, Recording, Variable
 
 _SHOWN = 12  # names in a line
@@ -176,7 +176,8 @@ def read_real(source: Any, spec: Variable, sizes: dict[str, int], where: str) ->
         with_rotations = spec.dims == ("dof", "dof_2") and source.shape == (6 * sizes["node"],) * 2
         sizes["dof"] = (6 if with_rotations else 3) * sizes["node"]
     expected = tuple(sizes[d.removesuffix("_2")] for d in spec.dims if d.removesuffix("_2") in sizes)
-    if source.shape != expected and not (spec.dims == () and source.size == 1):
+    told = source.shape == expected and len(expected) == len(spec.dims)
+    if not told and not (spec.dims == () and source.size == 1):
         wanted = ", ".join(f"{d} = {sizes.get(d.removesuffix('_2'), '?')}" for d in spec.dims)
         raise DataError(
             f"has shape {tuple(map(int, source.shape))}, expected ({wanted})",
@@ -307,11 +308,3 @@ def likeliest_name(name: str, found: Sequence[str], otherwise: str = "add it") -
     near = difflib.get_close_matches(name, found, n=1)
     there = ", ".join(found[:_SHOWN]) + (f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else "")
     return f"did you mean {near[0]!r}?" if near else f"{otherwise}; found {there or 'nothing'}"
-
-
-def memory_limit() -> int:
-    """Bytes that one variable may take: half of the machine's memory."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    except (AttributeError, ValueError, OSError):
-        return 4 << 30

@@ -28,6 +28,7 @@ from forceid.files.schema import (
     estimate_groups,
 )
 from forceid.files.stored.hdf5 import open_hdf5, source_group
+from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
 from forceid.records import (
     Array,
@@ -63,7 +64,7 @@ def read_result(path: str | Path) -> Estimate:
     """The estimate in a result file. DataError: not a result file."""
     where = f"{path}:/estimate"
     with open_hdf5(path) as f:
-        if "estimate" not in f:
+        if not holds(f, "estimate", f"{path}:"):
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
         group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL | IMPULSE, f"{path}:")
         values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
@@ -75,6 +76,7 @@ def read_result(path: str | Path) -> Estimate:
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
         node = labels(group, "node")
+        further = {name: holds(f, name, f"{path}:") for name in ("load", "interface", "witness")}
         n = len(values["time"])
         empty = {
             "deformation": np.zeros((n, len(node), 3)),
@@ -97,9 +99,11 @@ def read_result(path: str | Path) -> Estimate:
             **stated,
             node=node,
             verdict=read_verdict(group.attrs),
-            loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path) if "load" in f else None,
-            interface=read_interface(f, n, path) if "interface" in f else None,
-            witness=read_witness(f, n, path) if "witness" in f else None,
+            loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path)
+            if holds(f, "load", f"{path}:")
+            else None,
+            interface=read_interface(f, n, path) if further["interface"] else None,
+            witness=read_witness(f, n, path) if further["witness"] else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
@@ -112,7 +116,7 @@ def is_result(path: str | Path) -> bool:
     """Whether a file is a result and no motion file, by what it holds; what cannot be read is none."""
     try:
         with open_hdf5(path) as f:
-            return "estimate" in f and "motion" not in f
+            return holds(f, "estimate", f"{path}:") and not holds(f, "motion", f"{path}:")
     except DataError:
         return False
 
@@ -120,7 +124,7 @@ def is_result(path: str | Path) -> bool:
 def read_truth(path: str | Path) -> dict[str, Array]:
     """The truth that a motion or result file carries, on its own time; empty when it has none."""
     with open_hdf5(path) as f:
-        if "truth" not in f:
+        if not holds(f, "truth", f"{path}:"):
             return {}
         group = source_group(f, "truth", TRUTH, f"{path}:")
         return read_variables(group, TRUTH, dict(_SIZES), f"{path}:/truth")[0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.files.checks.body import check_body
+from forceid.files.checks.clock import check_clock, check_steps
+from forceid.files.checks.numbers import NEARLY, check_finite, check_quaternions, check_range
+from forceid.files.schema import MOTION
 from forceid.records import SENSED, Array, Body, KnownLoads, Motion, Recording
 
-_SYMMETRY = 1e-6  # of the largest entry: float32 matrices pass
+GRAVITY = 300.0  # m/s2, beyond that at the face of the sun: in other units than it says
 
 
 def check_recording(recording: Recording, where: str = "") -> None:
@@ -20,6 +22,7 @@ def check_recording(recording: Recording, where: str = "") -> None:
     """
     body, motion = recording.body, recording.motion
     check_clock(motion.time, f"{where}:/motion/time")
+    check_steps(motion.time, f"{where}:/motion/time")
     check_body(body, f"{where}:/body")
     check_motion(motion, body, f"{where}:/motion")
     if recording.known_loads is not None:
@@ -27,126 +30,18 @@ def check_recording(recording: Recording, where: str = "") -> None:
     for name, values in recording.truth.items():
         if name == "time":
             check_clock(values, f"{where}:/truth/time")
+            if values[0] > motion.time[-1] or values[-1] < motion.time[0]:
+                raise DataError(
+                    f"runs from {values[0]:.6g} to {values[-1]:.6g} s, expected times of the motion, "
+                    f"{motion.time[0]:.6g} to {motion.time[-1]:.6g} s",
+                    f"{where}:/truth/time",
+                    "set both clocks to one zero",
+                )
         elif len(values) != len(recording.truth.get("time", motion.time)):
             raise DataError(
                 f"has {len(values)} rows, expected one per time",
                 f"{where}:/truth/{name}",
                 "give /truth its own variable time",
-            )
-
-
-def check_clock(time: Array, where: str) -> None:
-    """Times are finite, at least three, and strictly increasing."""
-    if len(time) < 3:
-        raise DataError(
-            f"has {len(time)} samples, expected at least 3", where, "an acceleration needs three times"
-        )
-    if not np.isfinite(time).all():
-        bad = np.flatnonzero(~np.isfinite(time))
-        raise DataError(
-            f"holds {len(bad)} times that are not finite, first at index {bad[0]}, expected none",
-            where,
-            "restore the clock or drop those rows",
-        )
-    step = np.diff(time)
-    if (step <= 0).any():
-        k = int(np.argmax(step <= 0))
-        raise DataError(
-            f"goes from {time[k]:.9g} to {time[k + 1]:.9g} s at index {k + 1}, expected strictly "
-            "increasing times",
-            where,
-            "sort the rows and drop repeated ones",
-        )
-
-
-def check_body(body: Body, where: str) -> None:
-    """Finite body data, mass that is positive, symmetric matrices."""
-    check_finite(
-        body, ("node", "marker", "joint", "material"), where, "body data has no gaps: give every value"
-    )
-    if repeated := [name for name, count in Counter(body.node).items() if count > 1]:
-        raise DataError(
-            f"names {repeated[0]!r} more than once", f"{where}/node", "give every node its own name"
-        )
-    if body.mass is not None:
-        if (body.mass < 0).any():
-            k = int(np.argmin(body.mass))
-            node = repr(body.node[k]) if body.node else k
-            raise DataError(
-                f"is {body.mass[k]:g} kg at node {node}, expected zero or more",
-                f"{where}/mass",
-                "correct it; a marker that carries no mass has 0",
-            )
-        _check_positive(float(body.mass.sum()), f"{where}/mass", "total mass")
-    if body.mass_matrix is not None:
-        check_symmetric(body.mass_matrix, f"{where}/mass_matrix")
-        numbers = len(body.mass_matrix) // max(len(body.node), 1) or 3  # of a node: six with rotations
-        total = float(body.mass_matrix[::numbers, ::numbers].sum())
-        _check_positive(total, f"{where}/mass_matrix", "total mass along x")
-    if body.stiffness is not None:
-        check_symmetric(body.stiffness, f"{where}/stiffness")
-    if body.total_mass is not None:
-        _check_positive(body.total_mass, f"{where}/total_mass", "total mass")
-    if body.inertia is not None:
-        check_symmetric(body.inertia, f"{where}/inertia")
-        low, *_, high = np.linalg.eigvalsh(body.inertia)
-        if low < -_SYMMETRY * max(high, 0.0):
-            raise DataError(
-                f"has principal moment {low:.3g} kg m2, expected none below zero",
-                f"{where}/inertia",
-                "give the tensor, its products of inertia with the minus sign",
-            )
-    check_mass_known(body, where)
-    check_segments(body, where)
-    if body.mode_frequency is not None and (body.mode_frequency < 0).any():
-        raise DataError(
-            f"is {body.mode_frequency.min():g} Hz, expected zero or more",
-            f"{where}/mode_frequency",
-            "correct the frequency",
-        )
-
-
-def check_finite(record: Body | KnownLoads, words: tuple[str, ...], where: str, next_step: str) -> None:
-    """No number of a record, but for its words, is a gap."""
-    for name, value in vars(record).items():
-        if name not in words and value is not None and not np.isfinite(value).all():
-            what = f"holds {np.sum(~np.isfinite(value))} values that are not finite, expected none"
-            raise DataError(what, f"{where}/{name}", next_step)
-
-
-def check_mass_known(body: Body, where: str) -> None:
-    """The mass is given node by node, as a matrix, or as a rigid whole."""
-    if body.mass is not None or body.mass_matrix is not None:
-        return
-    missing = [name for name in ("total_mass", "mass_center", "inertia") if getattr(body, name) is None]
-    if len(missing) == 3:
-        raise DataError(
-            "holds no mass, expected `mass`, `mass_matrix`, or `total_mass` with `mass_center` and `inertia`",
-            where,
-            "add one of them",
-        )
-    if missing:
-        raise DataError(
-            f"lacks {' and '.join(missing)}, expected with the rest of the rigid body",
-            where,
-            f"add {missing[0]}, or give the mass of every node",
-        )
-
-
-def check_segments(body: Body, where: str) -> None:
-    """Markers and joints of a body of segments come whole, on nodes that there are."""
-    names = ("marker_weight", "marker_segment", "marker_shape", "joint_segment", "joint_shape")
-    given = [name for name in names if getattr(body, name) is not None]
-    if given and len(given) < len(names):
-        lacking = next(name for name in names if name not in given)
-        raise DataError(
-            f"is missing, expected beside {given[0]}", f"{where}/{lacking}", "import the capture again"
-        )
-    for name in ("marker_segment", "joint_segment"):
-        at = getattr(body, name)
-        if at is not None and not np.isin(at, np.arange(-1 if at.ndim == 1 else 0, len(body.node))).all():
-            raise DataError(
-                f"names a node that is none of {len(body.node)}", f"{where}/{name}", "give indices of nodes"
             )
 
 
@@ -158,6 +53,12 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
             where,
             "set the attribute gravity, for example 0, 0, -9.81",
         )
+    if not np.linalg.norm(motion.gravity) <= GRAVITY:
+        raise DataError(
+            f"has gravity {motion.gravity.tolist()}, expected at most {GRAVITY:g} m s-2",
+            where,
+            "give it in m s-2, for example 0, 0, -9.81",
+        )
     for name, std in motion.noise_std.items():
         if not (np.isfinite(std) and std > 0):
             raise DataError(
@@ -167,17 +68,15 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
             )
     for name in ("position", "marker_position", "center", "orientation", *SENSED):
         value = getattr(motion, name)
-        if value is not None and np.isinf(value).any():
-            raise DataError(
-                f"holds {np.isinf(value).sum()} infinite values, expected finite ones or NaN",
-                f"{where}/{name}",
-                "write NaN where nothing was measured",
-            )
+        if value is not None:
+            check_range(value, MOTION[name].units, f"{where}/{name}")
     for name in ("position", "center"):
         value = getattr(motion, name)
-        if value is not None and np.isnan(value).all():
+        if value is not None and not np.isfinite(value).all(-1).any():
+            lost = "nothing but NaN: every marker is lost in every frame"
+            part = "no reading of all three axes: a coordinate is missing in every one"
             raise DataError(
-                "holds nothing but NaN: every marker is lost in every frame",
+                f"holds {lost if np.isnan(value).all() else part}",
                 f"{where}/{name}",
                 "check the export of the tracking system",
             )
@@ -211,7 +110,7 @@ def check_known_loads(known: KnownLoads, time: Array, where: str) -> None:
     check_finite(known, ("name",), where, "fill the gaps, or leave that load out and let it be found")
     if (cov := known.wrench_cov) is not None:
         low, size = np.linalg.eigvalsh(0.5 * (cov + cov.mT))[..., 0], np.abs(cov).max((-1, -2))
-        if (low < -_SYMMETRY * size).any() or (np.abs(cov - cov.mT).max((-1, -2)) > _SYMMETRY * size).any():
+        if (low < -NEARLY * size).any() or (np.abs(cov - cov.mT).max((-1, -2)) > NEARLY * size).any():
             what = "is no covariance, expected symmetric matrices without a negative variance"
             raise DataError(what, f"{where}/wrench_cov", "give E[e e^T] of force, then moment")
 
@@ -237,7 +136,7 @@ def check_strain_shape(shape: Array, position: Array, where: str) -> None:
     moved = np.concatenate([shape.sum(1), np.cross(arm, shape).sum(1)], 1)
     size = np.abs(shape).sum((1, 2))
     scale = np.repeat(np.stack([size, size * np.abs(arm).max(initial=0.0)], 1), 3, axis=1)
-    off = np.abs(moved) > _SYMMETRY * scale
+    off = np.abs(moved) > NEARLY * scale
     if off.any():
         k = int(np.argmax(off.any(1)))
         motion = "a translation" if off[k, :3].any() else "a rotation"
@@ -246,33 +145,3 @@ def check_strain_shape(shape: Array, position: Array, where: str) -> None:
             where,
             "give the strain per displacement of every node: opposite ones where it holds on, along the line",
         )
-
-
-def check_quaternions(q: Array, where: str) -> None:
-    """Norms within 1 % of one; NaN is a gap."""
-    norm = np.linalg.norm(q, axis=-1)
-    far = np.abs(norm - 1) > 0.01
-    if far.any():
-        k = int(np.argmax(far))
-        raise DataError(
-            f"has {far.sum()} quaternions off unit norm, the first at index {k} with norm {norm[k]:.4g}, "
-            "expected 1",
-            where,
-            "write unit quaternions x, y, z, w, and NaN for gaps",
-        )
-
-
-def check_symmetric(matrix: Array, where: str) -> None:
-    """Symmetric to 1e-6 of the largest entry."""
-    error, scale = np.abs(matrix - matrix.T).max(initial=0.0), np.abs(matrix).max(initial=0.0)
-    if error > _SYMMETRY * scale:
-        raise DataError(
-            f"is not symmetric: entries differ by {error:.3g} across the diagonal, expected equal",
-            where,
-            "give the symmetric matrix",
-        )
-
-
-def _check_positive(mass: float, where: str, what: str) -> None:
-    if mass <= 0:
-        raise DataError(f"has {what} {mass:g} kg, expected more than zero", where, "give the masses in kg")

@@ -153,7 +153,7 @@ def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:
     [[0.0, 1.0, 2.0, 3.0], [5.0, 6.0, nan, 8.0]]
     """
     step = np.diff(time)
-    if len(step) < 2:
+    if len(step) < 2 or not (time[-1] - time[0]) / step.min() < 2 * len(time):
         return (time, *rows)
     tick = np.round((time - time[0]) / step.min()).astype(int)
     regular = np.linspace(time[0], time[-1], tick[-1] + 1)

@@ -111,7 +111,7 @@ HOSTILE = [
     ("links", wide, "/motion/time is missing"),
     ("a circle", circle, "/motion/position is a group"),
     ("a dangling link", dangling, "is damaged"),
-    ("two links", by_two_links, "keeps its values in another file"),
+    ("two links", by_two_links, "is a link to another file"),
     ("references", objects, "declares|text or objects"),
     ("opaque", opaque, "compound records"),
     ("nested", nested, "compound records"),

@@ -154,9 +154,13 @@ MEAN = [
     (
         "matrix size",
         put("body/stiffness", np.eye(5)),
-        r"/body/stiffness has shape \(5, 5\), expected \(dof = 6, dof_2 = 6\)",
+        r"/body/stiffness has shape \(5, 5\), expected \(dof = 12, dof_2 = 12\)",
     ),
-    ("inertia", values("body/inertia", (0, 0), -1.0), "/body/inertia has principal moment -1 kg m2"),
+    (
+        "inertia",
+        values("body/inertia", ..., np.diag([-1.0, 1, 1])),
+        "/body/inertia has principal moment -1 kg m2",
+    ),
     ("total mass", put("body/total_mass", 0.0), "/body/total_mass has total mass 0 kg"),
     ("mode shape", put("body/mode_shape", np.zeros((2, 3, 3))), "/body/mode_shape has shape"),
     (

@@ -27,7 +27,7 @@ def claimed(folder: Path) -> Iterator[None]:
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     except OSError as e:
         what = "is not a folder" if isinstance(e, FileExistsError | NotADirectoryError) else e.strerror
         raise ConfigError(f"cannot hold results ({what})", str(folder), "give another folder with -o") from e

@@ -146,7 +146,7 @@ def run_job(source: Path, output: Path, settings: Settings) -> Record:
 
     try:
         stamp(source)
-        record = estimate_file(source, output, settings)
+        record = estimate_file(source, output, settings, force=True)
         return {"status": record["verdict"], **record, "nis_mean": nis_mean(output)}
     except ForceIdError as error:
         failed = failure(source, output, str(error), cause_key(error, source))

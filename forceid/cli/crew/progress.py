@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from forceid.cli.boundary.terminal import tell
+
 STEPS = 10  # lines at least, over a whole batch
 SILENCE = 60.0  # s without a line at most, while files finish
 
@@ -24,7 +26,7 @@ def progress(total: int, unit: str = "files") -> Iterator[Callable[[], None]]:
 
 def plain_lines(
     total: int,
-    write: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True),
+    write: Callable[[str], None] = lambda line: tell(line, sys.stderr),
     clock: Callable[[], float] = time.monotonic,
     unit: str = "files",
 ) -> Callable[[], None]:

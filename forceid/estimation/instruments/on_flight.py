@@ -29,6 +29,7 @@ from forceid.flight.model import COARSE, Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
+from forceid.memory import memory_limit
 from forceid.motion import ORDER as DIFFERENCES
 from forceid.motion import exp, largest_turn, noise_variance
 from forceid.principal import summation_operator
@@ -36,6 +37,7 @@ from forceid.records import Array, Body, Finding, Motion
 from forceid.significance import SIGMAS, TENTH
 
 AT_NODE = 1e-3  # of the size of the body: nearer than that, a point stands on its node
+CHANNELS = 120  # twenty sensors of six axes: sixty frames take a quarter of a minute, by the cube of these
 FADING = 2  # the say of a node falls with its distance to the power of four
 
 
@@ -142,6 +144,13 @@ def judge_sensors(flight: Flight, state: FlightState, stated: Set[str] = frozens
         if sensors.bias_walk[i] and f"{one.name}_walk" not in stated:
             walk, unit = sensors.bias_walk[i], one.unit
             found.append(note("bias-wanders", sensors=name, walk=walk, unit=unit, variable=one.name))
+        bias, doubt = (a[sensors.kind == i] for a in (state.bias, state.bias_std))
+        most = float(np.max(np.abs(bias) - SIGMAS * doubt, initial=0.0))
+        if one.tells and most > one.offset and f"{one.name}_bias" not in stated:
+            unit, variable = one.unit, one.name
+            found.append(
+                note("bias-beyond", sensors=name, bias=most, most=one.offset, unit=unit, variable=variable)
+            )
     worst = max(level, key=level.__getitem__)
     if level[worst] > NIS_BAND[1]:
         found.append(note("sensor-innovations", sensors=worst, times=np.sqrt(level[worst])))
@@ -170,6 +179,7 @@ def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) ->
     if not kinds:
         return None
     read = np.stack([motion.readings[one.name] for one in kinds], 1)
+    check_work(read[0].size, len(read), kinds[0].name)
     if ACCELEROMETER in kinds and body.sensor_position is None:
         raise DataError("is missing", "/body/sensor_position", "add where each accelerometer stands")
     count = read.shape[2]
@@ -188,6 +198,17 @@ def sensors_of(body: Body, motion: Motion, settings: Settings, center: Array) ->
     walk = np.array([stated.get(f"{one.name}_walk", 0.0) for one in kinds])
     clock = np.array([stated.get(f"{one.name}_clock", frame) for one in kinds])
     return Sensors(kinds, read, position, rotation, noise, bias, walk, clock, number_std=largest)
+
+
+def check_work(channels: int, frames: int, name: str) -> None:
+    """A DataError where so many channels would take more time, or memory, than there is."""
+    need, room = 8.0 * frames * channels**2, float(memory_limit())
+    if channels <= CHANNELS and need <= room:
+        return
+    what = f"is read by {channels} channels of sensors in {frames} frames, which need {need / 1e9:.3g} GB"
+    limit = f"limit {room / 1e9:.3g} GB and {CHANNELS} channels"
+    step = "average sensors that stand together, or leave out frames"
+    raise DataError(f"{what}, {limit}", f"/motion/{name}", step)
 
 
 def marker_step(motion: Motion) -> float:

@@ -10,6 +10,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.spikes import grid_step
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
+from forceid.estimation.verdict.measured_pose import judge_measured_pose
 from forceid.estimation.verdict.sampling import judge_times
 from forceid.estimation.verdict.tracks import lost_frames
 from forceid.flight.instruments import INSTRUMENTS
@@ -45,6 +46,8 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     if not np.isfinite(kin.pose.center).any():
         return [note("no-mass-center")]
     found = [*known_beforehand(kin), *unobserved_motions(kin, motion), *judge_times(kin)]
+    if motion is not None:
+        found += judge_measured_pose(kin, motion)
     turn = largest_turn(kin.time, kin.pose.rotation)
     if turn > FAST and not (motion is not None and reads_turn(kin, motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))

@@ -84,7 +84,7 @@ def leakage(body: Body, kin: Kinematics) -> Leakage | None:
     weight = weight * (kin.seen | shapes.any(axis=(0, 2)))  # elsewhere nothing is known of the shape
     if not weight.any():
         weight = kin.seen.astype(float)
-    S, flat = summation_operator(kin.shape), shapes.reshape(len(shapes), -1).T
+    S, flat = summation_operator(kin.shape), shapes.reshape(len(shapes), kin.shape.size).T
     rows = np.repeat(kin.seen, 3)
     moved = [cross_blocks(S, flat, kin, pattern, weight) for pattern in patterns(kin)]
     whole = moved[0]

@@ -40,10 +40,12 @@ def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
 
 
 def judge_size(kin: Kinematics) -> list[Finding]:
-    """A body lighter than any of its length: positions in other units than they say."""
+    """A body lighter than any of its length: positions or inertia in other units than they say."""
     if not kin.seen.any():
         return []
-    length, mass = float(np.ptp(kin.shape[kin.seen], axis=0).max()), kin.inertia.mass
+    mass, moments = kin.inertia.mass, np.trace(kin.inertia.tensor)
+    gyration = float(np.sqrt(moments / (2 * mass))) if moments > 0 else 0.0
+    length = max(float(np.ptp(kin.shape[kin.seen], axis=0).max()), gyration)
     if not mass < AIRY * length**3:
         return []
     return [note("too-light", mass_kg=mass, length_m=length)]

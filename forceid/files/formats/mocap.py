@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ from forceid.files.formats.channels import optional
 from forceid.files.units import si_factor
 from forceid.import_settings import PlateSetting
 from forceid.records import Array
+
+C3D_PATIENCE = 20.0  # s to load the reader on a busy machine, ten times what it takes
+C3D_PACE = 5e6  # bytes/s that any machine reads
 
 
 def is_trc(head: str) -> bool:
@@ -75,6 +80,7 @@ def read_c3d(path: str | Path) -> Capture:
     ezc3d = optional("ezc3d", "c3d", path)
     if not Path(path).is_file():
         raise DataError("cannot be read (no such file)", str(path), "give the path of a C3D file")
+    check_survived(path)
     try:
         c3d = ezc3d.c3d(str(path))
     except (OSError, RuntimeError, ValueError) as e:
@@ -92,6 +98,19 @@ def read_c3d(path: str | Path) -> Capture:
     left = [f"{analog - taken} analog channels"] if analog > taken else []
     position = np.where(lost[..., None], np.nan, factor * data)
     return Capture(names, time, position, left_out=(*left, *said), plates=plates)
+
+
+def check_survived(path: str | Path) -> None:
+    """A DataError where a file takes down, or holds up, the process that reads it with ezc3d."""
+    words = [sys.executable, "-c", "import sys, ezc3d; ezc3d.c3d(sys.argv[1])", str(path)]
+    patience = C3D_PATIENCE + Path(path).stat().st_size / C3D_PACE
+    try:
+        ended = subprocess.run(words, capture_output=True, timeout=patience, check=False).returncode
+    except subprocess.TimeoutExpired:
+        ended = -1
+    if ended < 0:
+        what = "is damaged: ezc3d does not come to the end of it"
+        raise DataError(what, str(path), "export the markers again")
 
 
 def c3d_plates(ezc3d: Any, c3d: Any, path: str | Path, start: float) -> tuple[Plates | None, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid import __version__
 from forceid.errors import ConfigError
+from forceid.files.checks.numbers import check_quaternions
 from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
@@ -36,7 +37,7 @@ from forceid.files.formats.tdms import read_tdms
 from forceid.files.formats.uff import read_uff
 from forceid.files.parse import canonical
 from forceid.files.schema import hash_arrays, motion_groups
-from forceid.files.validate import check_quaternions, check_recording
+from forceid.files.validate import check_recording
 from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
 from forceid.records import Array, Body, Motion, Recording

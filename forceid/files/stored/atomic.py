@@ -16,7 +16,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
     """A hidden path beside `path` to write to; it replaces `path` on success and is removed on any error.
 
     On the disk before it has its name, so that a power cut leaves the old file or the new one; where `path`
-    is a link, the link is replaced. ConfigError: the folder is missing, full or not writable.
+    is a link, the link is replaced. ConfigError: the folder is missing, full or not writable, or `path` is
+    a folder, a device or the like.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -27,6 +28,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
+    if os.path.lexists(path) and not (path.is_symlink() or path.is_file()):
+        raise ConfigError("is no file that could be replaced", str(path), "give another name")
     try:
         yield partial
         with open(partial, "rb") as f:
@@ -39,7 +42,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
             "give a file in an existing folder with room and write permission",
         ) from e
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # a name too long was never there
+            partial.unlink(missing_ok=True)
 
 
 def write_whole(path: str | Path, text: str) -> None:

@@ -16,6 +16,7 @@ from forceid.errors import DataError
 from forceid.files.parse import NC_FILL, READ, Stored, parse_recording, read_real, real_attr, text, unpack
 from forceid.files.schema import MOTION
 from forceid.files.stored.hdf5 import guarded, motion_file_groups, open_hdf5
+from forceid.files.stored.links import holds
 from forceid.files.units import si_factor
 from forceid.records import Array, Recording
 
@@ -74,8 +75,8 @@ class Positions:
 def is_large(path: str | Path) -> bool:
     """Whether the positions of a motion file, known to be whole, are too many to be held at once."""
     with open_hdf5(path, checked=True) as f:
-        group = guarded(f, "motion", f"{path}:") if "motion" in f else None
-        known = isinstance(group, h5py.Group) and "position" in group
+        group = guarded(f, "motion", f"{path}:") if holds(f, "motion", f"{path}:") else None
+        known = isinstance(group, h5py.Group) and holds(group, "position", f"{path}:/motion")
         item = guarded(group, "position", f"{path}:/motion") if known else None
         shape = getattr(item, "shape", None)
     return shape is not None and len(shape) == 3 and (8 * math.prod(shape) > LARGE or shape[1] > MANY)

@@ -17,6 +17,7 @@ from forceid.errors import DataError
 from forceid.files.parse import READ, Stored, parse_recording, text
 from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, TRUTH, motion_groups
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
+from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
 from forceid.files.stored.object_header import attributes, check_texts, judge_attribute
 from forceid.records import Recording
@@ -52,7 +53,7 @@ def read_checked(
 
 def motion_file_groups(file: Any, path: str | Path) -> dict[str, Stored]:
     """The groups of a motion file that are there."""
-    there = {name: table for name, table in TABLES.items() if name in file}
+    there = {name: table for name, table in TABLES.items() if holds(file, name, f"{path}:")}
     return {name: source_group(file, name, table, f"{path}:") for name, table in there.items()}
 
 
@@ -126,7 +127,7 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stor
             "is a variable, expected a group", f"{where}/{name}", "see the contract of motion files"
         )
     named = ("node", "load_name", "known_load", *(("marker", "joint") if name == "body" else ()))
-    wanted = [n for n in (*table, *named) if n in group]
+    wanted = [n for n in (*table, *named) if holds(group, n, f"{where}/{name}")]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
     return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))
 
@@ -137,10 +138,7 @@ def guarded(group: Any, name: str, where: str) -> Any:
     Texts are read, as far as the file can hold that many.
     """
     here = f"{where}/{name}"
-    if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-        raise DataError(
-            "is a link to another file, expected the data itself", here, "copy the data into the file"
-        )
+    holds(group, name, where)
     item = group[name]
     if isinstance(item, h5py.Datatype):
         raise DataError("is a group or a type, expected a variable", here, "rename it")

@@ -1,0 +1,1 @@
+"""Hostile files, odd surroundings, kills: what `forceid` makes of each, counted."""

@@ -1,0 +1,132 @@
+"""Hostile files, odd surroundings, kills and odd outputs, and what `forceid` makes of each, counted.
+
+    python -m evidence.attack -o docs [--count 1000] [--seed 1] [--only files contradictions ...]
+
+Writes attack.md. Every file is made from the seed and its number alone. Each command runs in a process of
+its own, which has half a minute and 3 GB of address space.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from evidence.attack.bodies import BASES, write
+from evidence.attack.contradictions import KINDS, Kind
+from evidence.attack.damaged import damaged_files
+from evidence.attack.files import attacked
+from evidence.attack.kills import killed
+from evidence.attack.outputs import odd_outputs
+from evidence.attack.surroundings import odd_surroundings
+from evidence.attack.watched import End, forked, warm
+from evidence.written import asked, paged, table
+
+FAULTS = (
+    "unexpected",
+    "traceback",
+    "noise on stderr",
+    "late",
+    "overwritten",
+    "lost",
+    "torn",
+    "unnamed",
+    "no next step",
+    "escapes on the terminal",
+)
+PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
+ABOUT = """\
+`{command}`: what was done, how the command ended, and how often something was wrong with that. \
+`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; \
+`noise on stderr`: warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that \
+were there; `unnamed`: a refusal that does not name the file; \
+`no next step`: one that does not say what to do."""
+Ended = Iterable[tuple[str, End, list[str]]]
+
+
+def told(kind: Kind, folder: Path, plainly: dict[str, set[str]]) -> tuple[str, End]:
+    """How a contradiction is told: refused, said in the verdict by codes, or not at all."""
+    path = write(folder / "c.h5", kind.base, kind.edit)
+    end = forked(["estimate", path.name, "--json"], folder)
+    for left in folder.glob("c.*"):
+        left.unlink()
+    if end.code in (2, 3):
+        return f"refused: {end.last.partition(path.name + ':')[2].partition(';')[0][:110]}", end
+    new = codes(end) - plainly[kind.base]
+    return f"said: {', '.join(sorted(new))}" if new else "silently accepted", end
+
+
+def codes(end: End) -> set[str]:
+    """The codes of what a verdict says."""
+    try:
+        return set(json.loads(end.out)["reason_codes"])
+    except (ValueError, KeyError):
+        return set()
+
+
+def contradictions(folder: Path) -> list[tuple[str, str, End]]:
+    """Every kind of contradiction, how it is told, and how the command ended."""
+    plainly = {}
+    for base in BASES:
+        plainly[base] = codes(forked(["estimate", write(folder / "c.h5", base).name, "--json"], folder))
+        (folder / "c.result.h5").unlink(missing_ok=True)
+    return [(kind.name, *told(kind, folder, plainly)) for kind in KINDS]
+
+
+def counted(found: Ended) -> tuple[str, list[str]]:
+    """A table of ends and faults by kind, and a line for each that is wrong."""
+    rows: dict[str, Counter[str]] = defaultdict(Counter)
+    odd, number, longest = [], 0, 0.0
+    for kind, end, faults in found:
+        number, longest = number + 1, max(longest, end.seconds)
+        for row in (kind, "all"):
+            rows[row].update(["runs", f"exit {end.code}", *faults])
+        if faults:
+            odd.append(
+                f"- {number}, {kind}, `{' '.join(end.words)[:80]}`: {', '.join(faults)}; {end.last[:160]}"
+            )
+            print(odd[-1], file=sys.stderr, flush=True)
+    heads = ["kind", "runs", *sorted({k for c in rows.values() for k in c if k.startswith("exit")})]
+    heads += [fault for fault in FAULTS if rows["all"][fault]]
+    names = [*(k for k in sorted(rows) if k != "all"), "all"]
+    return table([{"kind": k, **{h: rows[k][h] for h in heads[1:]}} for k in names], heads), odd
+
+
+def main() -> int:
+    """Do what was asked for; the exit code says whether anything was wrong."""
+    args = asked("evidence.attack", __doc__, count=1000, seed=1, only=PARTS)
+    texts, wrong = [], 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name).resolve()
+        warm(folder)
+        work: dict[str, Callable[[Path], Ended]] = {
+            "files": lambda f: (
+                (k.split(":")[0], e, x) for _, k, e, x in attacked(f, args.seed, 0, args.count)
+            ),
+            "damaged": lambda f: ((k, e, x) for k, _, e, x in damaged_files(f, args.seed, 0, args.count)),
+            "surroundings": lambda f: ((k, e, x) for k, _, e, x in odd_surroundings(f)),
+            "outputs": lambda f: ((k, e, x) for k, _, e, x in odd_outputs(f)),
+            "kills": lambda f: ((f"{k} {s}", e, x) for s, k, e, x in killed(f, args.seed, args.count // 10)),
+        }
+        for part in args.only:
+            own = folder / part
+            own.mkdir()
+            if part == "contradictions":
+                found = contradictions(own)
+                silent = sum(how == "silently accepted" for _, how, _ in found)
+                wrong += silent + sum(bool(end.faults()) for *_, end in found)
+                rows = [{"contradiction": kind, "told": how} for kind, how, _ in found]
+                texts += [f"## Contradictions: {silent} of {len(found)} silently accepted", table(rows)]
+                continue
+            shown, odd = counted(work[part](own))
+            wrong += len(odd)
+            texts += [f"## {part.capitalize()}", shown, *["\n".join(odd)] * bool(odd)]
+    paged(args.output, "attack", "Under attack", ABOUT.format(command=args.command), *texts)
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

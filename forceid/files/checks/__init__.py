@@ -1,0 +1,1 @@
+"""Checks of values before any work rests on them: numbers, clocks, bodies, and what is told twice."""
