@@ -206,7 +206,7 @@ def test_init_writes_settings_that_lack_only_the_numbers_that_no_file_says(tmp_p
     path = write(tmp_path / name, Throw(), **more)
     assert main(["import", "--init", str(path), "-o", str(tmp_path / "a.toml")]) == 0
     assert main(["import", "--init", str(path), "-o", str(tmp_path / "a.toml")]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     text = (tmp_path / "a.toml").read_text()
     assert main(["import", str(path), "-c", str(tmp_path / "a.toml")]) == 2
     assert "expected" not in (said := capsys.readouterr().err)

@@ -386,7 +386,7 @@ def odd_variables(f):
     [
         ("text", "/text holds text, expected real numbers"),
         ("complex", "/complex holds complex numbers, expected real numbers"),
-        ("line", r"/line has shape \(3,\), expected rows and columns"),
+        ("line", r"/line has shape \(3,\), expected \(row = 3"),
         ("none", r"/none has shape \(0, 0\), expected rows and columns"),
         ("type", "/type is a group or a type, expected a variable"),
         ("nan", "/nan holds 2 numbers that are not finite, the first in row 0"),
