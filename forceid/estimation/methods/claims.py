@@ -216,7 +216,7 @@ def solution_of(problem: Problem) -> Solution:
     hidden = None
     if flight.sensors is None and not problem.causal:  # these would show what poses do not
         turned = problem.turned_at("moment") if kin.attitude else None
-        hidden = hidden_load(channels_on_every_axis(problem), priors, turned)
+        hidden = hidden_load(problem.channels, priors, turned)
     alone = {name: problem.turned_at(name) if kin.attitude else None for name in problem.channels}
     misfit = shown_misfit(problem.channels, priors, flight.time, state.innovation, alone)
     swings = any(prior.lines for prior in priors.values())
