@@ -11,6 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -60,6 +61,9 @@ def open_pool(workers: int) -> Iterator[Executor]:
     os.environ.update(ENVIRONMENT)  # read by the spawned process, as it starts and as it imports numpy
     try:
         with ProcessPoolExecutor(workers, get_context("spawn"), initializer=attend) as pool:
+            with interrupts_held():
+                for _ in range(workers):  # each starts one: as they import, no interrupt reaches them
+                    pool.submit(os.getpid)
             yield pool
     finally:
         for name, value in before.items():
@@ -205,6 +209,20 @@ def asked_to_stop() -> Iterator[list[int]]:
         yield asked
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Interrupts wait for a moment, and never reach a process that is started in it."""
+    if not hasattr(signal, "pthread_sigmask"):  # as on Windows
+        yield
+        return
+    ensure_running()  # lets them through as it begins
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def attend() -> None:
