@@ -49,10 +49,12 @@ def test_a_pose_that_the_markers_confirm_is_said_to_be_left_out(folder):
     )
 
 
+@pytest.mark.long
 def test_hostile_motion_files_end_as_the_contract_says(folder):
     assert [(n, kind, faults) for n, kind, _, faults in files.attacked(folder, 1, 0, 12) if faults] == []
 
 
+@pytest.mark.long
 def test_damaged_files_of_every_kind_end_as_the_contract_says(folder):
     found = list(damaged.damaged_files(folder, 1, 0, 40))
     assert len({kind for kind, *_ in found}) > 5

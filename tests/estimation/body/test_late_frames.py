@@ -64,7 +64,8 @@ def test_how_late_frames_are_is_found_to_a_quarter(late):
     assert np.max(ratio) < 1.4
 
 
-@pytest.mark.parametrize("late", [0.05, pytest.param(0.2, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("late", [0.05, 0.2])
 def test_force_and_moment_of_late_frames_are_known_as_claimed(late):
     over, said = [], []
     for seed in range(6):

@@ -105,7 +105,7 @@ def test_errors_that_walk_are_not_taken_for_filtered():
         assert isinstance(found.color, Color)
 
 
-@pytest.mark.parametrize("cut", [40.0, 20.0, 10.0])
+@pytest.mark.parametrize("cut", [40.0, *(pytest.param(cut, marks=pytest.mark.long) for cut in (20.0, 10.0))])
 def test_tracks_low_passed_at_the_source_are_estimated_as_well_as_raw_ones(cut):
     """A body under forces below 2 Hz, told nothing of its errors nor of the filter."""
     step, mass, J, over, ratio = 0.005, 2.0, np.diag([0.02, 0.03, 0.04]), [], []
@@ -169,6 +169,7 @@ HEAVY = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", HEAVY)
 def test_errors_that_are_not_normal_are_claimed_by_their_size(kind):
     over, said = [], []
