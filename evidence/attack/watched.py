@@ -17,7 +17,7 @@ from pathlib import Path
 PATIENCE = 30.0  # s of wall time that one command may take
 SPACE = 3 << 30  # bytes of address space: an estimate of a small file takes a tenth of that
 CODES = (0, 1, 2, 3, 130)  # of the contract
-START = [sys.executable, "-c", "from forceid.cli.boundary.endings import start; start()"]
+START = [sys.executable, "-c", "from forceid.cli.boundary.start import start; start()"]
 
 
 @dataclass(frozen=True)

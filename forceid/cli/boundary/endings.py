@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from types import FrameType
-from typing import NoReturn
 
 from forceid.cli.boundary.terminal import printable
 from forceid.errors import EstimationError, ForceIdError
@@ -54,21 +51,6 @@ def fail(message: str, code: int) -> int:
     return code
 
 
-def start() -> NoReturn:
-    """The command as the system starts it: an interrupt gives exit code 130 from its first moment on."""
-    signal.signal(signal.SIGINT, at_once)
-    from forceid.cli.app import main
-
-    sys.unraisablehook = lambda _: None  # an interrupt that fell where nothing can be raised
-    try:
-        signal.signal(signal.SIGINT, ask)
-        code = main()
-    except KeyboardInterrupt:  # before the command began, or after it ended
-        code = fail("interrupted", INTERRUPTED)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and told
-    sys.exit(code)
-
-
 def check_room() -> None:
     """An EstimationError where the libraries would stand still for want of address space as they load."""
     with suppress(ImportError):
@@ -78,15 +60,3 @@ def check_room() -> None:
         if 0 < space < ROOM:
             what = f"has {space >> 20} MB of address space, expected {ROOM >> 20} MB or more"
             raise EstimationError(what, "the process", "raise the limit with ulimit -v")
-
-
-def at_once(_number: int, _frame: FrameType | None) -> NoReturn:
-    """Nothing is loaded yet, and nothing begun."""
-    os.write(2, b"forceid: error: interrupted\n")
-    os._exit(INTERRUPTED)
-
-
-def ask(_number: int, _frame: FrameType | None) -> NoReturn:
-    """Remember the interrupt, and raise it."""
-    ASKED.append(1)
-    raise KeyboardInterrupt
