@@ -43,6 +43,7 @@ def hidden_of(recording):
     return hidden_mass(kinematics(recording.body, recording.motion, load_settings(model="modal")).markers)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("told", ["masses", "whole"])
 def test_six_shapes_have_the_momenta_of_masses_that_move_as_markers_do_about_what_nobody_sees(told):
     recording = recorded(0, told)
@@ -96,6 +97,7 @@ def test_hidden_mass_follows_the_modes_that_take_force_by_weights_that_share_wha
     np.testing.assert_allclose(followers.led(weight[:4], q), np.einsum("tjs,ts->tj", by_weight, weight[:4]))
 
 
+@pytest.mark.long
 def test_a_mass_center_that_moves_with_several_modes_is_claimed():
     """All six nodes of a net are marked, and swing in three modes from 9.7 to 20.5 Hz; no masses are told."""
     rng = np.random.default_rng([20261, 147])
@@ -122,6 +124,7 @@ def test_force_and_moment_beside_hidden_mass_are_claimed_to_a_factor_of_two(told
     assert np.nanmedian(off, axis=0).max() < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("told", ["masses", "whole"])
 def test_noise_that_is_not_stated_is_no_less_where_a_deformation_hides_the_poses(told):
     stated = recorded(9, told)

@@ -105,6 +105,7 @@ def test_errors_that_walk_are_not_taken_for_filtered():
         assert isinstance(found.color, Color)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cut", [40.0, *(pytest.param(cut, marks=pytest.mark.long) for cut in (20.0, 10.0))])
 def test_tracks_low_passed_at_the_source_are_estimated_as_well_as_raw_ones(cut):
     """A body under forces below 2 Hz, told nothing of its errors nor of the filter."""

@@ -171,6 +171,7 @@ def test_measured_attitude_of_a_body_of_singular_inertia_is_no_error(estimated, 
     assert cf.rms(result.moment) < 0.1
 
 
+@pytest.mark.long
 def test_sensors_alone_tell_the_moment_of_a_rod(estimated):
     """A rod that swings, with its spin: gyros read both, and the tensor of the rod takes the spin out."""
     recording = sensed(swung(*JAVELIN, spin=3.0, noise=0.0))

@@ -65,6 +65,7 @@ def swelling():
     return Recording(body, Motion(time, x.reshape(len(time), 16, 3), gravity=np.zeros(3)))
 
 
+@pytest.mark.long
 def test_a_joint_stays_where_the_strain_of_a_part_takes_it(swelling):
     part = [{"name": "ab"[k], "nodes": list(range(8 * k, 8 * k + 8))} for k in range(2)]
     joint = {"name": "ball", "parts": ("a", "b"), "at": (0.15, 0.02, -0.03), "kind": "ball"}

@@ -75,6 +75,7 @@ def rms(values):
     return float(np.sqrt(np.mean(central(values) ** 2)))
 
 
+@pytest.mark.long
 def test_a_ball_joint_bears_what_holds_the_pendulum():
     recording, at, force, _ = pendulum(70)
     found = estimate_recording(recording, held(at)).interface

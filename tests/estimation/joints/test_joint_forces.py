@@ -236,6 +236,7 @@ def test_a_push_on_a_part_named_external_leaves_the_joint_force_to_the_other(pus
     assert rms(e[..., :3]) < 0.1 * rms(truth["joint_force"])
 
 
+@pytest.mark.long
 def test_a_loop_of_welds_is_said_to_hide_its_joints_and_a_tree_beside_it_is_told():
     parameters = chain(0, 3, drive=0.0)
     recording = seen(parameters, 0)
@@ -260,6 +261,7 @@ def test_a_joint_put_in_the_wrong_place_is_noticed():
     assert any("apart at joint joint_0" in reason for reason in found.verdict.reasons)
 
 
+@pytest.mark.long
 def test_a_part_that_is_refused_takes_the_joints_with_it():
     parameters = chain(0)
 

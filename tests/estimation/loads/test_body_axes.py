@@ -153,6 +153,7 @@ def test_noise_along_axes_that_turn_is_as_large_as_a_steady_spin_makes_it() -> N
     np.testing.assert_allclose(load, turning.of_position(w) * w**4, rtol=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turns", [False, True])
 def test_the_record_says_whether_a_force_turns_with_the_body(turns: bool) -> None:
     found = estimate_recording(thrust(turns), load_settings(model="rigid"))
