@@ -9,8 +9,7 @@ axes, swing and spin of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from time import process_time
 
 import numpy as np
@@ -22,17 +21,14 @@ from forceid.config import Settings
 from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
-from forceid.estimation.joints.linkage import at_joints, linkage_of, split
-from forceid.estimation.joints.linked_flight import bending_of, linked_parts, smooth_linked, widened_prior
+from forceid.estimation.joints.link_loads import LinkLoad, link_loads
+from forceid.estimation.joints.linkage import at_joints, carried_over, linkage_of, split
+from forceid.estimation.joints.linked_flight import LinkedFlight, bending_of, linked_parts, smooth_linked
 from forceid.estimation.joints.parts import parts_of
-from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole
-from forceid.flight.channels import start_of
-from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import smooth_flight
+from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import engine
-from forceid.principal.wrench import transport_matrix
 from forceid.records import Array, Estimate, Motion, Recording
 from forceid.scenes.flights import hinged
 
@@ -84,47 +80,42 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
     """
     parts, joints = parts_of(recording, settings)
     passes, truth = engine(), recording.truth
-    told: list[Solution | None] = []
-    for k, part in enumerate(parts):
-        estimate, solution = solved[part.name]
-        assert solution is not None
-        assert solution.smoothing is not None
-        wrench = np.zeros((len(estimate.time), 6))
-        for j, joint in enumerate(joints):
-            for end, sign in ((joint.before, -1), (joint.behind, 1)):
-                if end == k:
-                    arm = truth["joint_point"][:, j] - estimate.center
-                    F = sign * truth["joint_force"][:, j]
-                    wrench += np.concatenate([F, sign * truth["joint_moment"][:, j] + np.cross(arm, F)], 1)
-        kin = solution.kinematics
-        channels = force_channel(kin, recording.motion.gravity), moment_channel(kin, solution.deformation)
-        priors = {}
-        for name, load, channel in zip(
-            ("force", "moment"), (wrench[:, :3], wrench[:, 3:]), channels, strict=True
-        ):
-            tuned, axes = fitted_prior(estimate.time, load)
-            start = start_of(channel.time, channel.moved @ axes, channel.gain)
-            priors[name] = LoadPrior(tuned, axes, start)
-        state = smooth_flight(solution.smoothing.flight, priors["force"], priors["moment"], passes)
-        told.append(replace(solution, state=state, smoothing=replace(solution.smoothing, priors=priors)))
-    estimates = [solved[part.name][0] for part in parts]
-    linkage = linkage_of(parts, joints, estimates, told)
-    linked = linked_parts(told, 99, passes)
-    balance = joint_smoothing.unupset(linkage, estimates)
-    assert balance is not None
-    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, told)
-    tied = stacked_constraints([balance[0], *ties])
-    more = 6 * len(parts) / balance[1]
-    priors_of_all = [{n: widened_prior(p, more) for n, p in part.smoothing.priors.items()} for part in linked]
-    w, C = smooth_linked(linked, priors_of_all, bending_of(linked, tied), tied, passes)
-    to_joints = -split(linkage)
-    for k in range(len(parts)):
-        to_joints[:, :, 6 * k : 6 * k + 6] = to_joints[:, :, 6 * k : 6 * k + 6] @ transport_matrix(
-            linkage.arms[:, k]
-        )
+    estimates, solutions = ([solved[part.name][k] for part in parts] for k in (0, 1))
+    linkage = linkage_of(parts, joints, estimates, solutions)
+    wrench = np.zeros((len(estimates[0].time), 6 * len(parts)))
+    for j, joint in enumerate(joints):
+        for end, sign in ((joint.before, -1), (joint.behind, 1)):
+            F = sign * truth["joint_force"][:, j]
+            arm = truth["joint_point"][:, j] - estimates[end].center
+            M = sign * truth["joint_moment"][:, j] + np.cross(arm, F)
+            wrench[:, 6 * end : 6 * end + 6] += np.concatenate([F, M], 1)
+    loads = told_loads(estimates[0].time, link_loads(linkage, estimates, FREE), wrench)
+    linked = linked_parts(solutions)
+    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, solutions)
+    tied = stacked_constraints(ties, len(wrench), len(parts))
+    flight = LinkedFlight(linked, loads, tied, joint_smoothing.moment_unplaced(linkage, estimates))
+    w, C = smooth_linked(flight, bending_of(flight), passes)
+    to_joints = -split(linkage) @ carried_over(linkage)
     g = np.einsum("tij,tj->ti", to_joints, w.reshape(len(w), -1)).reshape(len(w), len(joints), 6)
     force, moment, cov = at_joints(linkage, g, to_joints @ C @ to_joints.swapaxes(1, 2))
     return np.concatenate([force, moment], -1), cov
+
+
+def told_loads(time: Array, loads: Sequence[LinkLoad], wrench: Array) -> list[LinkLoad]:
+    """Loads of links with the priors that the true wrenches (time, part * 6) on the parts call for."""
+    true = (np.linalg.pinv(np.concatenate([load.on_parts for load in loads], 2)) @ wrench[..., None])[..., 0]
+    order, found, at = FREE, list[LinkLoad](), 0
+    for load in loads:
+        count = load.on_parts.shape[2]
+        seen = np.pad(true[:, at : at + count], ((0, 0), (0, 3 - count)))
+        tuned, axes = fitted_prior(time, seen, (order,) if found else ORDERS)
+        order, at = tuned.kernel.order, at + count
+        passed, on_parts = (
+            np.pad(a, ((0, 0), (0, 0), (0, 3 - count))) @ axes for a in (load.passed, load.on_parts)
+        )
+        mean = np.full(3, 10 * float(np.abs(seen).max() or 1.0))
+        found.append(LinkLoad(load.link, load.force, tuned.kernel, mean, passed, on_parts))
+    return found
 
 
 def flights(name: str, seeds: int) -> Iterator[tuple[list[Array], float, float]]:

@@ -21,7 +21,7 @@ from forceid.estimation.methods.imu_only import (
     unmarked_flight,
     unmarked_kinematics,
 )
-from forceid.estimation.run import check_stiffness, with_stated
+from forceid.estimation.run import check_stiffness, with_stated, without_mechanism
 from forceid.estimation.verdict.finding import judge_leakage, judge_recording, refusing
 from forceid.estimation.verdict.leakage import Leakage, leakage
 from forceid.estimation.verdict.sensitivity import Budget, body_sensitivity
@@ -176,10 +176,11 @@ def inspect(tree: xarray.DataTree, config: Any = None, **settings: Any) -> Inspe
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     """What the recording holds, which wrench components it determines, and up to which frequency."""
     recording = with_stated(recording, settings)
+    linkage = inspect_linkage(recording, settings) if settings.part or settings.joint else None
+    recording = without_mechanism(recording, settings)
     body, motion = recording.body, recording.motion
     check_stiffness(body)
     check_points(settings, body)
-    linkage = inspect_linkage(recording, settings) if settings.part or settings.joint else None
     if is_unmarked(motion):
         return inspect_unmarked(recording, settings)
     kin = kinematics(body, motion, settings)

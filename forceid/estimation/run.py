@@ -100,7 +100,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     with recorded() as spent, stage("rest"), threads_for(3 * len(recording.body.node)):
         recording = with_stated(recording, settings)
         try:
-            result, _ = estimate_whole(recording, settings)
+            result, _ = estimate_whole(without_mechanism(recording, settings), settings)
         except EstimationError as e:
             if not settings.part:
                 raise
@@ -221,9 +221,9 @@ def with_known_axes(solution: Solution) -> Solution:
     """The solution with claims grown for what tells nothing of its priors, and the moment that mass on a line
     or a point cannot have.
     """
-    if solution.growth is not None:
-        solution = replace(solution, state=grown(solution.state, solution.growth))
-    moved = solution.deformation.grown(solution.growth, solution.moving)
+    if (growth := solution.grown) is not None:
+        solution = replace(solution, state=grown(solution.state, growth))
+    moved = solution.deformation.grown(growth, solution.moving)
     solution = replace(solution, deformation=moved)
     kin = solution.kinematics
     # a flight that leaves out the spin cannot be smoothed together with others that joints hold to it
@@ -262,6 +262,16 @@ def check_stiffness(body: Body) -> None:
         raise DataError("is all zero", "/body/stiffness", "leave it out: a force needs no stiffness")
     if reasons := objectivity(body.stiffness, body.position).reasons:
         raise DataError(reasons[0].removeprefix("the stiffness "), "/body/stiffness")
+
+
+def without_mechanism(recording: Recording, settings: Settings) -> Recording:
+    """A recording without a stiffness under which parts move freely against each other: it is theirs."""
+    body = recording.body
+    if not settings.part or body.stiffness is None or body.position is None or not body.stiffness.any():
+        return recording
+    if not objectivity(body.stiffness, body.position).reasons:
+        return recording
+    return replace(recording, body=replace(body, stiffness=None))
 
 
 @stage("verdict")

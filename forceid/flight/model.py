@@ -172,29 +172,63 @@ def pushed(flight: Flight, reference: Reference, Y: Array, H: Array) -> Referenc
     return trajectory_of(flight, reference.rotation, reference.moment.read(reference.chain)[0], T, dT)
 
 
+@dataclass(frozen=True)
+class TurnStep:
+    """What moves the rotation error over each step, world axes, a left error: theta becomes d_theta theta +
+    by_H H + by_Y Y + by_more h + offset.
+
+    H: angular momentum at its start; Y, h: what a moment adds over it to the second and the first of its
+    integrals. d_theta, by_H, by_Y, by_more (step, 3, 3); offset (step, 3).
+    """
+
+    d_theta: Array
+    by_H: Array
+    by_Y: Array
+    by_more: Array
+    offset: Array
+
+
+def turn_step(flight: Flight, reference: Reference, Y: Array, h: Array) -> TurnStep:
+    """The same about a reference whose moment adds Y and h (step, 3) over each step.
+
+    A load moves both, as H = b s + c s^2 with that Y and h at the end does, and the rotation by what such an
+    H turns it; J^-1 Y where the step is short.
+    """
+    s = np.diff(flight.time)[:, None, None]
+    R, d_theta, d_H = turn_along(pushed(flight, reference, Y, h))
+    by_Y, by_more = 6 * (d_H[1] - d_H[2] / s) / s**2, (3 * d_H[2] / s - 2 * d_H[1]) / s
+    H = reference.chain[:-1, MOMENTUM] @ reference.moment.axes.T
+    moved = np.einsum("tij,tj->ti", np.concatenate([d_H[0], by_Y, by_more], 2), np.concatenate([H, Y, h], 1))
+    return TurnStep(d_theta, d_H[0], by_Y, by_more, between(R, reference.rotation[1:]) - moved)
+
+
+def added_moment(prior: LoadPrior, F: Array, chain: Array) -> tuple[Array, Array]:
+    """What a load adds over each step to the second and the first of its integrals (step, 3), world axes.
+
+    F (step, state, state) and chain (time, state) of its prior.
+    """
+    load = chain[:-1, LOAD, None]
+    Y, h = ((F[:, rows, LOAD] @ load)[..., 0] @ prior.axes.T for rows in (INTEGRAL, MOMENTUM))
+    return Y, h
+
+
 def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
-    step = np.diff(flight.time)
-    F, Q, P0 = map(np.array, prior.chain(step, reference.rotation, flight.time[0]))
-    load = reference.chain[:-1, LOAD, None]  # what it adds over each step to its integrals, world axes
-    Y, H = ((F[:, rows, LOAD] @ load)[..., 0] @ reference.moment.axes.T for rows in (INTEGRAL, MOMENTUM))
-    R, d_theta, d_H = turn_along(pushed(flight, reference, Y, H))
-    # the chain's first state Y is the integral of H: a load moves both, as H = b s + c s^2 with that Y and H
-    # at the end does, and the rotation by what such an H turns it; J^-1 Y where the step is short
-    s = step[:, None, None]
-    by_Y, by_H = 6 * (d_H[1] - d_H[2] / s) / s**2 @ prior.axes, (3 * d_H[2] / s - 2 * d_H[1]) / s @ prior.axes
-    start = d_H[0] @ prior.axes
+    F, Q, P0 = map(np.array, prior.chain(np.diff(flight.time), reference.rotation, flight.time[0]))
+    Y, h = added_moment(reference.moment, F, reference.chain)
+    turn = turn_step(flight, reference, Y, h)
+    by_Y, by_H = turn.by_Y @ prior.axes, turn.by_more @ prior.axes
     theta = INTEGRAL  # in place of Y
     F[:, theta, LOAD] = by_Y @ F[:, INTEGRAL, LOAD] + by_H @ F[:, MOMENTUM, LOAD]
-    F[:, theta, MOMENTUM], F[:, theta, theta] = start, d_theta
+    F[:, theta, MOMENTUM], F[:, theta, theta] = turn.by_H @ prior.axes, turn.d_theta
     if prior.body_axes is not None:  # its states say where it stands in the body: in the world theta turns it
-        F[:, MOMENTUM, theta] = -skew(H)
-        F[:, theta, theta] -= by_Y @ skew(Y) + by_H @ skew(H)
+        F[:, MOMENTUM, theta] = -skew(h)
+        F[:, theta, theta] -= by_Y @ skew(Y) + by_H @ skew(h)
     Q[:, theta] = by_Y @ Q[:, INTEGRAL] + by_H @ Q[:, MOMENTUM]
     Q[:, :, theta] = Q[:, :, INTEGRAL] @ by_Y.swapaxes(1, 2) + Q[:, :, MOMENTUM] @ by_H.swapaxes(1, 2)
     P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
-    u = np.zeros((len(step), len(P0)))
-    u[:, :3] = between(R, reference.rotation[1:]) - np.einsum("tij,tj->ti", F[:, :3], reference.chain[:-1])
+    u = np.zeros((len(F), len(P0)))
+    u[:, :3] = turn.offset
     return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)
 
 

@@ -8,7 +8,7 @@ Source: principal equations 4e, 4f.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +76,7 @@ def prior_of(case: Case, load: str, channel: Channel) -> LoadPrior:
     return LoadPrior(tuned, axes, start_of(channel.time, channel.moved @ axes, channel.gain))
 
 
-def fitted_prior(time: Array, load: Array) -> tuple[Tuned, Array]:
+def fitted_prior(time: Array, load: Array, orders: Sequence[int] = ORDERS) -> tuple[Tuned, Array]:
     """Matern prior of a load (time, 3) about its mean, by likelihood along its own axes, and those axes.
 
     One order for all three; of the orders, the smoothest within PATIENCE of the likeliest.
@@ -96,7 +96,7 @@ def fitted_prior(time: Array, load: Array) -> tuple[Tuned, Array]:
     moving = size > QUIET * max(float(size.max()), 1.0)
     step, span = float(np.median(np.diff(time))), float(np.ptp(time))
     best: tuple[float, int, Array] | None = None
-    for order in sorted(ORDERS, reverse=True) if moving.any() else ORDERS[:1]:
+    for order in sorted(orders, reverse=True) if moving.any() else orders[:1]:
         theta = np.zeros((3, 2))
         theta[:, 1] = np.log(1 / span)
         value = 0.0

@@ -50,8 +50,15 @@ class Constraints:
     bends: Array
 
 
-def stacked_constraints(constraints: Sequence[Constraints]) -> Constraints:
-    """All constraints as one."""
+def stacked_constraints(constraints: Sequence[Constraints], time: int, parts: int) -> Constraints:
+    """All constraints on so many parts at so many times as one, without rows where there are none."""
+    none = np.zeros((time, 0))
+    constraints = constraints or [
+        Constraints(
+            np.zeros((time, 0, 6 * parts)), np.zeros((time, 0, 9 * parts)), none[..., None], none, none,
+            np.zeros(0), np.zeros(0),
+        )
+    ]  # fmt: skip
     each = [len(t.spread) for t in constraints]
     at = np.cumsum([0, *each])
     offset = [
@@ -64,13 +71,6 @@ def stacked_constraints(constraints: Sequence[Constraints]) -> Constraints:
         offset=np.concatenate(offset, 1), spread=np.concatenate([t.spread for t in constraints]),
         bends=np.concatenate([t.bends for t in constraints]), **rows,
     )  # fmt: skip
-
-
-def balanced(rows: Array, slack: Array) -> Constraints:
-    """Combinations (time, row, part * 6) of the wrenches that are zero, to within a variance (time, row)."""
-    time, count, size = rows.shape
-    on_motion, none = np.zeros((time, count, size // 6 * 9)), np.zeros((time, count, 0))
-    return Constraints(rows, on_motion, none, np.zeros(slack.shape), slack, np.zeros(0), np.zeros(count))
 
 
 def held_poses(

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
+from forceid.estimation.joints.link_loads import unseen_ringing
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import Joint, Part, parts_of
 from forceid.estimation.joints.together import chance_limit, smooth_linked_parts
@@ -61,17 +62,20 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
     g, C = found.wrench, found.joint_cov
     assert C is not None
-    smoothed = None
+    together = None
+    solutions = [solution for _, solution in solved]
     misfit = found.chi_square[np.isfinite(found.chi_square)]
     if not found.dof or not misfit.size or misfit.mean() < WILD**2 * found.dof:  # else they contradict
-        smoothed = smooth_linked_parts(
-            linkage, parts, joints, estimates, [solution for _, solution in solved], settings
-        )
-    if smoothed is not None:
-        to_joints, (together, together_cov, moving) = -split(linkage), smoothed
-        g = np.einsum("tij,tj->ti", to_joints, together.reshape(len(g), -1)).reshape(g.shape)
-        C = to_joints @ together_cov @ to_joints.swapaxes(1, 2)
-        findings += moving
+        together, said = smooth_linked_parts(linkage, parts, joints, estimates, solutions, settings)
+        findings += said
+    if together is not None:
+        to_joints = -split(linkage)
+        g = np.einsum("tij,tj->ti", to_joints, together.wrench.reshape(len(g), -1)).reshape(g.shape)
+        C = to_joints @ together.cov @ to_joints.mT
+    if not all(part.rigid for part in parts):
+        loads = None if together is None else together.loads
+        looks = [{} if solution is None else solution.looks for solution in solutions]
+        C = C + unseen_ringing(linkage, loads, looks)
     count = len(joints)
     null = found.null_space.reshape(len(linkage.links), 6, -1)
     determined = found.determined[:count]

@@ -99,6 +99,7 @@ def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
         )
     own = Body(node=tuple(body.node[k] for k in nodes) if body.node else (), position=X)
     own = with_mass(own, setting, nodes, body, where)
+    own = with_shapes(own, nodes, body)
     if body.internal_momentum is not None and not body.internal_momentum.any():
         own = replace(own, internal_momentum=body.internal_momentum)  # nothing turns inside any part
     inertia = inertia_of(own)
@@ -132,6 +133,24 @@ def with_mass(own: Body, setting: PartSetting, nodes: Indices, body: Body, where
             raise ConfigError(what, where, "give its mass, center and inertia")
         return replace(own, mass_matrix=body.mass_matrix[np.ix_(dof, dof)])
     raise ConfigError("is of a body known only as a whole", where, "give its mass, center and inertia")
+
+
+def with_shapes(own: Body, nodes: Indices, body: Body) -> Body:
+    """The part with the stiffness and the modes that are its alone, and none that others share."""
+    dof = (3 * nodes[:, None] + np.arange(3)).ravel()
+    if (K := body.stiffness) is not None and len(K) == 3 * len(body.node or ()):
+        between = np.delete(K[dof], dof, axis=1)
+        if np.abs(between).max(initial=0.0) <= SOLVED * np.abs(K).max() and K[np.ix_(dof, dof)].any():
+            own = replace(own, stiffness=K[np.ix_(dof, dof)])
+    if (shape := body.mode_shape) is not None:
+        alone = ~np.delete(shape, nodes, axis=1).any((1, 2)) & shape[:, nodes].any((1, 2))
+        if alone.any():
+            frequency, damping = (
+                None if each is None else each[alone] for each in (body.mode_frequency, body.mode_damping)
+            )
+            shape = shape[alone][:, nodes]
+            own = replace(own, mode_shape=shape, mode_frequency=frequency, mode_damping=damping)
+    return own
 
 
 def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:

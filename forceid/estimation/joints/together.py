@@ -5,7 +5,8 @@ Source: principal equations 2.8, 4f, 4h.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -16,14 +17,14 @@ from forceid.estimation.joints.constraints import (
     Constraints,
     PartMotion,
     accelerated,
-    balanced,
     held_poses,
     stacked_constraints,
 )
-from forceid.estimation.joints.linkage import Linkage, balances, carried_over, pose_cov
+from forceid.estimation.joints.link_loads import LinkLoad, link_loads
+from forceid.estimation.joints.linkage import Linkage, carried_over, pose_cov
 from forceid.estimation.joints.linked_flight import (
+    LinkedFlight,
     LinkedPart,
-    Priors,
     linked_parts,
     smooth_linked,
     tuned_linked,
@@ -38,7 +39,18 @@ from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import DENIED, SIGMAS
 
-HELD = 0.004  # standard deviations of parts by themselves, to which balances and accelerations are held
+HELD = 0.004  # standard deviations of parts by themselves, to which accelerations are held
+
+
+@dataclass(frozen=True)
+class Together:
+    """Wrenches (time, part, 6) about the center of all parts smoothed together, their covariance (time, part
+    * 6, part * 6), and what the loads of the links were taken for.
+    """
+
+    wrench: Array
+    cov: Array
+    loads: Sequence[LinkLoad]
 
 
 def smooth_linked_parts(
@@ -48,39 +60,39 @@ def smooth_linked_parts(
     estimates: list[Estimate],
     solutions: list[Solution | None],
     settings: Settings,
-) -> tuple[Array, Array, list[Finding]] | None:
-    """Wrenches (time, part, 6) about the center of all and covariance (time, part * 6, part * 6) of the parts
-    smoothed together, and findings; None where one was not smoothed by itself, or where they contradict.
+) -> tuple[Together | None, list[Finding]]:
+    """The parts smoothed together, and findings; None where one was not smoothed by itself, or where they
+    contradict.
     """
     passes = engine(settings.engine)
-    if sharp(linkage, solutions) or (balance := unupset(linkage, estimates)) is None:
-        return None
-    found: list[tuple[float, list[LinkedPart], Priors, Bending, Constraints, list[Finding]]] = []
+    if sharp(linkage, solutions) or not (parted := linked_parts(solutions)):
+        return None, []
+    constraints, findings = constraints_of(linkage, joints, parts, parted, estimates, solutions)
+    tied = stacked_constraints(constraints, len(linkage.center), len(parts))
+    unplaced = moment_unplaced(linkage, estimates)
+    found: list[tuple[float, LinkedFlight, Bending]] = []
     near = np.zeros(6)
-    kernels = [p.kernel for s in solutions if s and s.smoothing for p in s.smoothing.priors.values()]
-    top = max((kernel.order for kernel in kernels), default=0)
-    for order in sorted({min(order, top) for order in (FREE, FREE - 1)}, reverse=True):  # the smoothest first
-        linked = linked_parts(solutions, order, passes)
-        if not linked:
-            return None
-        constraints, findings = constraints_of(linkage, joints, parts, linked, estimates, solutions)
-        tied = stacked_constraints([balance[0], *constraints])
-        widening = 6 * len(parts) / balance[1]
-        priors, bending, likely, near = tuned_linked(linked, tied, widening, passes, near)
-        found.append((likely, linked, priors, bending, tied, findings))
+    for order in (FREE, FREE - 1):  # the smoothest first
+        loads = link_loads(linkage, estimates, order)
+        if not loads:
+            return None, findings
+        flight = LinkedFlight(parted, loads, tied, unplaced)
+        flight, bending, likely, near = tuned_linked(flight, passes, near)
+        found.append((likely, flight, bending))
         if likely < max(value for value, *_ in found):
             break
-    for candidate in sorted(found, key=lambda one: -one[0]):
-        _, linked, priors, bending, tied, findings = candidate
-        w, C = smooth_linked(linked, priors, bending, tied, passes)
+    for _, flight, bending in sorted(found, key=lambda one: -one[0]):
+        w, C = smooth_linked(flight, bending, passes)
         if np.isfinite(C[np.isfinite(w).all((1, 2))]).all():  # else a prior so smooth is lost to rounding
             break
     else:
-        return None
+        return None, findings
     carry = carried_over(linkage)
-    for k, part in enumerate(linked):
+    for k, solution in enumerate(solutions):
+        assert solution is not None
+        assert solution.smoothing is not None
         own = slice(6 * k, 6 * k + 6)
-        C[:, own, own] += part.smoothing.allowance
+        C[:, own, own] += solution.smoothing.allowance
     # one factor for all, lest balances that are all but exact were upset
     each = [s.growth for s in solutions if s is not None and s.growth is not None]
     growth = [np.trace(one, axis1=-2, axis2=-1).mean() / len(one.T) for one in each]
@@ -88,8 +100,8 @@ def smooth_linked_parts(
     moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
     claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
     if np.nanmean(moved**2 / claimed) > SIGMAS**2:
-        return None  # parts that contradict each other are for the test of consistency
-    return transport(w, linkage.arms), carry @ C @ carry.swapaxes(1, 2), findings
+        return None, findings  # parts that contradict each other are for the test of consistency
+    return Together(transport(w, linkage.arms), carry @ C @ carry.mT, flight.loads), findings
 
 
 def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
@@ -112,7 +124,7 @@ def constraints_of(
     A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid
     hold it exactly, and parts that may bend as far as the markers let them: how fast these ring nobody says.
     """
-    rotation, frame = [p.reference.rotation for p in linked], [p.smoothing.flight.pose_cov for p in linked]
+    rotation, frame = [p.reference.rotation for p in linked], [p.flight.pose_cov for p in linked]
     centers = np.stack([e.center for e in estimates], 1)
     spread = [pose_cov(solution, len(centers)) for solution in solutions]
     motions = [motion_of(part) for part in linked]
@@ -130,25 +142,13 @@ def constraints_of(
     return constraints, findings
 
 
-def unupset(linkage: Linkage, estimates: list[Estimate]) -> tuple[Constraints, int] | None:
-    """Combinations of wrenches that no link upsets, and how many they do upset; None without whole frames."""
-    A, _, length = balances(linkage)
-    known = np.asarray(np.isfinite(A).all((1, 2)))
-    if not known.any():
-        return None
-    U, s, _ = np.linalg.svd(np.where(known[:, None, None], A, 0.0))
-    rank = int((s > SINGLE * np.maximum(s[:, :1], 1e-300)).sum(1)[known].max(initial=0))
-    null = U[:, :, rank:].swapaxes(1, 2) * np.tile(np.repeat([1.0, 1 / length], 3), linkage.arms.shape[1])
-    rows = np.where(known[:, None, None], null @ carried_over(linkage), np.nan)
-    # how far off a balance may be: a little of what is claimed, and what arms and axes known this well make
+def moment_unplaced(linkage: Linkage, estimates: list[Estimate]) -> Array:
+    """Variance (time, part) of the moment on each part, N2 m2, since where joints are and how their axes
+    stand is known by so much.
+    """
     tilt = np.einsum("tjaa->tj", linkage.tilt).max(1)
-    slack, reach = np.zeros(rows.shape[:2]), np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
-    for k, e in enumerate(estimates):
-        on = rows[:, :, 6 * k : 6 * k + 6]
-        slack += HELD**2 * np.einsum("tri,tij,trj->tr", on, e.wrench_cov, on)
-        off = (e.force**2).sum(1) * reach + (e.moment**2).sum(1) * tilt
-        slack += (on[:, :, 3:] ** 2).sum(2) * off[:, None]
-    return balanced(rows, slack), rank
+    reach = np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
+    return np.stack([(e.force**2).sum(1) * reach + (e.moment**2).sum(1) * tilt for e in estimates], 1)
 
 
 def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> tuple[Array, float]:
@@ -181,7 +181,7 @@ def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> t
 
 def motion_of(part: LinkedPart) -> PartMotion:
     """A part along its reference."""
-    reference, flight = part.reference, part.smoothing.flight
+    reference, flight = part.reference, part.flight
     H, T, _ = reference.moment.read(reference.chain)
     return PartMotion(reference.rotation, H, T, flight.mass, flight.inertia, flight.h, flight.gravity)
 
@@ -191,7 +191,7 @@ def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> A
     found = []
     for k in joint.moving:
         cov = np.diagonal(estimates[k].wrench_cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(2)
-        flight = linked[k].smoothing.flight
+        flight = linked[k].flight
         light = np.linalg.eigvalsh(flight.inertia)[:, 0]
         found.append(cov / np.stack([np.full(len(cov), flight.mass**2), light**2], 1))
     return np.asarray(HELD**2 * sum(found))

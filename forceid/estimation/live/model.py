@@ -121,7 +121,7 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         inside=kin.inside, gravity=gravity, force=to_go_on(solution.priors["force"]),
         moment=to_go_on(solution.priors["moment"]) if turning else None,
         momentum=np.nan_to_num(state.H[0]),
-        spread=np.eye(6) if solution.growth is None else solution.growth**2,
+        spread=np.eye(6) if (growth := solution.grown) is None else growth**2,
         allowance=extra[n : T - n].mean(0) * lasts, at_first=extra * (not lasts),
         least=float(np.linalg.eigvalsh(J)[:, 0].min()),
         slow=1.0 if kin.color is None else kin.color.slow, level=kin.model, tuned=solution.tuned,

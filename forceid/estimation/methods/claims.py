@@ -152,9 +152,11 @@ def allow_for_priors(problem: Problem) -> Problem:
     told = {name: stated_of(problem.settings, name) for name in looks}
     rivals = {name: look for name, look in looks.items() if (one := told[name]) is None or not one.whole}
     growth = growth_along_own(state, rivals)
-    if shape := markers_beside_pose(kin, looks):
-        growth, said = ringing_body.allow_for_ringing_body(looks, *shape, state, growth)
-        problem = problem.noting(*said)
+    shape = markers_beside_pose(kin, looks)
+    problem = replace(problem, looks=looks)
+    if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
+        ringing, said = ringing_body.allow_for_ringing_body(looks, ringing, state, growth)
+        problem = replace(problem, ringing=ringing).noting(*said)
     if not inside:
         return replace(problem, growth=growth)
     arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
@@ -236,4 +238,6 @@ def solution_of(problem: Problem) -> Solution:
         problem.moving,
         problem.impulses,
         misfit * typical_variance(problem.plain),
+        problem.ringing,
+        problem.looks,
     )

@@ -15,6 +15,8 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
+from forceid.estimation.loads.hidden.ringing_body import Ringing
+from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight, Reference, seen_part
@@ -42,7 +44,8 @@ class Problem:
     wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
     wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
     between axes of its loads that the record does not tell apart, None for none; growth: of the errors
-    claimed, moving: of those of affine modes; impulses: of loads that come in pieces.
+    claimed, moving: of those of affine modes; impulses: of loads that come in pieces; ringing: loads that may
+    ring with the body unseen; looks: channels as their priors whiten them.
     """
 
     body: Body
@@ -74,6 +77,8 @@ class Problem:
     growth: Array | None = None
     moving: Array | None = None
     impulses: Impulses | None = None
+    ringing: Ringing | None = None
+    looks: Mapping[str, Whitened] = field(default_factory=dict)
 
     @property
     def kin(self) -> Kinematics:
@@ -181,7 +186,8 @@ class Solution:
     what the record does not tell of its priors, moving (mode, 3): of those of amplitude, rate and
     acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
     of them. impulses: of loads that come in pieces; shown (6,): variance of the wrench that its innovations
-    show at least, NaN where they do not.
+    show at least, NaN where they do not; ringing: loads that may ring with the body unseen;
+    looks: channels as their priors whiten them.
     """
 
     kinematics: Kinematics
@@ -198,6 +204,15 @@ class Solution:
     moving: Array | None = None
     impulses: Impulses | None = None
     shown: Array | None = None
+    ringing: Ringing | None = None
+    looks: Mapping[str, Whitened] = field(default_factory=dict)
+
+    @property
+    def grown(self) -> Array | None:
+        """The growth ([time,] 6, 6) of all claimed errors, with that of a body that is seen to ring."""
+        if self.ringing is None:
+            return self.growth
+        return self.ringing.growth if self.growth is None else self.ringing.growth @ self.growth
 
 
 def named(kin: Kinematics, priors: Mapping[str, LoadPrior]) -> dict[str, float]:

@@ -139,7 +139,7 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
     linked, truth = drawn_chains(2)[0]
-    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: (None, []))
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert rms(errors(apart, truth)[INNER, ..., :3]) > 2 * rms(errors(linked, truth)[INNER, ..., :3])
     assert rms(apart.force_std[INNER]) > 1.5 * rms(linked.force_std[INNER])
@@ -152,16 +152,17 @@ def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(mo
     monkeypatch.setattr(linked_flight, "bfgs_maximum", lambda _, start: start)
     monkeypatch.setattr(joint_smoothing, "smooth_linked", lost)
     found = joint_forces(recording, jointed(parameters), estimate_whole)
-    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: None)
+    monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: (None, []))
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert np.isfinite(found.wrench_cov).all()
     np.testing.assert_array_equal(found.force, apart.force)
 
 
-def lost(parts, priors, bending, ties, engine):
+def lost(flight, bending, engine):
     """A smoothing of which rounding leaves no covariance."""
-    wrench = np.zeros((len(ties.gap), len(parts), 6))
-    return wrench, np.full((len(wrench), 6 * len(parts), 6 * len(parts)), np.nan)
+    size = 6 * len(flight.parts)
+    wrench = np.zeros((len(flight.constraints.gap), len(flight.parts), 6))
+    return wrench, np.full((len(wrench), size, size), np.nan)
 
 
 @pytest.mark.long

@@ -9,8 +9,8 @@ Source: as of `order_uncertainty`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,34 +43,43 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Resonances:
-    """Resonances tried: frequency Hz and evidence, over none, of each; hidden by load, (resonance, axis):
-    the variance of what it does unseen to a load along the axes of its prior.
+class Ringing:
+    """Loads that ring with a body, as far as a record does not rule them out, and how clearly it shows them.
+
+    frequency (ordinate,) Hz; by load, (ordinate, axis) along the axes of its prior: noise, the density of its
+    noise as a load, smooth, that of the prior, and power, the variance at each ordinate of a load that rings.
+    gained: log-likelihood that a resonance at some frequency brings, over none, where the shape rings too;
+    at: the likeliest frequency, Hz. growth ([time,] 6, 6): of claimed errors of a body that is seen to ring.
     """
 
     frequency: Array
-    evidence: Array
-    hidden: dict[str, Array]
+    noise: dict[str, Array]
+    smooth: dict[str, Array]
+    power: dict[str, Array]
+    gained: float
+    at: float
+    growth: Array = field(default_factory=lambda: np.eye(6))
 
-    @property
-    def gained(self) -> float:
-        """Log-likelihood that the record gains by one at some frequency, over none."""
-        return float(np.logaddexp.reduce(self.evidence) - np.log(len(self.evidence)))
+    def hidden(self, load: str) -> Array:
+        """Variance (axis,) of what the smoother in use takes for noise of it."""
+        noise = self.noise[load]
+        return np.asarray((self.power[load] * (noise / (noise + self.smooth[load])) ** 2).sum(0))
+
+    def hidden_under(self, load: str, density: Array) -> Array:
+        """The same (other,) of a load of density (ordinate, other), of whose axes each may have any of it."""
+        noise, power = (a[load].mean(1, keepdims=True) for a in (self.noise, self.power))
+        return np.asarray((power * (noise / (noise + density)) ** 2).sum(0))
 
 
 def allow_for_ringing_body(
-    looks: Mapping[str, Whitened], residual: Array, freedoms: int, state: FlightState, growth: Array
-) -> tuple[Array, tuple[Finding, ...]]:
-    """Growth ([time,] 6, 6) of claimed errors that allows for a body that rings; a finding if it does.
-
-    residual (time, column) m: what the markers show beside their pose at the times of the channels; freedoms:
-    as many columns as no pose fits away.
+    looks: Mapping[str, Whitened], found: Ringing, state: FlightState, growth: Array
+) -> tuple[Ringing, tuple[Finding, ...]]:
+    """Loads that ring, with the growth of errors that claim `growth` ([time,] 6, 6) already, where the body
+    is seen to ring; a finding if it is.
     """
-    found = resonances(looks, residual, freedoms)
-    if found is None or not found.gained > np.log(STRONG):
-        return growth, ()
-    weight = np.exp(found.evidence - np.logaddexp.reduce(found.evidence))
-    own, more = np.eye(6), {name: weight @ hidden for name, hidden in found.hidden.items()}
+    if not found.gained > np.log(STRONG):
+        return found, ()
+    own, more = np.eye(6), {name: found.hidden(name) for name in looks}
     widest = 1.0
     for name, var in more.items():
         first = slice(0, 3) if name == "force" else slice(3, 6)
@@ -82,52 +91,105 @@ def allow_for_ringing_body(
         factor = np.sqrt(1 + var / claimed_along(axes, cov))
         own[..., first, first] = axes * factor @ axes.mT
         widest = max(widest, float(factor.max()))
+    found = replace(found, growth=own)
     if widest < WORSE:
-        return np.asarray(own @ growth), ()
+        return found, ()
     force, moment = (
         float(np.sqrt(more[name].sum())) if name in more else 0.0 for name in ("force", "moment")
     )
-    at = float(found.frequency[found.evidence.argmax()])
-    return np.asarray(own @ growth), (note("body-rings", frequency_hz=at, force=force, moment=moment),)
+    return found, (note("body-rings", frequency_hz=found.at, force=force, moment=moment),)
 
 
-def resonances(looks: Mapping[str, Whitened], residual: Array, freedoms: int) -> Resonances | None:
-    """The resonances from where some load is not followed any more up to half of what samples show."""
-    look = looks["force"]
-    time = look.channel.time
-    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
-    ordinate: Array = np.fft.rfftfreq(len(time), step)[1:-1].astype(float)
-    slowest = max(2 / span, min(least_band(one.channel, one.prior, one.rotation) for one in looks.values()))
-    if not slowest < 0.25 / step:
-        return None
-    spectra, lost = {}, {}
+def ringing(looks: Mapping[str, Whitened], shape: tuple[Array, int] | None = None) -> Ringing | None:
+    """Loads that ring, from where some load is not followed any more up to half of what samples show.
+
+    shape: what the markers show beside their pose at the times of the channels (time, column) m, and as many
+    columns as no pose fits away; None where that is not known, so that no body is seen to ring.
+    """
+    rung = ringing_alike([looks], [shape])
+    return rung[0] if rung else None
+
+
+def ringing_alike(
+    each: Sequence[Mapping[str, Whitened]], shapes: Sequence[tuple[Array, int] | None]
+) -> list[Ringing]:
+    """Loads that ring with each of several bodies, at one frequency with all of them, as what they pass to
+    each other does; none where the loads of each are followed as far as samples show.
+    """
+    times = [looks["force"].channel.time for looks in each]
+    fastest = min(0.25 / float(np.median(np.diff(time))) for time in times)
+    slowest = max(
+        max(2 / float(np.ptp(time)) for time in times),
+        min(least_band(one.channel, one.prior, one.rotation) for looks in each for one in looks.values()),
+    )
+    if not slowest < fastest:
+        return []
+    frequencies = np.exp(np.arange(np.log(slowest), np.log(fastest), NEXT_RING))
+    tried = [list(resonances(looks, shape, frequencies)) for looks, shape in zip(each, shapes, strict=True)]
+    evidence = np.sum([[sum(one.gains.values()) for one in found] for found in tried], axis=0)
+    weight = np.exp(evidence - np.logaddexp.reduce(evidence))
+    # a load alone may oscillate: the body is seen to ring where its shape does
+    rings = [[one.gains.get("shape", 0.0) > 0 for one in found] for found in tried]
+    return [
+        rung(looks, found, weight, np.where(seen, evidence, -np.inf))
+        for looks, found, seen in zip(each, tried, rings, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One at some frequency, Hz: what it gains of each spectrum, over all sizes, and the mean of its size;
+    which ordinates it is near to, and its line (near,) there.
+    """
+
+    frequency: float
+    gains: dict[str, float]
+    size: dict[str, float]
+    near: Indices
+    line: Array
+
+
+def resonances(
+    looks: Mapping[str, Whitened], shape: tuple[Array, int] | None, frequencies: Array
+) -> Iterator[Resonance]:
+    """Resonances at some frequencies (frequency,) Hz, of each damping."""
+    time = looks["force"].channel.time
+    span, ordinate = float(np.ptp(time)), ordinates_of(time)
+    spectra = {}
     for name, one in looks.items():
         noise, smooth = one.densities(ordinate)
         power = np.abs(np.fft.rfft(one.innovation, axis=0)[1:-1]) ** 2 / one.seen
         spectra[name] = Spectrum(power, noise / (noise + smooth), 1.0)
-        lost[name] = noise * (noise / (noise + smooth)) ** 2
-    spectra["shape"] = shape_spectrum(time, residual, freedoms, look.channel.color)
-    frequency, found = [], []
-    hidden: dict[str, list[float]] = {name: [] for name in looks}
-    for f in np.exp(np.arange(np.log(slowest), np.log(0.25 / step), NEXT_RING)):
+    if shape is not None:
+        spectra["shape"] = shape_spectrum(time, *shape, looks["force"].channel.color)
+    for f in frequencies.tolist():
         for damping in RING_DAMPINGS:
             width = damping * f + 0.25 / span  # Hz; no line is narrower than a record shows it
             near = np.flatnonzero(np.abs(ordinate - f) < RING_WIDTHS * width)
             line = width**2 / (width**2 + (ordinate[near] - f) ** 2)
-            total = 0.0
-            for name, spectrum in spectra.items():
-                each = by_size(spectrum, near, line)
-                gained = float(np.logaddexp.reduce(each)) - np.log(len(RINGING_SIZES))
-                # a load alone may oscillate: the body is seen to ring where its shape does
-                total += gained if name in looks or gained > 0 else -np.inf
-                if name in looks:
-                    size = float(np.exp(each - np.logaddexp.reduce(each)) @ RINGING_SIZES)
-                    hidden[name].append(2 * size * ordinate[0] * line @ lost[name][near])
-            frequency.append(f)
-            found.append(total)
-    if not np.isfinite(found).any():
-        return None
-    return Resonances(np.array(frequency), np.array(found), {n: np.array(h) for n, h in hidden.items()})
+            each = {name: by_size(spectrum, near, line) for name, spectrum in spectra.items()}
+            gains = {n: float(np.logaddexp.reduce(e)) - float(np.log(len(e))) for n, e in each.items()}
+            size = {n: float(np.exp(e - np.logaddexp.reduce(e)) @ RINGING_SIZES) for n, e in each.items()}
+            yield Resonance(f, gains, size, near, line)
+
+
+def rung(looks: Mapping[str, Whitened], tried: Sequence[Resonance], weight: Array, shown: Array) -> Ringing:
+    """Loads that ring under resonances of some weight (resonance,); shown: evidence of those seen."""
+    ordinate = ordinates_of(looks["force"].channel.time)
+    densities = {name: one.densities(ordinate) for name, one in looks.items()}
+    noise, smooth = ({name: pair[k] for name, pair in densities.items()} for k in (0, 1))
+    power = {name: np.zeros_like(one) for name, one in noise.items()}
+    for share, one in zip(weight, tried, strict=True):
+        for name, each in noise.items():
+            line = share * 2 * one.size[name] * ordinate[0] * one.line
+            power[name][one.near] += line[:, None] * each[one.near]
+    gained, at = float(np.logaddexp.reduce(shown) - np.log(len(shown))), tried[int(shown.argmax())].frequency
+    return Ringing(ordinate, noise, smooth, power, gained, at)
+
+
+def ordinates_of(time: Array) -> Array:
+    """Frequencies (ordinate,) Hz of a record, without that of its mean and the highest."""
+    return np.asarray(np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1], float)
 
 
 def by_size(spectrum: Spectrum, near: Indices, line: Array) -> Array:
@@ -143,6 +205,5 @@ def shape_spectrum(time: Array, residual: Array, freedoms: int, color: Color | N
     most = OUTLIER * np.maximum(y.std(0), np.finfo(float).tiny)
     power = (np.abs(np.fft.rfft(np.clip(y, -most, most), axis=0)[1:-1]) ** 2).sum(1, keepdims=True)
     if color is not None:
-        w: Array = 2 * np.pi * np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1].astype(float)
-        power = power / color.density(w)[:, None]
+        power = power / color.density(2 * np.pi * ordinates_of(time))[:, None]
     return Spectrum(freedoms * power / power.mean(), np.ones_like(power), float(freedoms))
