@@ -162,10 +162,10 @@ def estimate_beside(
             with solvable():
                 solution, choice = at(seen, body, motion, settings)
         except EstimationError as e:
-            plain = stand_in(body, motion, kin, e)
-            if plain is None:
+            instead = by_masses_alone(body, motion, settings, e) or by_plain_route(body, motion, kin, e)
+            if instead is None:
                 raise
-            solution, choice = plain, without_choice(kin.model, "the plain route takes none for granted")
+            solution, choice = instead
         solution = with_known_axes(solution)
     doubt = settings.body_std
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
@@ -186,6 +186,34 @@ def estimate_beside(
     result = assemble(recording, settings, solution, findings, choice.left, differs, known)
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
+
+
+def by_masses_alone(
+    body: Body, motion: Motion, settings: Settings, error: EstimationError
+) -> tuple[Solution, LevelChoice] | None:
+    """The solution without a stiffness under which the flight has none; None where it has none either.
+
+    What is told of a body makes nothing worse: what masses alone determine is not left open.
+    """
+    if body.stiffness is None:
+        return None
+    body = replace(body, stiffness=None)
+    try:
+        with solvable():
+            solution, choice = at_its_level(kinematics(body, motion, settings), body, motion, settings)
+    except EstimationError:
+        return None
+    said = note("stiffness-left-out", where=error.where, what=error.what)
+    return replace(solution, findings=(*solution.findings, said)), choice
+
+
+def by_plain_route(
+    body: Body, motion: Motion, kin: Kinematics, error: EstimationError
+) -> tuple[Solution, LevelChoice] | None:
+    """What the plain route makes of a motion, None where so few frames show no force either."""
+    plain = stand_in(body, motion, kin, error)
+    choice = without_choice(kin.model, "the plain route takes none for granted")
+    return None if plain is None else (plain, choice)
 
 
 def of_segments(
