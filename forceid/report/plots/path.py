@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from forceid.records import Array, Estimate
 from forceid.report.numbers import plain
+from forceid.report.plots.chart import clock, kept, numbers
 from forceid.report.plots.style import AXES, BLUE, INK, STYLE, VERMILION, bins
 
 ARROWS = 24
+STANDS_OUT = 1.5  # times the force in the middle of a stretch: a peak that must be seen
 WIDTH, HEIGHT = 10.0, 5.6  # of the figure, inches
 BOX = (7.6, 3.9)  # that the box may take of it: the rest is for tick labels and legend
 LONGEST_ARROW = 0.22  # arrow, of the extent of the path
@@ -56,13 +58,44 @@ def draw_path(estimate: Estimate) -> Figure:
 
 
 def strongest(estimate: Estimate) -> NDArray[np.intp]:
-    """The samples that get an arrow: of each stretch of time the largest force, if it exceeds two sigma."""
+    """The samples that get an arrow: the middle of each stretch of the path, if its force exceeds two sigma.
+
+    Stretches are of equal length along the path, so that arrows do not crowd where the body is slow. A force
+    that stands out of its stretch gets the arrow instead.
+    """
     size, std = (np.linalg.norm(v, axis=1) for v in (estimate.force, estimate.force_std))
     known = np.flatnonzero(np.isfinite(estimate.center).all(axis=1) & np.isfinite(size))
-    stretches = np.array_split(known, min(ARROWS, len(known)) or 1)
-    most = np.array([s[size[s].argmax()] for s in stretches if len(s)], dtype=np.intp)
-    chosen: NDArray[np.intp] = most[size[most] > 2 * np.nan_to_num(std[most])]
+    if not len(known):
+        return known
+    steps = np.linalg.norm(np.diff(estimate.center[known], axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    place = ARROWS * along / max(float(along[-1]), 1e-9)
+    stretch = np.minimum(place, ARROWS - 1).astype(np.intp)
+    found = []
+    for k in np.unique(stretch).tolist():
+        own = np.flatnonzero(stretch == k)
+        middle, most = own[np.abs(place[own] - k - 0.5).argmin()], own[size[known[own]].argmax()]
+        found.append(known[most if size[known[most]] > STANDS_OUT * size[known[middle]] else middle])
+    at = np.array(found, dtype=np.intp)
+    chosen: NDArray[np.intp] = at[size[at] > 2 * np.nan_to_num(std[at])]
     return chosen
+
+
+def path_chart(estimate: Estimate) -> dict[str, Any]:
+    """The path in space as the script of the page turns it: points, arrows and their ends, and what is up."""
+    at = kept(estimate.center)
+    arrows = strongest(estimate)
+    size = np.linalg.norm(estimate.force[arrows], axis=1)
+    vertical = int(np.abs(estimate.gravity).argmax()) if np.any(estimate.gravity) else 2
+    return {
+        "path": [numbers(point) for point in estimate.center[at]],
+        "foot": [numbers(point) for point in estimate.center[arrows]],
+        "force": [numbers(force) for force in estimate.force[arrows]],
+        "time": clock(estimate.time[arrows]),
+        "vertical": vertical,
+        "up": -1 if estimate.gravity[vertical] > 0 else 1,
+        "longest": float(size.max(initial=0.0)),
+    }
 
 
 def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tuple[int, float]:

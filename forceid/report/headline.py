@@ -1,0 +1,103 @@
+"""What a page says first: the verdict in one sentence, three numbers, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from forceid.estimation import CATALOGUE
+from forceid.records import Array, Estimate, Finding, Level, Verdict
+from forceid.report.numbers import plain, rms, typeset
+
+SURE = 2.0  # sigma on either side, as the bands have it
+LEVELS = ("refused", "degraded", "ok")
+
+
+@dataclass(frozen=True)
+class Card:
+    """One of the three numbers: what it is, its value, its uncertainty, and what else where there is room."""
+
+    name: str
+    value: str
+    note: str
+    more: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next, and the findings that ask for it."""
+
+    action: str
+    level: Level
+    reasons: tuple[str, ...]
+
+
+def sentence(verdict: Verdict, estimate: Estimate) -> str:
+    """The verdict for who does not know the field.
+
+    >>> from types import SimpleNamespace as Namespace
+    >>> sentence(Verdict("refused"), Namespace())
+    'This recording does not show what pushed the body.'
+    """
+    if verdict.level == "refused":
+        return "This recording does not show what pushed the body."
+    known = [name for name in ("force", "moment") if np.isfinite(getattr(estimate, name)).any()]
+    told = f"{' and '.join(known)} explain{'s' if len(known) == 1 else ''} the measured motion"
+    unknown = "" if len(known) == 2 else f"; the {'moment' if known == ['force'] else 'force'} is not known"
+    if verdict.level == "ok":
+        return f"You can rely on this: {told}, and the shaded bands hold the true values{unknown}."
+    count = sum(finding.level == "degraded" for finding in verdict.findings)
+    why = "one reason" if count == 1 else f"{count} reasons"
+    return f"Use with care: {told}, but for {why} the error may be larger than the shaded bands{unknown}."
+
+
+def cards(estimate: Estimate) -> list[Card]:
+    """The three numbers that matter: typical force, typical moment, and how fast a change is followed."""
+    band = np.nan if estimate.hidden is None else np.max(np.nan_to_num(estimate.hidden.band), initial=0.0)
+    seconds = plain(float(estimate.time[-1] - estimate.time[0]), 3)
+    if np.isnan(band):
+        last = Card("Recording", f"{seconds} s", "", f"{len(estimate.time)} samples")
+    elif band > 0:
+        last = Card(
+            "Changes followed up to", f"{plain(float(band), 2)} Hz", "", "faster ones: see Hidden load"
+        )
+    else:
+        last = Card("Changes followed", "none", "", f"one mean value over {seconds} s")
+    force, moment = (
+        load_card(estimate, getattr(estimate, name), getattr(estimate, f"{name}_std"), name, unit)
+        for name, unit in (("force", "N"), ("moment", "N m"))
+    )
+    return [force, moment, last]
+
+
+def load_card(estimate: Estimate, values: Array, std: Array, name: str, unit: str) -> Card:
+    """Typical size of a force or moment, its band, and where it is largest."""
+    size, spread = float(np.linalg.norm(rms(values))), SURE * float(np.linalg.norm(rms(std)))
+    title = f"Typical {name}"
+    if not np.isfinite(size):
+        return Card(title, "not known", "", "the motion does not show it")
+    value = f"{typeset(plain(size, 3))} {unit}"
+    if not np.isfinite(spread):
+        return Card(title, value, "", "its uncertainty is not known")
+    give = f"± {typeset(plain(spread, 2))} {unit}"
+    if size < spread:
+        return Card(title, value, give, "not told apart from none")
+    length = np.linalg.norm(values, axis=1)
+    k = int(np.nanargmax(length))
+    peak = (
+        f"peak {typeset(plain(float(length[k]), 3))} {unit} at {typeset(plain(float(estimate.time[k]), 3))} s"
+    )
+    return Card(title, value, give, peak)
+
+
+def next_steps(findings: Sequence[Finding]) -> list[Step]:
+    """What to do about the findings, the gravest first, each action once, and last what asks for nothing."""
+    found: dict[str, list[Finding]] = {}
+    for finding in sorted(findings, key=lambda f: LEVELS.index(f.level)):
+        entry = CATALOGUE.get(finding.code)
+        action = finding.text.rpartition(";")[2].strip() if entry is None else entry.action
+        found.setdefault(action[:1].upper() + action[1:].rstrip("."), []).append(finding)
+    steps = [Step(action, of[0].level, tuple(f.text for f in of)) for action, of in found.items()]
+    return sorted(steps, key=lambda step: step.action.startswith("Nothing"))
