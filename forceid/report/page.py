@@ -72,7 +72,10 @@ def render_page(
         rows=wrench_rows(wrench_numbers(estimate, truth), estimate.witness),
         joints=joints,
         sections=_SECTIONS,
-        pictures={name: pictured(figure, *_WORDS[name], name=name) for name, (figure, _) in drawn.items()},
+        pictures={
+            name: pictured(figure, _WORDS[name][0], _WORDS[name][1], name)
+            for name, (figure, _) in drawn.items()
+        },
         charts=as_json(charts) if charts else "",
         tables=tables(estimate),
     )

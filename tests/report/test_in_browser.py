@@ -12,6 +12,7 @@ from test_batch_page import BATCH
 
 from forceid.records import Finding, Interface, Verdict
 from forceid.report.batch_page import render_batch
+from forceid.report.comparison import Named, render_comparison
 from forceid.report.page import render_page
 
 playwright = pytest.importorskip("playwright.sync_api")
@@ -54,7 +55,7 @@ def joints(frames):
     )
 
 
-@pytest.fixture(scope="module", params=["result", "refused", "batch"])
+@pytest.fixture(scope="module", params=["result", "refused", "batch", "comparison"])
 def page(request, throw, tmp_path_factory):
     """The path of a page."""
     folder = tmp_path_factory.mktemp(request.param)
@@ -63,6 +64,9 @@ def page(request, throw, tmp_path_factory):
         (folder / "m03.result.html").write_text("a report")
         batch = [{**r, "output": str(folder / r["output"].removeprefix("out/"))} for r in BATCH]
         html = render_batch(batch, folder)
+    elif request.param == "comparison":
+        both = [Named(f"seed {seed}", throw(100, seed=seed)[0]) for seed in (1, 2)]
+        html = render_comparison(both)
     elif request.param == "refused":
         estimate, _ = throw(
             60,
