@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note
 from forceid.cli.estimate import Force, written
 
 
@@ -42,7 +42,7 @@ def run(
         write_result_page(files[0], page)
     else:
         write_comparison(files, page)
-    tell(str(page))
+    note(str(page))
 
 
 def write_result_page(result: Path, page: Path) -> None:
