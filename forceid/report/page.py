@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from forceid.records import Array, Estimate, Witness
-from forceid.report.headline import cards, next_steps, sentence
+from forceid.report.first_screen import NAMES, headline
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, wrench_numbers
 from forceid.report.plots.chart import Chart, as_json
@@ -66,9 +66,8 @@ def render_page(
         title=title or "forceid result",
         source=source,
         e=estimate,
-        sentence=sentence(estimate.verdict, estimate),
-        cards=cards(estimate),
-        steps=next_steps(estimate.verdict.findings),
+        first=headline(estimate),
+        names=NAMES,
         rows=wrench_rows(wrench_numbers(estimate, truth), estimate.witness),
         joints=joints,
         sections=_SECTIONS,

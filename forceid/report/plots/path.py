@@ -25,15 +25,18 @@ DEPTH = 0.4  # least side of the box, of the same: thinner ones squeeze their ti
 
 
 @rc_context(STYLE)
-def draw_path(estimate: Estimate) -> Figure:
+def draw_path(estimate: Estimate, ax: Any = None) -> Figure:
     """The path of the center in world axes at equal scale, with arrows for the applied force.
 
-    Some sample must show the center.
+    Some sample must show the center. ax: axes in space, of projection "3d", to draw in.
     """
     seen = np.isfinite(estimate.center).all(axis=1)
-    figure = Figure(figsize=(WIDTH, HEIGHT))
-    figure.text(0.02, 0.955, "Path of the mass center, world axes at equal scale", fontsize=10, weight="bold")
-    ax: Any = figure.add_axes((0.0, 0.06, 1.0, 0.9), projection="3d", computed_zorder=False)
+    own = ax is None
+    figure = Figure(figsize=(WIDTH, HEIGHT)) if own else ax.figure
+    if own:
+        title = "Path of the mass center, world axes at equal scale"
+        figure.text(0.02, 0.955, title, fontsize=10, weight="bold")
+        ax = figure.add_axes((0.0, 0.06, 1.0, 0.9), projection="3d", computed_zorder=False)
 
     path = estimate.center[bins(estimate.time)]
     span = max(float(np.ptp(estimate.center[seen], axis=0).max()), 1e-9)
@@ -42,7 +45,9 @@ def draw_path(estimate: Estimate) -> Figure:
     longest = float(np.linalg.norm(force, axis=1).max(initial=0.0))
     arrows = force * (LONGEST_ARROW * span / longest) if longest > 0 else force
     drawn = np.concatenate([path, estimate.center[at] + arrows])
-    vertical, floor = fit_box(ax, np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0), span, estimate.gravity)
+    vertical, floor = fit_box(
+        ax, np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0), span, estimate.gravity, fit=own
+    )
 
     shadow = path.copy()
     shadow[:, vertical] = floor
@@ -53,7 +58,8 @@ def draw_path(estimate: Estimate) -> Figure:
         ax.quiver(*ends, color=VERMILION, lw=1.2, arrow_length_ratio=0.25, zorder=3, clip_on=False)
     for point, shape in zip(path[np.isfinite(path).all(axis=1)][[0, -1]], "os", strict=True):
         ax.scatter(*point, color=BLUE, s=36, marker=shape, depthshade=False, zorder=4, clip_on=False)
-    figure.legend(handles=handles(longest), loc="lower center", ncols=4)
+    if own:
+        figure.legend(handles=handles(longest), loc="lower center", ncols=4)
     return figure
 
 
@@ -98,8 +104,10 @@ def path_chart(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tuple[int, float]:
-    """Set limits, view and zoom so that the box from low to high (3,) fills its room, with gravity down.
+def fit_box(
+    ax: Any, low: Array, high: Array, span: float, gravity: Array, fit: bool = True
+) -> tuple[int, float]:
+    """Set limits and view of the box from low to high (3,), with gravity down, and zoom so that it fits.
 
     Returns the vertical axis and the level of the floor.
     """
@@ -120,6 +128,8 @@ def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tu
     ax.set_proj_type("ortho")
     ax.view_init(elev=24, azim=-58, vertical_axis=AXES[vertical])
     ax.set_box_aspect(size)
+    if not fit:
+        return vertical, float((upper if gravity[vertical] > 0 else lower)[vertical])
     corners = np.array(
         [[ax.get_xlim()[i], ax.get_ylim()[j], ax.get_zlim()[k]] for i, j, k in np.ndindex(2, 2, 2)]
     )

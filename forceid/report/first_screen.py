@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from forceid.report.numbers import plain, rms, typeset
 
 SURE = 2.0  # sigma on either side, as the bands have it
 LEVELS = ("refused", "degraded", "ok")
+NAMES = {"ok": "Accurate", "degraded": "Degraded", "refused": "Refused"}
+MARKS = {"ok": "#00855f", "degraded": "#a87400", "refused": "#c94f00"}  # seen on white and on black
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,42 @@ class Step:
     action: str
     level: Level
     reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What a page says first. A notebook shows it as HTML, print as text."""
+
+    level: Level
+    sentence: str
+    cards: tuple[Card, ...]
+    steps: tuple[Step, ...]
+
+    def __str__(self) -> str:
+        numbers = [f"{c.name}: {' '.join(filter(None, [c.value, c.note]))}" for c in self.cards]
+        return "\n".join(
+            [f"{NAMES[self.level]}. {self.sentence}", *numbers, *(f"- {s.action}." for s in self.steps)]
+        )
+
+    def _repr_html_(self) -> str:
+        cells = "".join(
+            f'<td style="text-align:left;padding-right:2em">{escape(c.name)}<br>'
+            f"<b>{escape(c.value)}</b> {escape(c.note)}</td>"
+            for c in self.cards
+        )
+        steps = "".join(f"<li>{escape(s.action)}.</li>" for s in self.steps)
+        return (
+            f'<div style="border-left:6px solid {MARKS[self.level]};padding-left:1em">'
+            f"<p><b>{NAMES[self.level]}.</b> {escape(self.sentence)}</p>"
+            f"<table><tr>{cells}</tr></table>{f'<ul>{steps}</ul>' if steps else ''}</div>"
+        )
+
+
+def headline(estimate: Estimate) -> Headline:
+    """Verdict, three numbers and next steps of an estimate."""
+    verdict = estimate.verdict
+    steps = next_steps(verdict.findings)
+    return Headline(verdict.level, sentence(verdict, estimate), tuple(cards(estimate)), tuple(steps))
 
 
 def sentence(verdict: Verdict, estimate: Estimate) -> str:
