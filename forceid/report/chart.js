@@ -146,7 +146,8 @@
       for (const c of drawn) inside.push(stroke(c));
       const peaks = cut && `<text class="cut" x="${w - 4}" y="14" text-anchor="end">${cut}</text>`;
       const remark = panel.say ? `<text class="say" x="${w / 2}" y="${h / 2}" text-anchor="middle">${panel.say}</text>` : "";
-      const unit = power ? panel.y.replace(/\((?:1$)?/, `(10${raised(power)} `) : panel.y;
+      let unit = power ? panel.y.replace(/\((?:1(?=\)))?/, `(10${raised(power)} `).replace(" )", ")") : panel.y;
+      if (unit.length * 7 > h) unit = unit.replace(/^.*\((.*)\)$/, "$1"); // the title says what it is
       image.innerHTML = `<svg width="${width}" height="${height}" aria-hidden="true" focusable="false">
         <g transform="translate(${EDGE.left} ${EDGE.top})"><svg width="${w}" height="${h}">${inside.join("")}</svg>
         <path class="axis" d="M0 0V${h}H${w}"/>${outside.join("")}${remark}${peaks}

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from forceid.estimation import CATALOGUE
-from forceid.records import Array, Estimate, Finding, Level, Verdict
+from forceid.records import Estimate, Finding, Level, Verdict
 from forceid.report.numbers import plain, rms, typeset
 
 SURE = 2.0  # sigma on either side, as the bands have it
@@ -85,11 +85,25 @@ def sentence(verdict: Verdict, estimate: Estimate) -> str:
     known = [name for name in ("force", "moment") if np.isfinite(getattr(estimate, name)).any()]
     told = f"{' and '.join(known)} explain{'s' if len(known) == 1 else ''} the measured motion"
     unknown = "" if len(known) == 2 else f"; the {'moment' if known == ['force'] else 'force'} is not known"
+    if verdict.level == "ok" and all(weak(estimate, name) for name in known):
+        return f"You can rely on this: within the shaded bands nothing but weight acts on the body{unknown}."
     if verdict.level == "ok":
         return f"You can rely on this: {told}, and the shaded bands hold the true values{unknown}."
     count = sum(finding.level == "degraded" for finding in verdict.findings)
     why = "one reason" if count == 1 else f"{count} reasons"
     return f"Use with care: {told}, but for {why} the error may be larger than the shaded bands{unknown}."
+
+
+def sizes(estimate: Estimate, name: str) -> tuple[float, float]:
+    """Typical size of the force or the moment, and the half-width of its band."""
+    values, std = getattr(estimate, name), getattr(estimate, f"{name}_std")
+    return float(np.linalg.norm(rms(values))), SURE * float(np.linalg.norm(rms(std)))
+
+
+def weak(estimate: Estimate, name: str) -> bool:
+    """Whether the force or the moment is not told apart from none."""
+    size, spread = sizes(estimate, name)
+    return size < spread
 
 
 def cards(estimate: Estimate) -> list[Card]:
@@ -104,17 +118,12 @@ def cards(estimate: Estimate) -> list[Card]:
         )
     else:
         last = Card("Changes followed", "none", "", f"one mean value over {seconds} s")
-    force, moment = (
-        load_card(estimate, getattr(estimate, name), getattr(estimate, f"{name}_std"), name, unit)
-        for name, unit in (("force", "N"), ("moment", "N m"))
-    )
-    return [force, moment, last]
+    return [load_card(estimate, "force", "N"), load_card(estimate, "moment", "N m"), last]
 
 
-def load_card(estimate: Estimate, values: Array, std: Array, name: str, unit: str) -> Card:
+def load_card(estimate: Estimate, name: str, unit: str) -> Card:
     """Typical size of a force or moment, its band, and where it is largest."""
-    size, spread = float(np.linalg.norm(rms(values))), SURE * float(np.linalg.norm(rms(std)))
-    title = f"Typical {name}"
+    title, (size, spread) = f"Typical {name}", sizes(estimate, name)
     if not np.isfinite(size):
         return Card(title, "not known", "", "the motion does not show it")
     value = f"{typeset(plain(size, 3))} {unit}"
@@ -123,7 +132,7 @@ def load_card(estimate: Estimate, values: Array, std: Array, name: str, unit: st
     give = f"± {typeset(plain(spread, 2))} {unit}"
     if size < spread:
         return Card(title, value, give, "not told apart from none")
-    length = np.linalg.norm(values, axis=1)
+    length = np.linalg.norm(getattr(estimate, name), axis=1)
     k = int(np.nanargmax(length))
     peak = (
         f"peak {typeset(plain(float(length[k]), 3))} {unit} at {typeset(plain(float(estimate.time[k]), 3))} s"

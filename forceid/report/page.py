@@ -46,7 +46,7 @@ _SECTIONS = (  # what is folded, in order: name, title, and what one finds there
     ("loads", "Loads", "the loads that were asked for"),
     ("first_moments", "First moments of force", "what stretches the body, and what turns it"),
     ("joints", "Forces between parts", ""),
-    ("coefficients", "Coefficients", "of lift, drag and moment"),
+    ("coefficients", "Coefficients", "of lift, drag and moment"),  # where `drawings` or `tables` has one
     ("innovations", "Innovations", "does the model fit the measurement"),
     ("hidden", "Hidden load", "what may act and not show"),
     ("sensitivity", "Sensitivity", "what a wrong input would cost"),

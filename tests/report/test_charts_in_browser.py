@@ -150,6 +150,7 @@ def test_paper_has_every_section_unfolded_on_white(tab):
     opened.wait_for_function("[...document.querySelectorAll('details')].every(e => !e.open)")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [DESK, PHONE], ids=["desk", "phone"])
 def test_axe_finds_no_violation(tab, viewport, scheme):
