@@ -8,7 +8,7 @@
   const EDGE = { left: 62, right: 10, top: 6, bottom: 34 }; // px round the plot
 
   const minus = text => String(text).replace(/-/g, "−");
-  const show = v => v === null || v === undefined ? "not known" : minus(Number(v.toPrecision(3)));
+  const show = (v, digits = 3) => v === null || v === undefined ? "not known" : minus(Number(v.toPrecision(digits)));
   const escape = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
   const raised = n => minus(n).replace(/[−\d]/g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["−0123456789".indexOf(c)]);
   const make = (parent, tag, attributes = {}, text = "") => {
@@ -202,7 +202,7 @@
       for (const c of panel.curves.filter(c => seen(c) && c.kind !== "dots")) {
         const v = c.y[cursor], half = c.half?.[cursor];
         const label = [names.length > 1 ? c.name : "", c.layer === "estimate" ? "" : c.layer].join(" ").trim();
-        rows.push(`${label} ${show(v)}${half === undefined || half === null ? "" : ` ± ${show(half)}`}`.trim());
+        rows.push(`${label} ${show(v)}${half === undefined || half === null ? "" : ` ± ${show(half, 2)}`}`.trim());
         if (v !== null && high(v) !== null && at[cursor] >= a && at[cursor] <= b)
           inner += `<circle cx="${x}" cy="${Y(high(v))}" r="3.5" style="fill:${colored(c, names)}"/>`;
       }

@@ -81,7 +81,9 @@ def test_the_value_under_the_pointer_is_that_of_the_estimate_with_its_band(tab, 
     shown = [line.replace("−", "-").split() for line in said if "±" in line]
     assert [words[0] for words in shown] == ["x", "y", "z"]
     np.testing.assert_allclose([float(words[1]) for words in shown], estimate.force[k], rtol=6e-3)
-    np.testing.assert_allclose([float(words[3]) for words in shown], 2 * estimate.force_std[k], rtol=6e-3)
+    np.testing.assert_allclose(
+        [float(words[3]) for words in shown], 2 * estimate.force_std[k], rtol=6e-2
+    )  # of two digits
     beside = opened.locator(".first .plot").nth(1).locator(".tip").inner_text()
     assert beside.splitlines()[0].split()[0] == said[0].split()[0]
 
