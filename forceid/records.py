@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Annotated, Any, Literal, NamedTuple, get_origin, get_type_hints
 
 import numpy as np
@@ -312,6 +313,10 @@ class Verdict:
     def codes(self) -> tuple[str, ...]:
         """The codes of the findings, in the order of the reasons."""
         return tuple(finding.code for finding in self.findings)
+
+    def _repr_html_(self) -> str:
+        reasons = "".join(f"<li>{escape(text)}</li>" for text in self.reasons)
+        return f"<p>verdict <b>{self.level}</b></p>" + (f"<ul>{reasons}</ul>" if reasons else "")
 
     @property
     def coded(self) -> dict[str, list[Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from time import process_time
@@ -16,6 +16,8 @@ Stage = Literal[
 STAGES: tuple[Stage, ...] = get_args(Stage)
 
 _spent: ContextVar[dict[str, float] | None] = ContextVar("spent", default=None)
+_watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", default=None)
+_around: ContextVar[str] = ContextVar("around", default="")
 
 
 @contextmanager
@@ -30,20 +32,37 @@ def recorded() -> Iterator[dict[str, float]]:
 
 
 @contextmanager
-def stage(name: Stage) -> Iterator[None]:
-    """A stage, as a context or on a function: its time counts for it, less that of the stages within.
-
-    Nothing happens where nobody records.
-    """
-    spent = _spent.get()
-    if spent is None:
-        yield
-        return
-    began, within = process_time(), sum(spent.values())
+def watched(by: Callable[[str], None]) -> Iterator[None]:
+    """Tell `by` the name of every stage within as it begins, and that of the one around it as it ends."""
+    before = _watcher.set(by)
     try:
         yield
     finally:
-        spent[name] = spent.get(name, 0.0) + process_time() - began - (sum(spent.values()) - within)
+        _watcher.reset(before)
+
+
+@contextmanager
+def stage(name: Stage) -> Iterator[None]:
+    """A stage, as a context or on a function: its time counts for it, less that of the stages within.
+
+    Nothing happens where nobody records or watches.
+    """
+    spent, tell, outer = _spent.get(), _watcher.get(), _around.get()
+    if spent is None and tell is None:
+        yield
+        return
+    around = _around.set(name)
+    if tell is not None:
+        tell(name)
+    began, within = process_time(), sum((spent or {}).values())
+    try:
+        yield
+    finally:
+        _around.reset(around)
+        if tell is not None and outer:
+            tell(outer)
+        if spent is not None:
+            spent[name] = spent.get(name, 0.0) + process_time() - began - (sum(spent.values()) - within)
 
 
 def in_order(*spent: Mapping[str, float]) -> dict[str, float]:

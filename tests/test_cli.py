@@ -255,7 +255,7 @@ def test_estimate_writes_beside_the_input_and_report_beside_the_result(shelf, tm
     assert main(["report", str(result)]) == 0
     page = (tmp_path / "one.result.html").read_text()
     assert "data:image/png;base64," in page
-    assert "http" not in page
+    assert "://" not in page
 
 
 def test_estimate_json_is_pure_and_carries_the_numbers(shelf, tmp_path):

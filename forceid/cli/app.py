@@ -16,11 +16,13 @@ from typer.core import TyperGroup
 
 from forceid import __version__
 from forceid.cli.boundary.endings import check_room, ending, fail
+from forceid.cli.boundary.status import shown
 from forceid.cli.boundary.terminal import flushed, settle
 from forceid.errors import ConfigError
 
 HERE = (  # each a module of this folder
-    "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "settings", "demo"
+    "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "open",
+    "settings", "demo",
 )  # fmt: skip
 EVIDENCE = {  # in a distribution of their own, with what their line of the help says
     "chart": "Measure error, claim, time and memory of every method and every peer, on every SCENE.",
@@ -28,6 +30,10 @@ EVIDENCE = {  # in a distribution of their own, with what their line of the help
 }
 COMMANDS = (*HERE, *EVIDENCE)
 LISTING = "forceid.listing"
+EVERYWHERE = {  # accepted before the command and after it
+    "debug": {"--debug"}, "quiet": {"--quiet", "-q"}, "verbose": {"--verbose", "-v"}
+}  # fmt: skip
+ANYWHERE = set().union(*EVERYWHERE.values())
 
 
 class LazyGroup(TyperGroup):
@@ -90,6 +96,8 @@ def options(
         bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show version and engine.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors and --json.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say every stage, and its time.")] = False,
 ) -> None:
     """What pushed a body, from how it moved: applied forces and moments with their uncertainty.
 
@@ -104,17 +112,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     130 interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    words = [word for word in given if word != "--debug"]  # accepted before the command and after it
-    debug = words != given
-    settle()
+    words = [word for word in given if word not in ANYWHERE]
+    debug = "--debug" in given
+    quiet, verbose = (not EVERYWHERE[name].isdisjoint(given) for name in ("quiet", "verbose"))
+    settle(0 if quiet else 2 if verbose else 1)
     with warnings.catch_warnings():
         if arguments is None and not debug and not sys.warnoptions:
             warnings.simplefilter("ignore")  # a verdict says what is wrong with numbers
         try:
             check_room()
-            code = typer.main.get_command(app).main(
-                words or ["--help"], prog_name="forceid", standalone_mode=False
-            )
+            with shown(next((word for word in words if word in COMMANDS), "")):
+                code = typer.main.get_command(app).main(
+                    words or ["--help"], prog_name="forceid", standalone_mode=False
+                )
             code = code if isinstance(code, int) else 0
         except BaseException as error:
             if debug:

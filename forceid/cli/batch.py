@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note, tell
 from forceid.cli.estimate import Config, EngineOption, Json, MethodOption, ModelOption
 from forceid.cli.output import to_json, worse_verdict, wrap
 from forceid.errors import ConfigError, DataError, ForceIdError
@@ -80,9 +80,9 @@ def run(
             what = f"is a result of forceid ({len(left)} of {len(left)} inputs are), expected motion files"
             raise DataError(what, left[0]["file"], "give the files that they were made from")
         said = sys.stderr if json else sys.stdout
-        tell(outcome_table(records), said)
+        note(outcome_table(records), said)
         say_left_out(left, json)
-        tell(f"summary  {write_batch_page(records, output, len(plan) - len(done))}", said)
+        note(f"summary  {write_batch_page(records, output, len(plan) - len(done))}", said)
     if stopped:
         raise KeyboardInterrupt
     if any(record["status"] == "failed" or worse_verdict(record) == "refused" for record in records):
@@ -205,7 +205,7 @@ def say_left_out(left: Sequence[Record], json: bool) -> None:
     if left:
         first, more = left[0]["file"], f" and {len(left) - 1} more" if len(left) > 1 else ""
         said = sys.stderr if json else sys.stdout
-        tell(f"left out {first}{more}: results of forceid, no motion files", said)
+        note(f"left out {first}{more}: results of forceid, no motion files", said)
 
 
 def write_batch_page(records: Sequence[Record], folder: Path, undone: int) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note
 from forceid.cli.estimate import Force, estimate_file
 from forceid.cli.output import summary
 from forceid.cli.report import write_result_page
@@ -40,10 +40,10 @@ def run(
         recording = simulate(load_recipe(recipe))
     write_motion(motion, recording)
     samples, markers = len(recording.motion.time), len(recording.body.node)
-    tell(f"scene    {recording.title}: {samples} samples, {markers} markers")
+    note(f"scene    {recording.title}: {samples} samples, {markers} markers")
     record = estimate_file(motion, result, load_settings(), force=force)
-    tell(summary(record))
+    note(summary(record))
     write_result_page(result, page)
-    tell(f"report   open {page} in a browser")
+    note(f"report   open {page} in a browser")
     if record["verdict"] == "refused":
         raise typer.Exit(1)

@@ -6,12 +6,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import LOUDNESS, note, tell
 from forceid.cli.completion import words_of
 from forceid.cli.output import describe, summary, to_json
 from forceid.errors import DataError, EstimationError
@@ -77,9 +78,14 @@ def run(
     output = output or file.with_suffix(".result.h5")
     sweep(output.parent, {output.name})
     record = estimate_file(file, output, settings, progress, *([config] if config else []), force=force)
-    tell(to_json(record) if json else summary(record))
-    if profile:
-        show_stages(record["timing"], sys.stderr if json else sys.stdout)
+    if json:
+        tell(to_json(record))
+    else:
+        note(summary(record, LOUDNESS[0] > 1))
+    if profile or LOUDNESS[0] > 1:
+        table = StringIO()
+        show_stages(record["timing"], table)
+        tell(table.getvalue().rstrip(), sys.stdout if profile and not json else sys.stderr)
     if "refused" in (record["verdict"], record.get("interface", {}).get("verdict")):
         raise typer.Exit(1)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note, tell
 from forceid.cli.estimate import Config, Force, Json, MotionFile, naming, written
 from forceid.cli.output import to_json, verdict_of, wrap
 
@@ -50,7 +50,7 @@ def run(
         import tomli_w
 
         write_whole(output, "# made by forceid identify\n" + tomli_w.dumps({"material": record["material"]}))
-    tell(to_json(record) if json else summary(record))
+    (tell if json else note)(to_json(record) if json else summary(record))
     if refused:
         raise typer.Exit(1)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note, tell
 from forceid.cli.estimate import Config, Force
 
 
@@ -76,7 +76,7 @@ def run(
         else:
             check_output(output, "settings", inputs, force)
             write_whole(output, text)
-            tell(f"{output}: fill in what is nan")
+            note(f"{output}: fill in what is nan")
         return
     output = output or sources[0].with_suffix(".h5")
     check_output(output, "motion", inputs, force)
@@ -89,7 +89,7 @@ def run(
     left_out: dict[str, None] = {}
     for path, (_, recording) in zip(paths, recordings, strict=True):
         write_motion(path, recording)
-        tell(f"{path}: {len(recording.motion.time)} samples")
+        note(f"{path}: {len(recording.motion.time)} samples")
         left_out |= dict.fromkeys(recording.history.split("\n")[1:])
     for line in left_out:
-        tell(f"note: {line}", sys.stderr)
+        note(f"note: {line}", sys.stderr)

@@ -135,32 +135,47 @@ def joint_lines(interface: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def summary(record: Mapping[str, Any]) -> str:
-    """The same for people: the verdict first, then the numbers, then where the result is."""
+def summary(record: Mapping[str, Any], verbose: bool = False) -> str:
+    """The same for people: the verdict, force and moment as a table, then where the result is.
+
+    verbose: also how the model was chosen, and how far the plain route is.
+    """
     import numpy as np
 
-    from forceid.report import plain, plus_minus
-
-    lines = [f"verdict  {record['verdict']}", *(wrap(f"       - {reason}") for reason in record["reasons"])]
-    lines.append(f"method   {record['method']}, model {record['model']}, engine {record['engine']}")
-    if record["model_choice"]:
-        lines.append(wrap(f"model    {record['model_choice'].removeprefix('the model is ')}"))
-    for name, unit in UNITS.items():
-        mean, rms, std = (np.array(record[f"{name}_{k}"]) for k in ("mean", "rms", "std"))
-        line = f"{name:8} {plus_minus(rms, std, unit)}"
-        if np.isfinite(rms).any():
-            line += f" rms, mean ({', '.join(plain(v, 3) for v in mean)}) {unit}"
-        lines.append(wrap(line))
+    lines = [f"verdict  {record['verdict']}", *load_table(record)]
     if errors := [known_error(record, name) for name in UNITS if np.isfinite(record[f"{name}_error"]).any()]:
         lines.append(wrap(f"error    {'; '.join(errors)}"))
     if "band" in record and np.isfinite(record["band"]).any():
         lines.append(wrap(band_line(np.array(record["band"]))))
-    if "witness_force_limit" in record and (line := witness_line(record)):
-        lines.append(wrap(line))
     if "interface" in record:
         lines += joint_lines(record["interface"])
+    lines += [wrap(f"       - {reason}") for reason in record["reasons"]]
+    lines.append(f"method   {record['method']}, model {record['model']}, engine {record['engine']}")
+    if verbose and record["model_choice"]:
+        lines.append(wrap(f"model    {record['model_choice'].removeprefix('the model is ')}"))
+    if verbose and "witness_force_limit" in record and (line := witness_line(record)):
+        lines.append(wrap(line))
     lines.append(f"result   {record['output']}, {record['runtime_s']:.2g} s")
     return "\n".join(lines)
+
+
+def load_table(record: Mapping[str, Any]) -> list[str]:
+    """Force and moment: the mean along each axis, and the rms of the vector with its sigma."""
+    import numpy as np
+
+    from forceid.report import plain, plus_minus
+
+    rows, seen = [], False
+    for name, unit in UNITS.items():
+        mean, rms, std = (np.array(record[f"{name}_{k}"]) for k in ("mean", "rms", "std"))
+        known = bool(np.isfinite(rms).any())
+        cells = (
+            "".join(f"{plain(v, 3) if np.isfinite(v) else '-':>11}" for v in mean) + "   " if known else ""
+        )
+        rows.append(f"{name:9}{cells}{plus_minus(rms, std, unit)}")
+        seen = seen or known
+    head = "".join(f"{'mean ' + axis:>11}" for axis in "xyz")
+    return [f"{'':9}{head}   rms and sigma", *rows] if seen else rows
 
 
 def known_error(record: Mapping[str, Any], name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.terminal import note
 from forceid.cli.estimate import Force
 
 
@@ -29,4 +29,4 @@ def run(
     check_output(output, "motion", [scene], force)
     recording = simulate(load_recipe(scene, seed))
     write_motion(output, recording)
-    tell(f"{output}: {len(recording.motion.time)} samples, {recording.title}")
+    note(f"{output}: {len(recording.motion.time)} samples, {recording.title}")

@@ -11,3 +11,4 @@ from forceid.estimation.long.out_of_core import read_recording as read_recording
 from forceid.estimation.long.windows import Progress as Progress
 from forceid.estimation.long.windows import unwatched as unwatched
 from forceid.estimation.run import estimate as estimate
+from forceid.estimation.verdict.catalogue import CATALOGUE as CATALOGUE

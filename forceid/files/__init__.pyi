@@ -4,6 +4,7 @@ from forceid.files.formats.sources import import_sources as import_sources
 from forceid.files.formats.sources import load_import_settings as load_import_settings
 from forceid.files.formats.sources import settings_for as settings_for
 from forceid.files.result import is_result as is_result
+from forceid.files.result import read_curves as read_curves
 from forceid.files.result import read_result as read_result
 from forceid.files.result import read_title as read_title
 from forceid.files.result import read_truth as read_truth

@@ -37,9 +37,9 @@ class Accessor:
         """See `forceid.inspect`."""
         return forceid.inspect(self._tree, config, **settings)
 
-    def plot(self) -> Any:
+    def plot(self, ax: Any = None) -> Any:
         """See `forceid.plot_wrench`; of a result."""
-        return forceid.plot_wrench(self._result())
+        return forceid.plot_wrench(self._result(), ax=ax)
 
     def report(self) -> Any:
         """See `forceid.show_report`; of a result."""

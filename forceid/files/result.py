@@ -112,6 +112,16 @@ def read_result(path: str | Path) -> Estimate:
         )
 
 
+def read_curves(path: str | Path) -> dict[str, Array]:
+    """Only time (time,), force (time, 3) and moment (time, 3) of a result. DataError: not a result file."""
+    where, wanted = f"{path}:/estimate", {name: ESTIMATE[name] for name in ("time", "force", "moment")}
+    with open_hdf5(path) as f:
+        if not holds(f, "estimate", f"{path}:"):
+            raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
+        group = source_group(f, "estimate", wanted, f"{path}:")
+        return read_variables(group, wanted, dict(_SIZES), where)[0]
+
+
 def is_result(path: str | Path) -> bool:
     """Whether a file is a result and no motion file, by what it holds; what cannot be read is none."""
     try:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import forceid
 from forceid.errors import DataError
 from forceid.files.accessor import Accessor
 from forceid.files.parse import Stored, parse_recording
@@ -90,13 +91,26 @@ def tree_from_recording(recording: Recording) -> xr.DataTree:
 
 def tree_from_estimate(estimate: Estimate, recording: Recording | None = None) -> xr.DataTree:
     """An estimate as the tree that xarray shows of its result file."""
-    return tree_from_groups(estimate_groups(estimate, recording))
+    return tree_from_groups(estimate_groups(estimate, recording), ResultTree)
 
 
-def tree_from_groups(groups: Mapping[str, Group]) -> xr.DataTree:
+class ResultTree(xr.DataTree):  # type: ignore[no-untyped-call]
+    """A result as a tree: a notebook shows its verdict and numbers before what it holds."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        held: str = super()._repr_html_()  # type: ignore[no-untyped-call]
+        if "estimate" not in self.children:
+            return held
+        said: str = forceid.headline(self)._repr_html_()
+        return f"{said}<details><summary>All it holds</summary>{held}</details>"
+
+
+def tree_from_groups(groups: Mapping[str, Group], kind: type[xr.DataTree] = xr.DataTree) -> xr.DataTree:
     """Groups as an xarray tree; variables named as their only dimension become coordinates."""
     found = {}
     for name, group in groups.items():
         fields: dict[str, Any] = {k: (v.dims, v.data, v.attrs) for k, v in group.variables.items()}
         found[f"/{name.strip('/')}"] = xr.Dataset(fields, attrs=group.attrs)
-    return xr.DataTree.from_dict(found)
+    return kind.from_dict(found)

@@ -1,4 +1,10 @@
 from forceid.report.batch_page import render_batch as render_batch
+from forceid.report.comparison import Named as Named
+from forceid.report.comparison import render_comparison as render_comparison
+from forceid.report.notebook import headline as headline
+from forceid.report.notebook import plot_load as plot_load
+from forceid.report.notebook import plot_motion as plot_motion
+from forceid.report.notebook import plot_path as plot_path
 from forceid.report.notebook import plot_wrench as plot_wrench
 from forceid.report.notebook import show_report as show_report
 from forceid.report.notebook import summarize as summarize

@@ -13,6 +13,7 @@ from urllib.parse import quote
 import numpy as np
 
 from forceid.records import Array, Finding
+from forceid.report.multiples import multiples
 from forceid.report.numbers import digits, plus_minus, typeset
 from forceid.report.outliers import Outlier, find_outliers, magnitude
 from forceid.report.plots.picture import Picture, pictured
@@ -51,6 +52,7 @@ def render_batch(records: Sequence[Mapping[str, Any]], folder: Path, undone: int
         causes=causes(records),
         outliers=[(os.path.basename(outlier.file), typeset(str(outlier))) for outlier in outliers],
         picture=picture(records, outliers),
+        small=multiples([row for row in rows if row["result"]]),
     )
 
 
@@ -75,6 +77,7 @@ def row_of(record: Mapping[str, Any], folder: Path, outliers: Sequence[Outlier])
     return {
         "file": str(record["file"]),
         "level": level,
+        "output": output,
         "kept": record["status"] == "skipped",
         "result": link(output, folder) if known else "",
         "page": link(page, folder) if page.exists() else "",

@@ -10,6 +10,8 @@ import numpy as np
 from forceid.estimation import listed, trading_joints, undetermined_components
 from forceid.records import Array, Estimate, Interface
 from forceid.report.numbers import digits, mean, plain, plus_minus, positive_or_nan, rms, typeset
+from forceid.report.plots.chart import Chart
+from forceid.report.plots.charts import joint_chart
 from forceid.report.plots.figures import draw_joint, joint_truth
 from forceid.report.plots.picture import Picture, pictured
 
@@ -18,12 +20,13 @@ JOINTS_DRAWN = 12  # joints that are drawn
 
 @dataclass(frozen=True)
 class JointSection:
-    """The table of joints with its heads, facts as name and value, and pictures."""
+    """The table of joints with its heads, facts as name and value, and pictures with their charts by name."""
 
     heads: tuple[str, ...]
     rows: list[list[str]]
     facts: list[tuple[str, str]]
     pictures: list[Picture]
+    charts: dict[str, Chart]
 
 
 def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> JointSection | None:
@@ -43,9 +46,15 @@ def joint_section(estimate: Estimate, truth: Mapping[str, Array] | None = None) 
         ],
         facts=joint_facts(found),
         pictures=[
-            pictured(draw_joint(estimate.time, found, k, truth), f"Joint {found.name[k]}", caption(found, k))
+            pictured(
+                draw_joint(estimate.time, found, k, truth),
+                f"Joint {found.name[k]}",
+                caption(found, k),
+                f"joint-{k}",
+            )
             for k in told[:JOINTS_DRAWN]
         ],
+        charts={f"joint-{k}": joint_chart(estimate.time, found, k, truth) for k in told[:JOINTS_DRAWN]},
     )
 
 

@@ -5,62 +5,125 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from forceid.records import Array, Estimate, Witness
+from forceid.report.first_screen import NAMES, headline
 from forceid.report.joint_section import joint_section
 from forceid.report.numbers import Numbers, digits, wrench_numbers
+from forceid.report.plots.chart import Chart, as_json
+from forceid.report.plots.charts import (
+    deformation_chart,
+    first_moments_chart,
+    hidden_chart,
+    innovations_chart,
+    loads_chart,
+    motion_chart,
+    wrench_chart,
+)
 from forceid.report.plots.figures import (
+    deforms,
+    draw_deformation,
     draw_first_moments,
     draw_hidden_load,
     draw_loads,
     draw_motion,
     draw_wrench,
 )
-from forceid.report.plots.path import draw_path
-from forceid.report.plots.picture import Picture, pictured
-from forceid.report.template import render, titled
+from forceid.report.plots.path import draw_path, path_chart
+from forceid.report.plots.picture import pictured
+from forceid.report.template import named_numbers, render, titled
 from forceid.report.whiteness import draw_innovations
 
 _WORDS = tomllib.loads((files("forceid.report") / "captions.toml").read_text("utf-8"))
+_SECTIONS = (  # what is folded, in order: name, title, and what one finds there
+    ("path", "Path", "where the body went, and the force along it"),
+    ("motion", "Motion", "center, velocity, rotation"),
+    ("deformation", "Deformation", "how far the body left its shape"),
+    ("loads", "Loads", "the loads that were asked for"),
+    ("first_moments", "First moments of force", "what stretches the body, and what turns it"),
+    ("joints", "Forces between parts", ""),
+    ("coefficients", "Coefficients", "of lift, drag and moment"),  # where `drawings` or `tables` has one
+    ("innovations", "Innovations", "does the model fit the measurement"),
+    ("hidden", "Hidden load", "what may act and not show"),
+    ("sensitivity", "Sensitivity", "what a wrong input would cost"),
+    ("tuning", "Model and tuning", "why this model, and which priors"),
+)
 
 
 def render_page(
     estimate: Estimate, truth: Mapping[str, Array] | None = None, title: str = "", source: str = ""
 ) -> str:
     """The page as HTML text; it refers to no other file and no host. source: the name of the result file."""
-    quoted = wrench_numbers(estimate, truth)
+    drawn = drawings(estimate, truth)
+    joints = joint_section(estimate, truth)
+    charts = {name: chart for name, (_, chart) in drawn.items()} | (joints.charts if joints else {})
     return render(
         "page.html.j2",
         title=title or "forceid result",
         source=source,
         e=estimate,
-        quoted=quoted,
-        rows=wrench_rows(quoted, estimate.witness),
-        joints=joint_section(estimate, truth),
-        pictures=pictures(estimate, truth),
-        tuned=tuned(estimate),
-        budget=budget(estimate),
+        first=headline(estimate),
+        names=NAMES,
+        rows=wrench_rows(wrench_numbers(estimate, truth), estimate.witness),
+        joints=joints,
+        sections=_SECTIONS,
+        pictures={
+            name: pictured(figure, _WORDS[name][0], _WORDS[name][1], name)
+            for name, (figure, _) in drawn.items()
+        },
+        charts=as_json(charts) if charts else "",
+        tables=tables(estimate),
     )
 
 
-def pictures(estimate: Estimate, truth: Mapping[str, Array] | None) -> list[Picture]:
-    """Every figure of the page, in reading order; none where nothing is known."""
-    if not np.isfinite(estimate.center).any():
-        return []
-    drawn = {"path": draw_path(estimate), "wrench": draw_wrench(estimate, truth)}
-    if estimate.loads is not None:
-        drawn["loads"] = draw_loads(estimate, estimate.loads)
-    if estimate.first_moment is not None and estimate.first_moment_cov is not None:
-        moments = estimate.first_moment, estimate.first_moment_cov
-        drawn["first_moments"] = draw_first_moments(estimate, *moments, truth)
-    drawn["motion"] = draw_motion(estimate)
-    if estimate.hidden is not None:
-        drawn["hidden"] = draw_hidden_load(estimate.hidden)
-    if np.isfinite(estimate.innovation).any():
-        drawn["innovations"] = draw_innovations(estimate)
-    return [pictured(figure, *_WORDS[name]) for name, figure in drawn.items()]
+def drawings(
+    estimate: Estimate, truth: Mapping[str, Array] | None
+) -> dict[str, tuple[Figure, Chart | dict[str, Any]]]:
+    """Every figure of the page by name, with the chart that a script draws; none where nothing is known."""
+    e = estimate
+    if not np.isfinite(e.center).any():
+        return {}
+    found: dict[str, tuple[Figure, Chart | dict[str, Any]]] = {
+        "wrench": (draw_wrench(e, truth), wrench_chart(e, truth)),
+        "path": (draw_path(e), path_chart(e)),
+        "motion": (draw_motion(e), motion_chart(e)),
+    }
+    if deforms(e):
+        found["deformation"] = draw_deformation(e), deformation_chart(e)
+    if e.loads is not None:
+        found["loads"] = draw_loads(e, e.loads), loads_chart(e, e.loads)
+    if e.first_moment is not None and e.first_moment_cov is not None:
+        moments = e.first_moment, e.first_moment_cov
+        found["first_moments"] = (
+            draw_first_moments(e, *moments, truth),
+            first_moments_chart(e, *moments, truth),
+        )
+    if e.hidden is not None:
+        found["hidden"] = draw_hidden_load(e.hidden), hidden_chart(e.hidden)
+    if np.isfinite(e.innovation).any():
+        found["innovations"] = draw_innovations(e), innovations_chart(e)
+    return found
+
+
+def tables(estimate: Estimate) -> dict[str, list[tuple[str, list[tuple[str, str]]]]]:
+    """Sections that are tables of names and values: each with its heads; what is empty is left out."""
+    e = estimate
+    choice = [("Why this model", e.model_choice)] if e.model_choice else []
+    found = {
+        "sensitivity": [
+            ("What a wrong input would cost", budget(e)),
+            ("Leakage between rigid motion and deformation", named_numbers(e.leakage)),
+        ],
+        "tuning": [
+            ("Levels of the model, looked at on this record", choice + named_numbers(e.ladder)),
+            ("Chosen by tuning on this record", tuned(e)),
+        ],
+    }
+    return {name: [part for part in parts if part[1]] for name, parts in found.items()}
 
 
 def wrench_rows(quoted: Numbers, witness: Witness | None) -> list[tuple[str, str, list[str]]]:

@@ -1,11 +1,13 @@
 """The page over a batch: every file, every reason once, who is far off, links that lead somewhere."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
+from forceid.files import write_result
 from forceid.report.batch_page import causes, render_batch
 from forceid.report.outliers import FEW_FILES, find_outliers
 
@@ -81,7 +83,7 @@ def test_links_lead_to_results_and_reports_and_to_no_host(page):
     ]
     assert [link for link in seen.links if link.endswith(".html")] == ["m03.result.html"]
     assert len(set(seen.names)) == len(seen.names)
-    assert "http" not in page
+    assert "://" not in page
     assert all(image["alt"] and image["src"].startswith("data:image/png") for image in seen.images)
     assert len(seen.images) == 1
 
@@ -136,3 +138,18 @@ def test_few_files_have_no_outlier_and_odd_ones_do_not_hide_each_other():
     many = [{"file": str(k), "nis_mean": 1.0} for k in range(12)]
     odd = [{"file": f"odd{k}", "nis_mean": v} for k, v in enumerate((100.0, 80.0, 0.01, 90.0))]
     assert {o.file for o in find_outliers([*many, *odd])} == {"odd0", "odd1", "odd2", "odd3"}
+
+
+def test_small_multiples_show_every_result_to_one_scale(throw, tmp_path):
+    for k, size in enumerate((1.0, 1.0, 1.0, 0.5)):
+        estimate, _ = throw(400)
+        loud = replace(estimate, force=size * estimate.force, deformation=np.zeros((400, 0, 3)), node=())
+        write_result(tmp_path / f"m{k:02d}.result.h5", replace(loud, mean_shape=np.zeros((0, 3))))
+    batch = [{**record(k), "output": str(tmp_path / f"m{k:02d}.result.h5")} for k in range(5)]
+    page = render_batch(batch, tmp_path)
+    small = page[page.index('<ul class="small">') :]
+    assert re.findall(r'<li class="ok">(m\d\d)', small) == ["m00", "m01", "m02", "m03"]
+    curves = [re.findall(r"[\d.]+ ([\d.]+)", d) for d in re.findall(r'var\(--z\)" d="([^"]*)"', small)]
+    heights = [max(20 - float(y) for y in d) for d in curves[::2]]  # of every force
+    assert heights[0] == pytest.approx(18, abs=0.1)
+    assert heights[3] == pytest.approx(9, abs=0.1)

@@ -33,10 +33,11 @@ def with_loads(estimate):
         path.draw_path,
         figures.draw_wrench,
         figures.draw_motion,
+        figures.draw_deformation,
         whiteness.draw_innovations,
         lambda e: figures.draw_loads(with_loads(e), with_loads(e).loads),
     ],
-    ids=["path", "wrench", "motion", "innovations", "loads"],
+    ids=["path", "wrench", "motion", "deformation", "innovations", "loads"],
 )
 def test_every_axis_states_its_unit(thrown, draw):
     figure = draw(thrown[0])
@@ -77,6 +78,15 @@ def test_peak_of_one_sample_gets_an_arrow_and_force_below_two_sigma_none(thrown)
     assert 333 in path.strongest(replace(estimate, force=force))
     assert len(path.strongest(estimate)) == path.ARROWS
     assert len(path.strongest(replace(estimate, force=0.01 * force))) == 1
+
+
+def test_arrows_are_as_dense_where_the_body_is_slow_as_where_it_is_fast(thrown):
+    estimate, _ = thrown
+    way = np.linspace(0.0, 1.0, 600) ** 4  # of its first tenth, more than half of the time
+    center = np.stack([way, 0 * way, 0 * way], axis=-1)
+    gaps = np.diff(center[path.strongest(replace(estimate, center=center, force=np.ones((600, 3)))), 0])
+    assert len(gaps) == path.ARROWS - 1
+    assert gaps.max() < 1.5 * gaps.min()
 
 
 def test_moment_of_a_particle_is_called_not_identifiable(thrown):
@@ -125,10 +135,10 @@ def test_colored_innovations_leave_the_bounds_and_white_ones_do_not():
     assert whiteness.correlogram(colored)[0] == pytest.approx(0.8, abs=0.05)
 
 
-def test_rigid_body_gets_no_panel_of_deformation(thrown):
+def test_rigid_body_has_no_deformation_to_draw(thrown):
     rigid = replace(thrown[0], deformation=np.zeros((600, 8, 3)), mode_amplitude=None)
-    assert len(figures.draw_motion(thrown[0]).axes) == 6
-    assert len(figures.draw_motion(rigid).axes) == 4
+    assert figures.deforms(thrown[0])
+    assert not figures.deforms(rigid)
 
 
 def test_innovation_of_an_impact_leaves_the_others_readable(thrown):

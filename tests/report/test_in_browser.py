@@ -12,12 +12,15 @@ from test_batch_page import BATCH
 
 from forceid.records import Finding, Interface, Verdict
 from forceid.report.batch_page import render_batch
+from forceid.report.comparison import Named, render_comparison
 from forceid.report.page import render_page
 
 playwright = pytest.importorskip("playwright.sync_api")
 NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 PHONE, PAPER = {"width": 360, "height": 720}, {"width": 718, "height": 1000}  # px; A4 within margins
 FOCUSABLE = "a[href], button, input, select, textarea, summary, [tabindex]"
+UNFOLD = "document.querySelectorAll('details').forEach(e => { e.open = true; })"
+DESK = {"width": 1280, "height": 800}
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,7 @@ def joints(frames):
     )
 
 
-@pytest.fixture(scope="module", params=["result", "refused", "batch"])
+@pytest.fixture(scope="module", params=["result", "refused", "batch", "comparison"])
 def page(request, throw, tmp_path_factory):
     """The path of a page."""
     folder = tmp_path_factory.mktemp(request.param)
@@ -61,6 +64,9 @@ def page(request, throw, tmp_path_factory):
         (folder / "m03.result.html").write_text("a report")
         batch = [{**r, "output": str(folder / r["output"].removeprefix("out/"))} for r in BATCH]
         html = render_batch(batch, folder)
+    elif request.param == "comparison":
+        both = [Named(f"seed {seed}", throw(100, seed=seed)[0]) for seed in (1, 2)]
+        html = render_comparison(both)
     elif request.param == "refused":
         estimate, _ = throw(
             60,
@@ -115,11 +121,13 @@ def test_it_fits_a_phone_and_every_line_is_large_enough_to_read(opened):
     tab, _ = opened(PHONE, device_scale_factor=2, is_mobile=True, has_touch=True)
     assert tab.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert wide(tab) == []
+    tab.evaluate(UNFOLD)
     sizes = tab.evaluate(
         """() => [...document.querySelectorAll('body *')].filter(e => e.innerText && !e.children.length)
                  .map(e => parseFloat(getComputedStyle(e).fontSize))"""
     )
     assert min(sizes) >= 12.5
+    assert wide(tab) == []
     pictures = tab.evaluate("[...document.images].map(i => i.getBoundingClientRect().width)")
     assert min(pictures, default=640) >= 640  # less makes their letters too small; they scroll by themselves
 
@@ -141,8 +149,15 @@ def test_it_fits_paper_and_prints(opened):
 @pytest.mark.parametrize("viewport", [PHONE, {"width": 1280, "height": 900}], ids=["phone", "desk"])
 def test_all_that_can_be_opened_or_scrolled_is_reached_by_keyboard(opened, viewport):
     tab, _ = opened(viewport)
-    tab.evaluate(f"document.querySelectorAll('{FOCUSABLE}').forEach((e, k) => e.dataset.k = k)")
-    count = tab.evaluate(f"document.querySelectorAll('{FOCUSABLE}').length")
+    for summary in tab.query_selector_all("summary"):
+        shut = not summary.evaluate("e => e.parentElement.open")
+        summary.focus()
+        tab.keyboard.press("Enter")
+        assert summary.evaluate("e => e.parentElement.open") == shut
+    tab, _ = opened(viewport)
+    tab.evaluate(UNFOLD)
+    seen = f"[...document.querySelectorAll('{FOCUSABLE}')].filter(e => e.checkVisibility())"
+    count = tab.evaluate(f"{seen}.map((e, k) => e.dataset.k = k).length")
     reached = []
     for _ in range(count):
         tab.keyboard.press("Tab")
@@ -157,16 +172,13 @@ def test_all_that_can_be_opened_or_scrolled_is_reached_by_keyboard(opened, viewp
         }).map(e => e.tagName)"""
     )
     assert unreached == []
-    for summary in tab.query_selector_all("summary"):
-        summary.focus()
-        tab.keyboard.press("Enter")
-        assert summary.evaluate("e => e.parentElement.open")
 
 
 def test_who_listens_to_it_is_told_what_pictures_show_and_where_things_are(opened):
     tab, _ = opened(PAPER)
     assert tab.evaluate("document.documentElement.lang") == "en-US"
     assert tab.title()
+    tab.evaluate(UNFOLD)
     told = tab.evaluate("[...document.images].map(i => [i.alt, i.closest('figure').innerText])")
     for alt, caption in told:
         assert len(alt) > 40
@@ -182,8 +194,10 @@ def test_who_listens_to_it_is_told_what_pictures_show_and_where_things_are(opene
     assert tab.evaluate(nameless) == 0
 
 
-def test_letters_stand_out_from_what_is_behind_them(opened):
-    tab, _ = opened(PAPER)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_letters_stand_out_from_what_is_behind_them(opened, scheme):
+    tab, _ = opened(PAPER, color_scheme=scheme)
+    tab.evaluate(UNFOLD)
     ratios = tab.evaluate(
         """() => {
           const light = c => { const v = c.match(/[\\d.]+/g).map(Number);

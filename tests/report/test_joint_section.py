@@ -127,8 +127,8 @@ def test_the_page_tells_verdict_sizes_and_consistency_of_the_joints(two):
     assert "trunk on thigh" in html
     assert "<td>0.8333 per degree of freedom; one or less where they agree</td>" in html
     assert '<td class="number">0.17 mm</td>' in html
-    assert html.count("<img") == 6
-    assert "http" not in html
+    assert html.count("<img") == 7
+    assert "://" not in html
 
 
 def test_the_null_space_is_named_and_no_figure_drawn_of_it(looped):
@@ -162,7 +162,7 @@ def test_joints_that_are_refused_say_why_on_the_page(two):
     assert "Part shank: three samples cannot show a force." in html
     assert "all of it" in html
     assert "none</td>" in html
-    assert html.count("<img") == 4
+    assert html.count("<img") == 5
 
 
 def test_a_whole_body_has_no_section_of_joints(throw, page):

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from IPython.core.formatters import DisplayFormatter
+from matplotlib.figure import Figure
 
 import forceid
-from forceid.errors import ConfigError, DataError
+from forceid.errors import ConfigError, DataError, EstimationError
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -75,3 +76,44 @@ def test_what_is_no_result_is_refused(motion, tmp_path):
         forceid.plot_wrench(motion)
     with pytest.raises(DataError, match="cannot be read"):
         forceid.show_report(tmp_path / "no.h5")
+
+
+def test_a_notebook_shows_the_verdict_of_a_result_before_what_it_holds(result, motion):
+    html = shown(result)["text/html"]
+    assert "<b>Accurate.</b>" in html
+    assert html.index("Typical force") < html.index("All it holds") < html.index("xr-wrap")
+    assert "Accurate" not in shown(motion)["text/html"]
+    assert "Accurate" not in shown(result["estimate"])["text/html"]
+    assert type(result.copy(deep=True)) is type(result)
+
+
+def test_every_plot_draws_in_axes_that_are_given(result):
+    for plot, rows, columns in (
+        (forceid.plot_wrench, 3, 2), (forceid.plot_motion, 2, 2), (forceid.plot_load, 1, 1),
+    ):  # fmt: skip
+        own = Figure()
+        axes = own.subplots(rows, columns)
+        assert plot(result, ax=axes) is own
+        assert all(ax.lines for ax in own.axes)
+    own = Figure()
+    space = own.add_subplot(projection="3d")
+    assert forceid.plot_path(result, ax=space) is own
+    assert space.lines
+    with pytest.raises(ConfigError, match="are 1 axes, expected 6"):
+        forceid.plot_wrench(result, ax=Figure().subplots())
+
+
+def test_two_results_in_one_panel_are_told_apart_by_name_and_color(result):
+    ax = Figure().subplots()
+    for name in ("one", "two"):
+        forceid.plot_load(result, "force", "z", ax=ax, name=name)
+    assert [line.get_label() for line in ax.lines] == ["one z", "two z"]
+    assert len({line.get_color() for line in ax.lines}) == 2
+    assert len(ax.collections) == 2
+
+
+def test_a_path_that_no_frame_shows_is_refused(motion):
+    unseen = motion.copy(deep=True)
+    unseen["motion/position"][:, :-2] = np.nan
+    with pytest.raises(EstimationError, match="no frame shows the mass center"):
+        forceid.plot_path(forceid.estimate(unseen))

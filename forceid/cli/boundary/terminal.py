@@ -8,6 +8,7 @@ import re
 import sys
 import unicodedata
 from contextlib import suppress
+from threading import RLock
 from typing import TextIO
 
 PLAIN = {
@@ -25,6 +26,11 @@ PLAIN = {
 WIDEST = 1000  # columns: no terminal has more, and tables are as wide as they are told
 HIDDEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # characters that move the cursor, or what is beside them
 LOST: list[OSError] = []  # why a part of the output is not there
+LOUDNESS = [1]  # 0: nothing is said but errors and what was asked for; 2: every stage, too
+DRAWN: list[str] = []  # the line on the terminal that the next one takes the place of
+ONE_AT_A_TIME = RLock()
+COLORS = {"ok": 32, "degraded": 33, "refused": 31, "failed": 35}  # of the words of a verdict
+WORD = re.compile(rf"^((?:verdict|joints) +)?({'|'.join(COLORS)})\b", re.MULTILINE)
 
 
 def plain(error: UnicodeError) -> tuple[str, int]:
@@ -56,8 +62,9 @@ def printable(text: str) -> str:
     )
 
 
-def settle() -> None:
+def settle(loudness: int = 1) -> None:
     """Prepare streams and environment for whatever runs: done once, as a command begins."""
+    LOUDNESS[:] = [loudness]
     for number in range(3):  # or the next file that is opened gets what is meant for the terminal
         with suppress(OSError):
             if not is_open(number):
@@ -85,10 +92,44 @@ def is_open(number: int) -> bool:
 def tell(text: str, stream: TextIO | None = None) -> None:
     """Print a text at once. Where nobody can take it any more, the work goes on all the same."""
     stream = sys.stdout if stream is None else stream
-    try:
-        print(printable(text), file=stream, flush=True)
-    except OSError as error:
-        give_up(stream, error)
+    with ONE_AT_A_TIME:
+        wipe()
+        try:
+            print(colored(printable(text), stream), file=stream, flush=True)
+        except OSError as error:
+            give_up(stream, error)
+
+
+def note(text: str, stream: TextIO | None = None) -> None:
+    """Print what one may do without: nothing under --quiet."""
+    if LOUDNESS[0] > 0:
+        tell(text, stream)
+
+
+def draw(line: str) -> None:
+    """Put a line on the terminal, in place of the one drawn before."""
+    with ONE_AT_A_TIME, suppress(OSError, ValueError):
+        wipe()
+        sys.stderr.write(printable(line))
+        sys.stderr.flush()
+        DRAWN.append(line)
+
+
+def wipe() -> None:
+    """Take the line away that was drawn last, if it is there."""
+    with ONE_AT_A_TIME, suppress(OSError, ValueError):
+        if DRAWN:
+            DRAWN.clear()
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def colored(text: str, stream: TextIO) -> str:
+    """The text with the words of a verdict in their colors, where a terminal shows them and may."""
+    plain_only = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    if plain_only or not stream.isatty():
+        return text
+    return WORD.sub(lambda m: f"{m[1] or ''}\x1b[1;{COLORS[m[2]]}m{m[2]}\x1b[0m", text)
 
 
 def give_up(stream: TextIO, error: OSError) -> None:

@@ -1,14 +1,14 @@
-"""How far a batch is: a bar where people look on, plain lines now and then where a log is kept."""
+"""How far a batch is: in the line of the command where people look on, plain lines where a log is kept."""
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from forceid.cli.boundary.terminal import tell
+from forceid.cli.boundary.status import CURRENT, duration
+from forceid.cli.boundary.terminal import note
 
 STEPS = 10  # lines at least, over a whole batch
 SILENCE = 60.0  # s without a line at most, while files finish
@@ -16,17 +16,13 @@ SILENCE = 60.0  # s without a line at most, while files finish
 
 @contextmanager
 def progress(total: int, unit: str = "files") -> Iterator[Callable[[], None]]:
-    """What to call after every file, or other unit; stderr then shows count, rate and time left."""
-    if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        with progress_bar(total, unit) as advance:
-            yield advance
-    else:
-        yield plain_lines(total, unit=unit)
+    """What to call after every file, or other unit; stderr then shows count and time left."""
+    yield CURRENT[-1].count(total, unit) if CURRENT else plain_lines(total, unit=unit)
 
 
 def plain_lines(
     total: int,
-    write: Callable[[str], None] = lambda line: tell(line, sys.stderr),
+    write: Callable[[str], None] = lambda line: note(line, sys.stderr),
     clock: Callable[[], float] = time.monotonic,
     unit: str = "files",
 ) -> Callable[[], None]:
@@ -53,34 +49,3 @@ def plain_lines(
         )
 
     return advance
-
-
-def duration(seconds: float) -> str:
-    """A time in the unit that one would say it in."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
-
-
-@contextmanager
-def progress_bar(total: int, unit: str) -> Iterator[Callable[[], None]]:
-    """The same as a bar; without color where NO_COLOR is set."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        def render(self, task: Task) -> Text:
-            return Text(f"{task.speed or 0:.2g} {unit}/s")
-
-    columns = BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("estimate", total=total)
-        yield lambda: shown.advance(task)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -21,6 +22,7 @@ from forceid.report.plots.style import (
     PURPLE,
     STYLE,
     draw_axes,
+    draw_band,
     draw_columns,
     draw_estimate,
     draw_line,
@@ -32,12 +34,16 @@ from forceid.report.plots.style import (
 
 SAME_JOINT = 5e-3  # m: within which a joint of the truth is this one
 TITLE_LETTERS = 28  # letters of a name in a title
+MOST_LOADS = 8  # loads that are drawn
 
 
 @rc_context(STYLE)
-def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) -> Figure:
-    """Force and moment by axis with two-sigma bands, the plain route, and the truth where there is one."""
-    figure, axes = panels(3, 2, (10.0, 6.4), sharex=True)
+def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None, ax: Any = None) -> Figure:
+    """Force and moment by axis with two-sigma bands, the plain route, and the truth where there is one.
+
+    ax: three rows of two axes to draw in.
+    """
+    figure, axes = panels(3, 2, (10.0, 6.4), ax, sharex=True)
     witness = estimate.witness
     plain = {} if witness is None else {"force": witness.force, "moment": witness.moment}
     if estimate.moment_about != "mass_center":
@@ -54,18 +60,17 @@ def draw_wrench(estimate: Estimate, truth: Mapping[str, Array] | None = None) ->
         head = name[0].upper(), title, unit
         draw_axes(axes[:, column], head, estimate.time, values, 2 * std, true, plain=plain.get(name))
         for edge in () if estimate.impulses is None else estimate.impulses.start[1:]:
-            for ax in axes[:, column]:
-                ax.axvline(edge, color=GRAY, linewidth=0.6, linestyle=":")
+            for panel in axes[:, column]:
+                panel.axvline(edge, color=GRAY, linewidth=0.6, linestyle=":")
     explain(figure, "two sigma", known, any(np.isfinite(values).any() for values in plain.values()))
     return figure
 
 
 @rc_context(STYLE)
-def draw_motion(estimate: Estimate) -> Figure:
-    """Translation on the left, rotation on the right; below them the deformation, if there is any."""
+def draw_motion(estimate: Estimate, ax: Any = None) -> Figure:
+    """Translation on the left, rotation on the right. ax: two rows of two axes to draw in."""
     e = estimate
-    deforms = bool(np.nan_to_num(e.deformation).any())
-    figure, axes = panels(2 + deforms, 2, (10.0, 4.4 + 2.0 * deforms), sharex=True)
+    figure, axes = panels(2, 2, (10.0, 4.4), ax, sharex=True)
     moving = e.center - e.center[np.argmax(np.isfinite(e.center).all(axis=1))]
     histories = (
         (axes[0, 0], moving, "Center, from its start", "$x - x_0$ (m)"),
@@ -73,31 +78,61 @@ def draw_motion(estimate: Estimate) -> Figure:
         (axes[0, 1], e.angular_velocity, "Angular velocity", "$\\omega$ (rad/s)"),
         (axes[1, 1], e.angular_momentum, "Angular momentum", "$H$ (kg m²/s)"),
     )
-    for ax, values, title, y in histories:
-        label(ax, title, y, "")
-        draw_columns(ax, e.time, values, AXES, list(AXIS_COLOR.values()))
-    if deforms:
-        draw_deformation(e, axes[2, 0])
-        draw_shape(e, axes[2, 1])
-    for ax in axes[-1]:
-        ax.set_xlabel("time (s)")
+    for panel, values, title, y in histories:
+        label(panel, title, y, "")
+        draw_columns(panel, e.time, values, AXES, list(AXIS_COLOR.values()))
+    for panel in axes[-1]:
+        panel.set_xlabel("time (s)")
     figure.align_ylabels()
     return figure
 
 
-def draw_deformation(estimate: Estimate, ax: Axes) -> None:
-    """Deformation, rms over the nodes, in millimeters."""
-    label(ax, "Deformation, rms over the nodes", "$u$ (mm)", "")
+@rc_context(STYLE)
+def draw_load(estimate: Estimate, load: str, axes: str = "xyz", ax: Any = None, name: str = "") -> Figure:
+    """The `force` or the `moment` along some axes in one panel, with two-sigma bands.
+
+    ax: the axes to draw in; name: put before the axis in the legend, to tell results in one panel apart.
+    """
+    unit = {"force": "N", "moment": "N m"}[load]
+    figure, panel = panels(1, 1, (10.0, 3.2), ax)
+    panel = panel[0, 0]
+    values, half = getattr(estimate, load), 2 * getattr(estimate, f"{load}_std")
+    for axis in axes:
+        k = AXES.index(axis)
+        color = None if name else AXIS_COLOR[axis]  # of one result by axis, of several one after the other
+        draw_line(panel, estimate.time, values[:, k], color=color, label=f"{name} {axis}".strip())
+        drawn = panel.lines[-1].get_color()
+        draw_band(
+            panel, estimate.time, values[:, k] - half[:, k], values[:, k] + half[:, k], color=drawn, alpha=0.2
+        )
+    label(panel, panel.get_title(loc="left") or load.capitalize(), f"{load} ({unit})")
+    panel.legend(ncols=3)
+    return figure
+
+
+def deforms(estimate: Estimate) -> bool:
+    """Whether the model has a deformation."""
+    return bool(np.nan_to_num(estimate.deformation).any())
+
+
+@rc_context(STYLE)
+def draw_deformation(estimate: Estimate) -> Figure:
+    """Deformation, rms over the nodes, in millimeters; beside it what the model says of the shape."""
+    figure, axes = panels(1, 2, (10.0, 2.6))
+    ax = axes[0, 0]
+    label(ax, "Deformation, rms over the nodes", "$u$ (mm)")
     size = 1e3 * np.sqrt(mean(np.moveaxis(np.sum(estimate.deformation**2, axis=-1), 1, 0)))
     draw_line(ax, estimate.time, size, color=PURPLE)
     ax.margins(x=0.01)
     ax.set_ylim(bottom=0)
+    draw_shape(estimate, axes[0, 1])
+    return figure
 
 
 def draw_shape(estimate: Estimate, ax: Axes) -> None:
     """What the model says of the shape: stretch minus one, or mode amplitudes."""
     if estimate.stretch is not None:
-        label(ax, "Stretch less one", "$U - 1$ (1)", "")
+        label(ax, "Stretch less one", "$U - 1$ (1)")
         pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         strain = np.stack([estimate.stretch[:, i, j] - (i == j) for i, j in pairs], axis=-1)
         draw_columns(ax, estimate.time, strain, [AXES[i] + AXES[j] for i, j in pairs], CYCLE)
@@ -105,7 +140,7 @@ def draw_shape(estimate: Estimate, ax: Axes) -> None:
     q = np.zeros((len(estimate.time), 0)) if estimate.mode_amplitude is None else estimate.mode_amplitude
     shown = min(q.shape[1], len(CYCLE))
     title = f"Modes 1 to {shown} of {q.shape[1]}" if q.shape[1] > shown else "Mode amplitudes"
-    label(ax, title, "$q$ (mm)", "")
+    label(ax, title, "$q$ (mm)")
     draw_columns(ax, estimate.time, 1e3 * q[:, :shown], [f"{k + 1}" for k in range(shown)], CYCLE)
 
 
@@ -115,7 +150,7 @@ def draw_loads(estimate: Estimate, loads: Loads) -> Figure:
     asked = tomllib.loads(estimate.settings).get("load", [])
     unit = {load["name"]: "N m" for load in asked if load.get("kind") == "moment"}
     std = deviation(loads.load_cov)
-    rows = min(len(loads.name), 8)
+    rows = min(len(loads.name), MOST_LOADS)
     figure, axes = panels(rows, 1, (10.0, 0.9 + 1.5 * rows), sharex=True)
     for k, (ax, name) in enumerate(zip(axes[:, 0], loads.name, strict=False)):
         y, x = f"{name} ({unit.get(name, 'N')})", "time (s)" if k == rows - 1 else ""

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from forceid.records import Array, Estimate
 from forceid.report.numbers import plain
+from forceid.report.plots.chart import clock, kept, numbers
 from forceid.report.plots.style import AXES, BLUE, INK, STYLE, VERMILION, bins
 
 ARROWS = 24
+STANDS_OUT = 1.5  # times the force in the middle of a stretch: a peak that must be seen
 WIDTH, HEIGHT = 10.0, 5.6  # of the figure, inches
 BOX = (7.6, 3.9)  # that the box may take of it: the rest is for tick labels and legend
 LONGEST_ARROW = 0.22  # arrow, of the extent of the path
@@ -23,15 +25,18 @@ DEPTH = 0.4  # least side of the box, of the same: thinner ones squeeze their ti
 
 
 @rc_context(STYLE)
-def draw_path(estimate: Estimate) -> Figure:
+def draw_path(estimate: Estimate, ax: Any = None) -> Figure:
     """The path of the center in world axes at equal scale, with arrows for the applied force.
 
-    Some sample must show the center.
+    Some sample must show the center. ax: axes in space, of projection "3d", to draw in.
     """
     seen = np.isfinite(estimate.center).all(axis=1)
-    figure = Figure(figsize=(WIDTH, HEIGHT))
-    figure.text(0.02, 0.955, "Path of the mass center, world axes at equal scale", fontsize=10, weight="bold")
-    ax: Any = figure.add_axes((0.0, 0.06, 1.0, 0.9), projection="3d", computed_zorder=False)
+    own = ax is None
+    figure = Figure(figsize=(WIDTH, HEIGHT)) if own else ax.figure
+    if own:
+        title = "Path of the mass center, world axes at equal scale"
+        figure.text(0.02, 0.955, title, fontsize=10, weight="bold")
+        ax = figure.add_axes((0.0, 0.06, 1.0, 0.9), projection="3d", computed_zorder=False)
 
     path = estimate.center[bins(estimate.time)]
     span = max(float(np.ptp(estimate.center[seen], axis=0).max()), 1e-9)
@@ -40,7 +45,9 @@ def draw_path(estimate: Estimate) -> Figure:
     longest = float(np.linalg.norm(force, axis=1).max(initial=0.0))
     arrows = force * (LONGEST_ARROW * span / longest) if longest > 0 else force
     drawn = np.concatenate([path, estimate.center[at] + arrows])
-    vertical, floor = fit_box(ax, np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0), span, estimate.gravity)
+    vertical, floor = fit_box(
+        ax, np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0), span, estimate.gravity, fit=own
+    )
 
     shadow = path.copy()
     shadow[:, vertical] = floor
@@ -51,22 +58,56 @@ def draw_path(estimate: Estimate) -> Figure:
         ax.quiver(*ends, color=VERMILION, lw=1.2, arrow_length_ratio=0.25, zorder=3, clip_on=False)
     for point, shape in zip(path[np.isfinite(path).all(axis=1)][[0, -1]], "os", strict=True):
         ax.scatter(*point, color=BLUE, s=36, marker=shape, depthshade=False, zorder=4, clip_on=False)
-    figure.legend(handles=handles(longest), loc="lower center", ncols=4)
+    if own:
+        figure.legend(handles=handles(longest), loc="lower center", ncols=4)
     return figure
 
 
 def strongest(estimate: Estimate) -> NDArray[np.intp]:
-    """The samples that get an arrow: of each stretch of time the largest force, if it exceeds two sigma."""
+    """The samples that get an arrow: the middle of each stretch of the path, if its force exceeds two sigma.
+
+    Stretches are of equal length along the path, so that arrows do not crowd where the body is slow. A force
+    that stands out of its stretch gets the arrow instead.
+    """
     size, std = (np.linalg.norm(v, axis=1) for v in (estimate.force, estimate.force_std))
     known = np.flatnonzero(np.isfinite(estimate.center).all(axis=1) & np.isfinite(size))
-    stretches = np.array_split(known, min(ARROWS, len(known)) or 1)
-    most = np.array([s[size[s].argmax()] for s in stretches if len(s)], dtype=np.intp)
-    chosen: NDArray[np.intp] = most[size[most] > 2 * np.nan_to_num(std[most])]
+    if not len(known):
+        return known
+    steps = np.linalg.norm(np.diff(estimate.center[known], axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    place = ARROWS * along / max(float(along[-1]), 1e-9)
+    stretch = np.minimum(place, ARROWS - 1).astype(np.intp)
+    found = []
+    for k in np.unique(stretch).tolist():
+        own = np.flatnonzero(stretch == k)
+        middle, most = own[np.abs(place[own] - k - 0.5).argmin()], own[size[known[own]].argmax()]
+        found.append(known[most if size[known[most]] > STANDS_OUT * size[known[middle]] else middle])
+    at = np.array(found, dtype=np.intp)
+    chosen: NDArray[np.intp] = at[size[at] > 2 * np.nan_to_num(std[at])]
     return chosen
 
 
-def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tuple[int, float]:
-    """Set limits, view and zoom so that the box from low to high (3,) fills its room, with gravity down.
+def path_chart(estimate: Estimate) -> dict[str, Any]:
+    """The path in space as the script of the page turns it: points, arrows and their ends, and what is up."""
+    at = kept(estimate.center)
+    arrows = strongest(estimate)
+    size = np.linalg.norm(estimate.force[arrows], axis=1)
+    vertical = int(np.abs(estimate.gravity).argmax()) if np.any(estimate.gravity) else 2
+    return {
+        "path": [numbers(point) for point in estimate.center[at]],
+        "foot": [numbers(point) for point in estimate.center[arrows]],
+        "force": [numbers(force) for force in estimate.force[arrows]],
+        "time": clock(estimate.time[arrows]),
+        "vertical": vertical,
+        "up": -1 if estimate.gravity[vertical] > 0 else 1,
+        "longest": float(size.max(initial=0.0)),
+    }
+
+
+def fit_box(
+    ax: Any, low: Array, high: Array, span: float, gravity: Array, fit: bool = True
+) -> tuple[int, float]:
+    """Set limits and view of the box from low to high (3,), with gravity down, and zoom so that it fits.
 
     Returns the vertical axis and the level of the floor.
     """
@@ -87,6 +128,8 @@ def fit_box(ax: Any, low: Array, high: Array, span: float, gravity: Array) -> tu
     ax.set_proj_type("ortho")
     ax.view_init(elev=24, azim=-58, vertical_axis=AXES[vertical])
     ax.set_box_aspect(size)
+    if not fit:
+        return vertical, float((upper if gravity[vertical] > 0 else lower)[vertical])
     corners = np.array(
         [[ax.get_xlim()[i], ax.get_ylim()[j], ax.get_zlim()[k]] for i, j, k in np.ndindex(2, 2, 2)]
     )

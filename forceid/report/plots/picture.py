@@ -11,20 +11,27 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+DOTS_PER_INCH = 110  # of a picture ten inches wide: sharp on paper, and seven of them weigh half a megabyte
+
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure of the page: its PNG in base64, what it shows, a caption, and its panels in words."""
+    """One figure of the page: its PNG in base64, what it shows, a caption, and its panels in words.
+
+    name: of the chart that a script draws in its place, none where the picture is all there is.
+    """
 
     data: str
     title: str
     caption: str
     alternative: str
+    name: str = ""
 
 
-def pictured(figure: Figure, title: str, caption: str) -> Picture:
+def pictured(figure: Figure, title: str, caption: str, name: str = "") -> Picture:
     """A figure with its words; PNG keeps the page small however long the record is."""
-    return Picture(base64.b64encode(png(figure, 160)).decode("ascii"), title, caption, in_words(figure))
+    data = base64.b64encode(png(figure, DOTS_PER_INCH)).decode("ascii")
+    return Picture(data, title, caption, in_words(figure), name)
 
 
 def png(figure: Figure, dpi: int) -> bytes:

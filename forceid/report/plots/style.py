@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from forceid.errors import ConfigError
 from forceid.records import Array
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#E69F00", "#56B4E9"
@@ -29,8 +30,19 @@ with as_file(files("forceid.report") / "plots" / "house.mplstyle") as house:
     STYLE: Any = rc_params_from_file(house, use_default_template=False)
 
 
-def panels(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:
-    """A figure of `size` inches in the house style, with its (rows, columns) array of axes."""
+def panels(
+    rows: int, columns: int, size: tuple[float, float], ax: Any = None, **options: Any
+) -> tuple[Figure, Any]:
+    """A figure of `size` inches in the house style, with its (rows, columns) array of axes.
+
+    ax: axes that are there already, as many, whose figure is returned. ConfigError: another number of them.
+    """
+    if ax is not None:
+        given = np.array(ax, dtype=object).reshape(-1)
+        if len(given) != rows * columns:
+            what = f"are {len(given)} axes, expected {rows * columns}: {rows} rows of {columns}"
+            raise ConfigError(what, "ax", f"make them by plt.subplots({rows}, {columns})")
+        return given[0].figure, given.reshape(rows, columns)
     figure = Figure(
         figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.04)
     )
@@ -149,5 +161,8 @@ def explain(figure: Figure, band: str, known: bool, plain: bool = False) -> None
         handles.append(Line2D([], [], color=ORANGE, lw=0.9, label="plain route"))
     if known:
         handles.append(Line2D([], [], color=INK, lw=1.0, ls=DASHED, label="truth"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    else:  # the figure of a user: what is in it stays where it is
+        figure.axes[0].legend(handles=handles, loc="best", ncols=2)
     figure.align_ylabels()
