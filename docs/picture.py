@@ -1,17 +1,31 @@
-"""The picture of the first page: the force on a thrown boomerang. `python docs/picture.py` makes it again."""
+"""Pictures of the first page and of the gallery. `python docs/picture.py` makes them again."""
 
+import base64
+from io import BytesIO
 from pathlib import Path
 
+import jupytext
 import numpy as np
 from matplotlib.figure import Figure
+from nbclient import NotebookClient
+from PIL import Image
 
 import forceid
 
 HERE = Path(__file__).parent
 BLUE, INK = "#0072B2", "#222222"
+WIDTH = 480  # pixels of a picture of the gallery
 
 
 def main() -> None:
+    """The force on the boomerang, and the last picture of every notebook."""
+    boomerang()
+    (HERE / "gallery").mkdir(exist_ok=True)
+    for path in sorted((HERE.parent / "notebooks").glob("*.py")):
+        last_picture(path).save(HERE / "gallery" / f"{path.stem}.png", optimize=True)
+
+
+def boomerang() -> None:
     """Estimate the shipped flight, and draw the force beside the truth that the estimator never saw."""
     flight = forceid.open_motion(HERE.parent / "data" / "synthetic" / "flexible_boomerang_5_markers.h5")
     estimate, truth = forceid.estimate(flight)["estimate"], flight["truth"]
@@ -29,6 +43,16 @@ def main() -> None:
     figure.axes[0].legend(loc="upper right", ncols=2, frameon=False, fontsize=9)
     figure.suptitle("Air on a boomerang that bends and spins ten times a second", fontsize=11)
     figure.savefig(HERE / "boomerang_force.png", metadata={"Software": None})
+
+
+def last_picture(path: Path) -> Image.Image:
+    """The last picture that a notebook shows, as wide as the gallery has it."""
+    notebook = jupytext.read(path, fmt="py:percent")
+    NotebookClient(notebook, resources={"metadata": {"path": str(path.parent)}}).execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    shown = [o["data"]["image/png"] for o in outputs if "image/png" in o.get("data", {})]
+    picture = Image.open(BytesIO(base64.b64decode(shown[-1]))).convert("RGB")
+    return picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from evidence.chart.front import points_of as points_in_order
 from evidence.written import tabled
 
 NEAR = 1.25  # times the error of the best point: where default settings are to be
+FEW = 2  # cases: of more, what is said of each and its table are left to the pictures and to chart.json
 MEMORY = "Memory is the peak of what Python and numpy allocate."
 
 ChartCase = Mapping[str, Any]
@@ -33,7 +34,10 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
         if cases := [case for case in result["cases"] if case["subject"] == subject.name]:
             reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
             parts += [f"## {subject.title}", reading, overview(subject, cases)]
-            parts += [part for case in cases for part in of_case(subject, case)]
+            few = len(result["cases"]) <= FEW
+            parts += [part for case in cases for part in of_case(subject, case, few)]
+    if len(result["cases"]) > FEW:
+        parts.append("`chart.json` beside this page has everyone's error, claim, time and verdict.")
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -46,11 +50,19 @@ def timing(extent: Mapping[str, Any]) -> str:
     )
 
 
-def of_case(subject: Charted, case: ChartCase) -> list[str]:
-    """A case: what it is, its picture, what that says, and everyone in a table."""
+def of_case(subject: Charted, case: ChartCase, full: bool = True) -> list[str]:
+    """A case: its title, what it is, its picture; in full also what that says, and everyone in a table."""
     picture = f"![{case['name']}](chart_{case['name']}.png)"
-    said = subject.described(case), picture, *sentences(subject, case)
-    return [f"### {case['title']}", *said, case_table(subject, case)]
+    brief = [f"### {case['title']}", subject.described(case), picture]
+    if not full:
+        return brief
+    return [*brief, *sentences(subject, case), *reasons(subject, case), case_table(subject, case)]
+
+
+def reasons(subject: Charted, case: ChartCase) -> list[str]:
+    """Why the verdict of the default settings is not `ok`."""
+    found: list[str] = next((r.get("reasons", []) for r in case["rows"] if r["name"] == subject.default), [])
+    return [f"The default settings say: {'; '.join(found)}."] if found else []
 
 
 def overview(subject: Charted, cases: Sequence[ChartCase]) -> str:

@@ -112,11 +112,8 @@ def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short:
 
 def trial_of(plain: dict[str, Any]) -> Trial:
     """A trial from plain numbers, in which null stands for what is not known."""
-    both = {
-        name: tuple(float("nan") if v is None else float(v) for v in plain.get(name, (0, 0)))
-        for name in ("error", "claimed", "bound", "told")
-    }
-    return Trial(verdict=plain["verdict"], reason=plain["reason"], **both)  # type: ignore[arg-type]
+    both = {name: numbers(plain.get(name, (0, 0))) for name in ("error", "claimed", "bound", "told")}
+    return Trial(verdict=plain["verdict"], reason=plain["reason"], **both)
 
 
 def threshold(levels: Sequence[float], cells: Sequence[Cell], *colors: str) -> float | None:
@@ -183,3 +180,24 @@ def as_plain(maps: Sequence[Map], seeds: int, short: bool) -> dict[str, Any]:
             for m in maps
         ],
     }
+
+
+def from_plain(plain: dict[str, Any]) -> list[Map]:
+    """The maps that `as_plain` told, as far as a page and its pictures need them."""
+    maps = []
+    for told in plain["failures"]:
+        failure, rows = by_name(told["name"]), []
+        known = {who.name: who for who in subject_of(failure).contestants(failure, plain["short"])}
+        for one in told["contestants"]:
+            cells = [{name: value for name, value in c.items() if name != "needless"} for c in one["cells"]]
+            pairs = [{name: numbers(c[name]) for name in ("over_bound", "over_claim")} for c in cells]
+            judged = tuple(Cell(**(c | pair)) for c, pair in zip(cells, pairs, strict=True))
+            rows.append(MapRow(known[one["name"]], judged, one["seconds"]))
+        maps.append(Map(failure, tuple(told["levels"]), tuple(rows)))
+    return maps
+
+
+def numbers(plain: Sequence[float | None]) -> tuple[float, float]:
+    """Two numbers of which null is not known."""
+    first, second = (float("nan") if value is None else float(value) for value in plain)
+    return first, second

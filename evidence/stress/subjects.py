@@ -59,18 +59,18 @@ class Subject:
 TOLD_OF_FLIGHTS = """\
 Records of a body whose motion was written down together with the force and moment that drove it. *Bound*
 is what a smoother attains that is told the prior of the loads, the noise and the body, on the record
-without its fault: the same instants and markers. Errors, claims and bounds are root mean squares per axis
-over the central three quarters, pooled over the seeds."""
+without its fault. Errors, claims and bounds are root mean squares per axis over the central three quarters,
+pooled over the seeds."""
 TOLD_OF_PARTS = """\
 Bodies in parts at rest, whose motion was written down first; loads and forces between parts were worked
 out from it in extended precision. Errors and claims are of all forces between parts and of all motions,
 relative to their length, pooled over the seeds. No bound is known: rounding costs one body more than
 another."""
 TOLD_OF_AFFINE = """\
-Bodies that move affinely, F'' E = -dW/dF, whose motion has a closed form, or is known from DOP853 near
+Bodies that move affinely, F'' E = -dW/dF. Their motion has a closed form, or is known from DOP853 near
 rounding and polar factors of eighty digits. Errors are relative, pooled over the seeds: of factors and rates
-of their axes, of F and F', of rotation and rate of turn. They are put beside what an answer claims: steps of
-a fixed length claim what half the step changes, times 4/3; peers claim the tolerance that they are given; who
+of their axes, of F and F', of rotation and rate of turn. They are put beside what an answer claims. Steps of
+a fixed length claim what half the step changes, times 4/3. Peers claim the tolerance that they are given. Who
 says nothing claims 1e-13 of factors, 1e-6 of their rates, 1e-10 of a motion. Along a path of factors the
 first quantity is the largest unflagged turn from frame to frame over 0.3 rad. Who goes on after det F = 0 is
 wrong by 1."""

@@ -18,12 +18,12 @@ LEVELS = (1e-3, 1e-6, 1e-9)  # relative errors at which the fastest are compared
 OF_FACTORS = (1e-13,)
 READING = (
     "Polar factors are known to eighty digits, motions by DOP853 near rounding on forces that are no part of "
-    "forceid. Errors are lengths over that of the truth, of all samples together, of the frames or bodies of "
-    "which the truth was worked out. Time is process CPU time of the whole case, {}; peers that follow "
-    "bodies one by one do a fiftieth of them, and their time is multiplied. A line is one way from coarse "
-    "to fine: steps in s of forceid's, relative tolerances of scipy's, absolute ones a thousandth of them. "
-    "Where det F = 1 is imposed, verlet, suzuki_4 and kahan_li_8 are compositions of RATTLE, and peers "
-    "integrate the index-reduced equations."
+    "forceid. Errors are lengths over that of the truth, of all samples together. Time is process CPU time "
+    "of the whole case, {}. Peers that follow bodies one by one do a fiftieth of them, and their time is "
+    "multiplied. A line is one way from coarse to fine: steps in s of forceid's, relative tolerances of "
+    "scipy's, absolute ones a thousandth of them. Where det F = 1 is imposed, verlet, suzuki_4 and "
+    "kahan_li_8 are compositions of RATTLE, and peers integrate the "
+    " index-reduced equations."
 )
 
 

@@ -23,9 +23,9 @@ QUANTILE = 1.959964  # of the normal distribution: 95 % lie within
 READING = (
     "Errors are rms per axis over the central three quarters of the record and all seeds. Time "
     "is process CPU time from raw markers to the wrench, a sample, {}. *Told* methods chose their parameters "
-    "on the truth: nobody can do that on a record of his own, and they do not count for the front. The bound "
+    "on the truth. Nobody can do that on a record of his own, and they do not count for the front. The bound "
     "is the posterior deviation of the smoother under a Matern prior fitted to the true load, with the noise "
-    "as stated: on one smooth record an error may be below it, and where the load holds a line it is too "
+    "as stated. On one smooth record an error may be below it, and where the load holds a line it is too "
     "large. *Covered* is the share of the truth inside the 95 % interval claimed."
 )
 
@@ -106,7 +106,7 @@ def judged_seeds(facts: Mapping[str, Any], found: Sequence[Mapping[str, Any]]) -
 
 
 def described(case: Mapping[str, Any]) -> str:
-    """What was recorded, in words, and why the verdict of the default settings is not `ok`."""
+    """What was recorded, in words."""
     known = [
         f"{load} {case['load'][load]:.3g} {unit} rms, bound {case['bound'][load]:.3g} {unit}"
         for load, unit in UNITS.items()
@@ -120,8 +120,7 @@ def described(case: Mapping[str, Any]) -> str:
     )
     if case["measured"]:
         said += " Errors of measured tracks are not white: the bound is what white noise of that size allows."
-    reasons: list[str] = next((r.get("reasons", []) for r in case["rows"] if r["name"] == DEFAULT), [])
-    return said + (f" The default settings say: {'; '.join(reasons)}." if reasons else "")
+    return said
 
 
 def heads(case: Mapping[str, Any]) -> list[str]:

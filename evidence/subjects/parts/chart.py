@@ -21,12 +21,12 @@ ENOUGH = 1e-6  # relative error at which the fastest are compared
 READING = (
     "The truth is manufactured: a smooth displacement is chosen, its load is K u, and the forces on the "
     "interface are what loads, in equal shares, and stiffness leave of each other in a part. Errors are "
-    "lengths over that of the truth: of displacements of all parts, so that gaps between them count, "
-    "and of interface forces; peers on the assembled matrix get those as f - K u of each part. Errors below "
-    f"{RESOLVED:.0e} are rounding and count as equal. Time is process CPU time from the matrices, of the "
-    "parts or assembled, to the solution, {}; *second load* is what of it another load would cost again, the "
-    "rest is setup. Iterations stop at their tolerance of the residual as each solver defines it; those of a "
-    "correction are not counted. Forceid tells its own error, and that is timed with it; sparse factors are "
+    "lengths over that of the truth: of displacements of all parts, gaps included, and of interface forces. "
+    "Peers on the assembled matrix get those as f - K u of each part. Errors below "
+    f"{RESOLVED:.0e} are rounding and count as equal. Time is process CPU time from the matrices "
+    "to the solution, {}. *Second load* is what of it another load would cost again. The rest is setup. "
+    "Iterations stop at their tolerance of the residual as each solver defines it. Those of a "
+    "correction are not counted. Forceid tells its own error, and that is timed with it. Sparse factors are "
     "not in the memory."
 )
 

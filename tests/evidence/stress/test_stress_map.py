@@ -1,7 +1,9 @@
 """The map itself: an estimator that is broken on purpose shows red, resumed runs, files, names."""
 
+import json
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from evidence.stress.run import (
     StressJob,
     as_plain,
     do,
+    from_plain,
     key_of,
     leaves_green,
     maps_of,
@@ -148,3 +151,11 @@ def test_numbers_pictures_and_page_come_from_the_same_cells(records):
     shown = [text.get_text() for text in draw_overview(maps).axes[0].texts]
     assert shown == ["✓ 0", "✓ 0.003", "✓ 0.03"]
     assert f"| {maps[0].failure.title} | - | - |" in page_of(maps, 1)
+
+
+@pytest.mark.parametrize(
+    "folder", sorted((Path(__file__).parents[3] / "docs").glob("stress*")), ids=lambda path: path.name
+)
+def test_pages_of_the_site_are_what_their_numbers_say(folder):
+    plain = json.loads((folder / "stress.json").read_text("utf-8"))
+    assert (folder / "stress.md").read_text("utf-8") == page_of(from_plain(plain), plain["seeds"])
