@@ -222,7 +222,7 @@ def main() -> None:
         {"scene": scene, "load": load}
         | {f"{1e3 * lag:g} ms": f"{n[load]:.2f}" for lag, n in found[scene].items()}
         for scene in SCENES
-        for load in ("force", "force behind", "moment", "moment behind")
+        for load in ("force", "moment")
     ]
     drawn(given.output, found)
     what = (__doc__ or "").split("]", 2)[2].strip()
@@ -240,8 +240,7 @@ FREE = (
     "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. No lag of 50 ms mends that."
 )
 BY_LAG = (
-    "Error over that of the smoother, of whole records and (`behind`, dotted) of the frames behind the first "
-    "stretch."
+    "Error over that of the smoother, of whole records; in the picture also behind the first stretch, dotted."
 )
 LONG = (
     "A rigid body of four markers at 1000 Hz that tumbles and is shaken, {frames} frames, tuned anew every "

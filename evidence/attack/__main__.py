@@ -14,6 +14,7 @@ import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from evidence.attack.bodies import BASES, write
 from evidence.attack.contradictions import KINDS, Kind
@@ -40,9 +41,9 @@ FAULTS = (
 PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
 ABOUT = """\
 `{command}`: what was done, how the command ended, and how often something was wrong with that. \
-`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; \
-`noise on stderr`: warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that \
-were there; `unnamed`: a refusal that does not name the file; \
+`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw. \
+`noise on stderr`: warnings of libraries. `late`: over 30 s. `overwritten`, `lost`, `torn`: of files that \
+were there. `unnamed`: a refusal that does not name the file. \
 `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
@@ -74,6 +75,14 @@ def contradictions(folder: Path) -> list[tuple[str, str, End]]:
         plainly[base] = codes(forked(["estimate", write(folder / "c.h5", base).name, "--json"], folder))
         (folder / "c.result.h5").unlink(missing_ok=True)
     return [(kind.name, *told(kind, folder, plainly)) for kind in KINDS]
+
+
+def by_answer(found: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Contradictions by how they are told: refused, or said by which codes; how many, and the first."""
+    kinds: dict[str, list[str]] = defaultdict(list)
+    for kind, how in found:
+        kinds["refused, naming variable and value" if how.startswith("refused") else how].append(kind)
+    return [{"told": how, "kinds": len(some), "as": some[0]} for how, some in kinds.items()]
 
 
 def counted(found: Ended) -> tuple[str, list[str]]:
@@ -118,7 +127,7 @@ def main() -> int:
                 found = contradictions(own)
                 silent = sum(how == "silently accepted" for _, how, _ in found)
                 wrong += silent + sum(bool(end.faults()) for *_, end in found)
-                rows = [{"contradiction": kind, "told": how} for kind, how, _ in found]
+                rows = by_answer((kind, how) for kind, how, _ in found)
                 texts += [f"## Contradictions: {silent} of {len(found)} silently accepted", table(rows)]
                 continue
             shown, odd = counted(work[part](own))

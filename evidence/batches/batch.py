@@ -126,8 +126,8 @@ def of_large(found: Found) -> list[str]:
     return [
         f"## One file of {found['GB']:.1f} GB, {large.NODES} nodes, {found['frames']} frames",
         f"`forceid estimate`: peak memory {found['peak_MB']:.0f} MB (asked: at most 1000), "
-        f"{found['wall_s']:.0f} s, CPU time {found['cpu_s']:.0f} s, verdict {found['verdict']}"
-        f"{''.join(f'; {reason}' for reason in found['reasons'])}.",
+        f"{found['wall_s']:.0f} s, CPU time {found['cpu_s']:.0f} s, verdict {found['verdict']}. Its reasons "
+        "are in `batch.json`.",
         f"Reading and projecting takes {project[0] / read[0]:.2f} times the wall time of reading with "
         f"h5py, {project[1] / read[1]:.2f} times its CPU time (asked: at most 2). Each stage begins with "
         "the file on the disk, none of it in memory.", table(rows),

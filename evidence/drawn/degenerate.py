@@ -34,13 +34,14 @@ from forceid.records import Array
 
 PATIENCE = 30  # s of processor time that one recording may take, inspected and estimated
 WAIT = 600.0  # s of wall time after which a process counts as stopped, however busy the machine is
-TEXT = """Drawn bodies, each seen through a file by `inspect` and `estimate` in a process of its own: mass
-on a point, a line, a plane or in space, as nodal masses, as a mass matrix of any rank, or as a total; up to
-eleven masses, marked or not, and one to six markers on them, among them, around them or on a line of their
-own; a third thrown, some lines bend; 2 to 250 frames, noise of 0.05 to 1.6 mm, stated or not, readings lost
-in a third. The truth is summed over the nodes. A component is determined where the geometry of masses and
-markers says so and 12 frames show every marker. Refused are bodies whose mass center the markers do not show;
-an error, of one line, is a record that is too short, or a total mass without inertia."""
+TEXT = """Drawn bodies, each seen through a file by `inspect` and `estimate` in a process of its own.
+Their mass lies on a point, a line, a plane or in space. It is stated by nodes, as a matrix of any rank, or as
+a total. Up to eleven masses are marked or not, and one to six markers sit on them, among them, around them
+or on a line of their own. A third is thrown, and some lines bend. Records have 2 to 250 frames and noise of
+0.05 to 1.6 mm, stated or not. Readings are lost in a third. The truth is summed over the nodes. A
+component is determined where the geometry of masses and markers says so and 12 frames show every marker.
+Refused are bodies whose mass center the markers do not show; an error, of one line, is a record that is
+too short, or a total mass without inertia."""
 EDGE = 0.1  # of a record at each end that scores leave out: there a load is told by one side only
 
 

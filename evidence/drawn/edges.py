@@ -32,14 +32,15 @@ HEADS = (
     "near: force, moment over claim", "away: force, moment over claim", "away, over without the event",
 )  # fmt: skip
 ABOUT = """\
-`{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to half \
-of them, under slow forces and moments, and beside these a force at a point off the mass center. *step*: for \
-good, 0.3 to 3 times the weight; *contact*: 0.01 to 0.3 s, 1 to 8 times the weight, with sharp ends; \
-*half_sine*: the same without; *impact*: within a sample, 0.2 to 2 m/s.
+`{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to
+half of them. They fly under slow forces and moments, and beside these a force at a point off the mass \
+center. *step*: for good, 0.3 to 3 times the weight; *contact*: 0.01 to 0.3 s, 1 to 8 times the weight, \
+with sharp ends; *half_sine*: the same without; *impact*: within a sample, 0.2 to 2 m/s.
 
-*found*: edges of the force were found. Medians: how far the nearest edge found is from a true one, in \
-samples; error over claim of the impulse of the force, of force and moment within 50 ms of the event, and \
-away from it; error of the force away from it over that of the same flight without the event, all rms."""
+*found*: edges of the force were found. Medians are told. *edge off*: how far the
+nearest edge found is from a true one. *over claim*: of the impulse of the force, and of force and moment
+within 50 ms of the event and away from it. *without the event*: error of the force away from it over that of
+the same flight without it."""
 
 
 def drawn_flight(seed: int, k: int, kind: str) -> dict[str, Any]:

@@ -44,14 +44,14 @@ ABOUT = """\
 `{command}`: drawn rigid bodies with 3 to 10 markers at 50 to 1000 Hz, 150 to 700 samples, noise of 0.1 to \
 2 mm, stated to half of them. Half of them are under smooth forces and moments beside. *oscillation*: at 5 \
 to 45 % of the sample rate; *step*: for good, anywhere in the record; *event*: a hundredth of the record \
-long; *wheel*: an angular momentum inside the body of which nothing is stated, at a constant rate or \
-spinning up, up to half of what the body has (the torque that spins it up is a moment like any other, and \
-counts as one); *nothing*: the smooth loads alone. Sizes from 0.1 to 10 times what just shows, of wheels \
-to 100 times.
+long; *nothing*: the smooth loads alone.
+*wheel*: an angular momentum inside the body, up to half of what the body has, of which nothing is stated. It
+is constant or spins up, and the torque that spins it up counts as a moment. Sizes from 0.1 to 10 times \
+what just shows, of wheels to 100 times.
 
-*silently wrong*: the verdict is `ok`, and within the band (up to `band` Hz, central three quarters of the \
-record, rms over the axes) the error of a force or moment is more than twice its claim, or a wave beyond \
-the band is larger than `hidden_load` and was not found. That is what half of all records would not show, \
+*silently wrong*: the verdict is `ok`, and within the band (up to `band` Hz) the error of a force or moment is
+more than twice its claim, rms over the axes and the central three quarters. Or a wave beyond the band is
+larger than `hidden_load` and was not found. That is what half of all records would not show, \
 so that one little larger may go unseen too. Error over claim: of force and moment within the band, the \
 median, and the largest of all that call themselves `ok`."""
 

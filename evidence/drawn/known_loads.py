@@ -2,8 +2,8 @@
 
     python -m evidence.drawn.known_loads -o docs [--count 20] [--seed 400] [--jobs 2]
 
-Six masses on a plate whose wrench is read at 1000 Hz, or under a thrust that turns with them; beside it a
-force and a moment of three sines each, which are to be found. Markers at 200 Hz for two seconds, 1 mm of
+Six masses on a plate whose wrench is read at 1000 Hz, or under a thrust that turns with them. Beside it a
+force and a moment of three sines each are to be found. Markers at 200 Hz for two seconds, 1 mm of
 noise, stated. Medians over drawn records, rms over the central three quarters. `afterwards`: the wrench of
 all loads is estimated, and the known one taken off.
 """

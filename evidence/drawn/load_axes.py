@@ -52,7 +52,7 @@ HEADS = (
 )  # fmt: skip
 ABOUT = """\
 Made by `{command}`. Rigid bodies of 4 to 10 markers with 0.1 to 1 mm of noise, 200 to 600 samples at 100 to \
-1000 Hz, that turn at 2 to 60 rad/s under loads that are Matern 3/2 processes along random axes of the world \
+1000 Hz, turn at 2 to 60 rad/s. Their loads are Matern 3/2 processes along random axes of the world \
 or of the body: {draws} records of each kind. Errors: root mean square over records and axes of the error \
 over that along the axes in which the load was drawn, of force and moment. Chosen: where the evidence takes \
 the axes of the body; a load keeps those of the world unless others are e^7 times as likely."""

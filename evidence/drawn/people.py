@@ -26,9 +26,10 @@ TASKS = "walk", "run", "squat", "jump"
 EDGE = 20  # frames at either end that are not judged
 ABOUT = """\
 Persons of 12 segments and 52 markers, 5 s at 100 Hz, on whose bones skin and mass tables err; {seeds} a kind
-of motion, tracks raw or low-passed at 12 Hz. Error of force and moment with `model = "segments"` over that of
-the best Butterworth filter, its cut chosen on the truth by axis, and over that of one of 6 Hz: geometric
-means over persons and axes; the least and the most of error over claim, that of all pooled; CPU a second."""
+of motion, tracks raw or low-passed at 12 Hz. Errors of force and moment with `model = "segments"` are
+told over that of the best Butterworth filter, its cut chosen on the truth by axis, and over that of one of
+6 Hz. They are geometric means over persons and axes. Then the error over claim of all pooled, the least and
+the most of it, and CPU a second."""
 
 
 def off(values: Array) -> Array:

@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score, told_whole
-from evidence.written import asked, each, paged, table, tabled
+from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Body, Motion, Recording
 
 TOLD = ("total mass", "masses", "stiffness", "modes")
@@ -118,6 +118,20 @@ def found(rows: list[dict[str, Any]]) -> str:
     ])  # fmt: skip
 
 
+def by_told(rows: list[dict[str, Any]]) -> str:
+    """Errors of `auto` by what is told: medians, and the largest."""
+    numbers = "force (N)", "moment (N m)", "force over claim", "moment over claim"
+    lines = []
+    for told in dict.fromkeys(row["told"] for row in rows):
+        some = [row for row in rows if row["told"] == told]
+        values = (np.array([row[name] for row in some]) for name in numbers)
+        both = (f"{np.nanmedian(v):.3g} (to {np.nanmax(v):.3g})" for v in values)
+        verdicts = (str(sum(r["verdict"] == v for r in some)) for v in ("ok", "degraded", "refused"))
+        modal = f"{sum(row['taken'] == 'modal' for row in some)} of {len(some)}"
+        lines.append([told, modal, *both, ", ".join(verdicts)])
+    return tabled(("told", "modal taken", *numbers, "ok, degraded, refused"), lines)
+
+
 def main() -> None:
     """Fly, estimate, and write the page."""
     taken = {"seeds": 3, "first": 0, "markers": (3, 4, 5, 6, 7, 8), "told": TOLD, "lines": "auto"}
@@ -126,7 +140,11 @@ def main() -> None:
     work = partial(rows_of, said=tuple(given.told), lines=given.lines)
     rows = [row for some in each(work, kinds, 1) for row in some]
     what, title = (__doc__ or "").split("\n\n", 2)[2].strip(), "A bending plate with markers on one face"
-    paged(given.output, "plate_face", title, f"`{given.command}`", what, found(rows), table(rows))
+    markers = f"{min(given.markers)} to {max(given.markers)} markers"
+    told = f"Errors of `auto` by what is told, {markers}: medians, and the largest."
+    paged(
+        given.output, "plate_face", title, f"`{given.command}`", what, found(rows), told, by_told(rows)
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

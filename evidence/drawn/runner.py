@@ -38,9 +38,9 @@ PARTS = {  # segment: what it hangs on, points, part of the mass
 }  # fmt: skip
 ABOUT = """\
 A run of 5 s at 100 Hz, 500 frames, of 31 points with mass whose segments swing by 60 degrees; errors of 1 mm,
-white or low-passed at 12 Hz. Error of the force, rms over the record without its ends, over that of the best
-Butterworth filter, its cut chosen on the truth, over that of one of 6 Hz, and over the claim: each the worst
-axis of all runs. CPU: the longest. Seeds: {seeds}."""
+white or low-passed at 12 Hz. The error of the force, rms over the record without its ends, is told over
+that of the best Butterworth filter, its cut chosen on the truth. Then over that of one of 6 Hz, and over
+the claim. Each is the worst axis of all runs. CPU: the longest. Seeds: {seeds}."""
 
 
 def run(seed: int, colored: bool, lost: bool, stated: bool) -> Recording:

@@ -190,12 +190,12 @@ def run_throw(k: int, seed: int) -> ThrowOutcome:
 
 
 ABOUT = """\
-`{command}` draws boxes of 5 to 40 cm, spins up to 10 rev/s, sample rates from 10 to 600 Hz, 30 to 300
-samples, one sensor at a drawn place and attitude with noise and constant biases of parts for a telephone,
-stated or not, and loads: none, or slow ones in fixed or in body axes. The truth is integrated by DOP853;
-the files hold no marker and no pose. Errors are those of the central three quarters, in the axes of the
-body at the first sample. Silently wrong is a throw with verdict `ok` and force or moment off by more than
-two claims."""
+`{command}` draws boxes of 5 to 40 cm, spins up to 10 rev/s, sample rates from 10 to 600 Hz, and 30 to 300
+samples. One sensor sits at a drawn place and attitude, with noise and constant biases of parts for a
+telephone, stated or not. Loads are none, or slow ones in fixed or in body axes. The truth is integrated
+by DOP853; the files hold no marker and no pose. Errors are those of the central three quarters, in the
+axes of the body at the first sample. Silently wrong is a throw with verdict `ok` and force or moment off
+by more than two claims."""
 READING = """\
 Without stated biases a load that turns with the body is open within 0.08 g of mass, and the claim says so:
 its errors are far below their claims. The error of a whole throw is largely one draw of its biases, so

@@ -39,9 +39,9 @@ def preamble(machine: dict[str, object], rounds: int) -> str:
         "# Speed beside the peers\n\n"
         f"`{machine['command']}`, {machine['date']}, {machine['processor']}, Python {machine['python']}, "
         f'engine "auto" = {machine["engine"]}. {machine["versions"]}.\n\n'
-        f"Process CPU time on one thread, {rounds} rounds in which every contestant takes its turn; ratios "
-        "are formed within a round, larger is faster. Who is slow is timed on a shorter stretch, stated in "
-        "its line, and counted in proportion. Answers are compared before timing, relative to the largest "
+        f"Process CPU time on one thread, {rounds} rounds in which every contestant takes its turn. Ratios "
+        "are formed within a round, and larger is faster. Who is slow is timed on a shorter stretch, and "
+        "counted in proportion. Answers are compared before timing, relative to the largest "
         "entry of each quantity.\n"
     )
 

@@ -67,10 +67,42 @@ def goals_table(outcomes: list[RaceOutcome]) -> str:
     return "## Goals\n\n" + tabled(("race", "goal", "measured", ""), rows) + "\n"
 
 
+def times_table(outcomes: list[RaceOutcome]) -> str:
+    """Ours, whom the goals are measured by, and the fastest other, of every race."""
+    return (
+        "## Times\n\n" + tabled(("race", "ours", "reference", "fastest other"), map(times, outcomes)) + "\n"
+    )
+
+
+def times(outcome: RaceOutcome) -> list[str]:
+    """One race in the table of times."""
+    race, here = outcome.race, [row for row in outcome.rows.values() if not row.absent and row.seconds]
+    ours = next((row for row in here if "forceid" in row.name), None)
+    base = next((row for row in here if row.name == race.base), None)
+    rest = (row for row in here if "forceid" not in row.name and row is not base)
+    other = min(rest, key=lambda row: row.median, default=None)
+    return [race.title, *(spent(race.clock, row) for row in (ours, base, other))]
+
+
+def spent(clock: str, row: Row | None) -> str:
+    """Who took how long, or a dash; with a word where the answer is wrong."""
+    if row is None:
+        return "-"
+    said = f", {agreement(row)}" * bool(wrong(row))
+    return f"{row.name}: {three_figures(CLOCKS[clock] * row.median)} {clock}{said}"
+
+
 def write_benchmarks(
     folder: Path, preamble: str, machine: dict[str, Any], outcomes: list[RaceOutcome]
 ) -> None:
     """benchmarks.md and benchmarks.json in `folder`."""
-    written(folder, "benchmarks.md", "\n".join([preamble, goals_table(outcomes), *map(lines, outcomes)]))
+    tables = preamble, goals_table(outcomes), times_table(outcomes)
+    written(
+        folder,
+        "benchmarks.md",
+        "\n".join(
+            [*tables, "`make bench` writes everyone's time and answer into `bench/benchmarks.json`.\n"]
+        ),
+    )
     data = {**machine, "races": [as_data(outcome) for outcome in outcomes]}
     written(folder, "benchmarks.json", json.dumps(data, indent=1) + "\n")

@@ -24,10 +24,10 @@ from evidence.written import asked, each, paged, tabled
 MODULES = [f"strangers.{p.stem}" for p in Path(__file__).parent.glob("[a-z]*.py")]
 ABOUT = """\
 `{command}`: one record of every kind and seed. Bodies of 5 cm to 2.4 m are moved by MuJoCo {simulator} in
-steps of at most 0.25 ms, and seen by 4 to 15 markers, of some bodies all on one face, at 100 to 500 Hz for
-200 to 800 samples, with white noise of 0.1 to 1 mm, stated to half; in four of ten, runs of readings of some
-markers are missing. Mass is told as it is, but of the wheel in the satellite nothing is. The truth is the
-rate of the momenta of what moved, mean over a sample.
+steps of at most 0.25 ms, and seen by 4 to 15 markers, of some bodies all on one face. Records have 200 to
+800 samples at 100 to 500 Hz, and white noise of 0.1 to 1 mm, stated to half. In four of ten, runs of readings
+of some markers are missing. Mass is told as it is, but of the wheel in the satellite nothing is. The
+truth is the rate of the momenta of what moved, mean over a sample.
 
 *Error over claim*: rms of the error within the band (up to `band` Hz) over the rms of the claimed deviation,
 central three quarters; *silent*: `ok`, and that of force or moment, or their error over that of the plain

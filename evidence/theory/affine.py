@@ -2,11 +2,12 @@
 
     python -m evidence.theory.affine -o docs [--count 60] [--seed 0] [--jobs 1]
 
-Bodies of 6 to 15 unequal masses are drawn, with a law (St. Venant-Kirchhoff, neo-Hookean, or a spring on
-every strain) that lets them swing at 2 to 8 Hz, a spin of 0.2 to 1.2 turns a second, a force of three sines
-and first moments of nine, up to 5 Hz, that turn with the body. scipy's DOP853 flies them by equations that
-stand here; those that stretch by less than 0.35 or more than 1.8 are left out. Markers sit on all masses,
-0.1 to 1 mm, 250 or 500 Hz. The body is told by its masses, or as a whole, and the noise is stated or not.
+Bodies of 6 to 15 unequal masses are drawn, with a law that lets them swing at 2 to 8 Hz:
+Saint Venant and Kirchhoff, neo-Hookean, or a spring on every strain. They spin at 0.2 to 1.2 turns a second.
+A force of three sines and first moments of nine, up to 5 Hz, turn with the body. scipy's DOP853 flies them by
+equations that stand here. Those that stretch by less than 0.35 or more than 1.8 are left out. Markers sit
+on all masses, 0.1 to 1 mm, 250 or 500 Hz. The body is told by its masses, or as a whole, and the noise is
+stated or not.
 
 Every flight is estimated under model = "auto", "rigid", "affine" and "modal". Errors are over the central
 three quarters. A level is enough where force and moment are within 1.2 of the best of all levels; the

@@ -10,8 +10,8 @@ down in the study.
 **Free flights** are identified as `forceid identify` does, the law untold. Pushed: first moments of 1e-5 to
 0.1 of the shear modulus, on a logarithmic scale, act at 1.5 Hz, and nobody tells.
 
-**Applied first moments** are estimated as `forceid estimate` does where the material is stated, under loads
-drawn from a Matern prior of order 2 at a rate of 6 to 25 1/s, nine entries of 0.01 to 0.1 of the shear
+**Applied first moments** are estimated as `forceid estimate` does where the material is stated. Loads
+are drawn from a Matern prior of order 2 at a rate of 6 to 25 1/s, nine entries of 0.01 to 0.1 of the shear
 modulus. The bound is the claim under that prior, linearized about the true path. Errors are over the central
 three quarters.
 """

@@ -23,7 +23,7 @@ READING = (
     "multiplied. A line is one way from coarse to fine: steps in s of forceid's, relative tolerances of "
     "scipy's, absolute ones a thousandth of them. Where det F = 1 is imposed, verlet, suzuki_4 and "
     "kahan_li_8 are compositions of RATTLE, and peers integrate the "
-    " index-reduced equations."
+    "index-reduced equations."
 )
 
 
