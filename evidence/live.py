@@ -5,8 +5,7 @@
 The shipped flights, frame by frame through `forceid.live` with nothing but the lag set, and the same by
 `forceid estimate`. Errors are rms over a whole record, as the length of the vector, each over that of the
 smoother; the frames of the first stretch are told when it is over, from all of it. `behind it`: the frames
-behind the first stretch alone. `tuned beforehand`: on the whole record by --tuned-on-body, told a lag
-behind from the first frame on: what is missing there, no tuning brings. Over claim: rms of error over
+behind the first stretch alone. Over claim: rms of error over
 claimed deviation, all frames and axes.
 """
 
@@ -74,17 +73,15 @@ def rms(error: np.ndarray) -> float:
 def scores(scene: str, tree: Any, smooth: Loads, lag: float) -> dict[str, float]:
     """Errors of a lag over those of the smoother, and over what is claimed."""
     found, cpu, first = followed(tree, lag)
-    known, _, _ = followed(tree, lag, tuned_on_file=True)
     numbers: dict[str, float] = {"cpu": cpu, "first": first}
     for name in ("force", "moment"):
         truth = tree[f"truth/{name}"].values
-        error, best, ahead = (a[name] - truth for a in (found, smooth, known))
+        error, best = (a[name] - truth for a in (found, smooth))
         own = smooth[f"{name}_std"]
         late = slice(first, None)
         numbers |= {
             f"{name}": rms(error) / rms(best),
             f"{name} behind": rms(error[late]) / rms(best[late]),
-            f"{name} known behind": rms(ahead[late]) / rms(best[late]),
             f"{name} claim": float(np.sqrt(((error / found[f"{name}_std"]) ** 2).mean())),
             f"{name} smoother claim": float(np.sqrt(((best / own) ** 2).mean())),
         }
@@ -209,10 +206,8 @@ def main() -> None:
             "scene": scene,
             "error over smoother, force, moment": two(n["force"], n["moment"]),
             "behind it": two(n["force behind"], n["moment behind"]),
-            "behind it, tuned beforehand": two(n["force known behind"], n["moment known behind"]),
             "over claim": two(n["force claim"], n["moment claim"]),
             "over claim, smoother": two(n["force smoother claim"], n["moment smoother claim"]),
-            "first stretch (frames)": f"{n['first']:.0f}",
             "CPU a frame (us)": f"{cpu[scene]:.0f}",
         }
         for scene in SCENES

@@ -33,8 +33,8 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
     for subject in subjects:
         if cases := [case for case in result["cases"] if case["subject"] == subject.name]:
             reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
-            parts += [f"## {subject.title}", reading, overview(subject, cases)]
             few = len(result["cases"]) <= FEW
+            parts += [f"## {subject.title}", reading, overview(subject, cases, few)]
             parts += [part for case in cases for part in of_case(subject, case, few)]
     if len(result["cases"]) > FEW:
         parts.append("`chart.json` beside this page has everyone's error, claim, time and verdict.")
@@ -65,9 +65,9 @@ def reasons(subject: Charted, case: ChartCase) -> list[str]:
     return [f"The default settings say: {'; '.join(found)}."] if found else []
 
 
-def overview(subject: Charted, cases: Sequence[ChartCase]) -> str:
+def overview(subject: Charted, cases: Sequence[ChartCase], full: bool = True) -> str:
     """What the cases of a subject say together: who is fastest to an error, or who is most accurate."""
-    return to_levels(subject, cases) if subject.levels(cases[0]) else most(subject, cases)
+    return to_levels(subject, cases, full) if subject.levels(cases[0]) else most(subject, cases)
 
 
 def sorted_points(subject: Charted, case: ChartCase, what: str) -> list[Point]:
@@ -76,13 +76,17 @@ def sorted_points(subject: Charted, case: ChartCase, what: str) -> list[Point]:
     return sorted(found, key=lambda p: p.seconds) if subject.levels(case) else found
 
 
-def to_levels(subject: Charted, cases: Sequence[ChartCase]) -> str:
-    """One line a case, quantity and error: who is fastest to it, of ours and of peers."""
+def to_levels(subject: Charted, cases: Sequence[ChartCase], full: bool = True) -> str:
+    """One line a case, quantity and error: who is fastest to it, of ours and of peers.
+
+    In brief the first quantity alone, to the error in the middle.
+    """
     rows = []
     for case in cases:
-        for what in case["quantities"]:
+        levels = subject.levels(case)
+        for what in case["quantities"] if full else case["quantities"][:1]:
             points = sorted_points(subject, case, what)
-            for level in subject.levels(case):
+            for level in levels if full else [levels[len(levels) // 2]]:
                 own, peer = (quickest([p for p in points if p.ours is ours], level) for ours in (True, False))
                 over = f"{peer.seconds / own.seconds:.3g}" if own and peer else "-"
                 named = ["none" if p is None else point_words(subject, case, what, p) for p in (own, peer)]
@@ -115,10 +119,10 @@ def most(subject: Charted, cases: Sequence[ChartCase]) -> str:
         f"than our best point. Default settings are within {NEAR:g} times the error of the best point in "
         f"{near} of {len(rows)}."
     )
-    heads = (
-        "case", "", "best of ours", "best peer", f"peers faster and {subject.better} than our best",
-        "default over best point",
-    )  # fmt: skip
+    ahead_of_us = f"peers faster and {subject.better} than our best"
+    heads = ["case", "", "best of ours", "best peer", ahead_of_us, "default over best point"]
+    if clear == len(rows):  # nobody to name
+        heads, rows = [h for h in heads if h != ahead_of_us], [[*row[:4], row[5]] for row in rows]
     return said + "\n\n" + tabled(heads, rows)
 
 

@@ -21,13 +21,12 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, RATES, recorded
-from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, rms, stacked
+from evidence.drawn.records.scored import estimated_score, rms, stacked
 from evidence.subjects.flights.cases import Case
-from evidence.subjects.flights.true_prior import bound_of, problem_of
+from evidence.subjects.flights.true_prior import problem_of
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
-from forceid.estimation.loads.channels import angular_channel
 from forceid.report.plots.style import BLUE, GRAY, GREEN, STYLE, VERMILION, panels
 
 SCENES = {15: "flexible_boomerang", 5: "flexible_boomerang_5_markers"}
@@ -44,7 +43,7 @@ METHODS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 HEADS = (
     "markers", "noise (mm)", "rate (Hz)", "force (N)", "best Savitzky-Golay", "moment (N m)",
-    "best Savitzky-Golay", "95 % interval holds F, T",
+    "best Savitzky-Golay",
 )  # fmt: skip
 OVER = """\
 At most {goal} of the error of the best Savitzky-Golay filter is asked. Told the prior: the smoother under a \
@@ -65,12 +64,11 @@ Key = tuple[int, float, float]  # markers, noise m, rate Hz
 
 
 def routes(recording: Any) -> list[Callable[[int, int], tuple[Any, Any]]]:
-    """Functions of (window, order) that give force and moment (time, 3); the last one knows our channel."""
+    """Functions of (window, order) that give force and moment (time, 3)."""
     body, motion = recording.body, recording.motion
     shown = kinematics(body, motion, load_settings(model="rigid"))
     x, step, total = motion.position, float(np.median(np.diff(motion.time))), body.mass.sum()
-    J, R, T = shown.inertia.tensor, shown.pose.rotation, len(x)
-    still = np.tile(J, (T, 1, 1)), np.zeros((T, 3))
+    J, R = shown.inertia.tensor, shown.pose.rotation
 
     def smooth(of: Any, window: int, order: int, deriv: int = 2) -> Any:
         return savgol_filter(of, window, order, deriv=deriv, delta=step, axis=0)
@@ -90,11 +88,7 @@ def routes(recording: Any) -> list[Callable[[int, int], tuple[Any, Any]]]:
         H = np.einsum("tab,tb->ta", inertia, omega)
         return center(*way), np.einsum("tab,tb->ta", inertia, alpha) + np.cross(omega, H)
 
-    def first_moment(*way: int) -> tuple[Any, Any]:
-        Y = angular_channel(motion.time, R, shown.pose.cov[:, 3:, 3:], *still).z
-        return center(*way), smooth(Y, *way)
-
-    return [*([masses] if np.isfinite(x).all() else []), kabsch, first_moment]
+    return [*([masses] if np.isfinite(x).all() else []), kabsch]
 
 
 def axial_vectors(A: Any) -> Any:
@@ -113,11 +107,11 @@ def savgol_errors(recording: Any) -> Any:
 
 
 def told_errors(recording: Any) -> Any:
-    """Rms per axis of force and moment (2, 2): errors of the smoother told the prior, and their bound."""
+    """Rms per axis of force and moment (2,) of the smoother told the prior."""
     force, moment = recording.truth["force"], recording.truth["moment"]
     case = Case("", replace(recording, truth={}), np.concatenate([force, moment], 1), "", measured=False)
     state = problem_of(case).smoothed()
-    return np.array([[rms(state.force - force), rms(state.moment - moment)], bound_of(case, state)])
+    return np.array([rms(state.force - force), rms(state.moment - moment)])
 
 
 def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
@@ -132,12 +126,10 @@ def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]
 
 def pooled_error(cases: list[dict[str, Any]], name: str) -> Any:
     """Force and moment error over the seeds of a cell; of the rival, with the best setting."""
-    if name in ("best savgol", "on our channel"):
-        every = np.sqrt(np.mean([np.square(c["grid"]) for c in cases], axis=0))
-        ours = len(ORDERS) * len(LENGTHS)  # the settings of the last route
-        return (every[:-ours] if name == "best savgol" else every).min(0)
-    if name in ("told", "bound"):
-        return np.sqrt(np.mean([np.square(c["told"][int(name == "bound")]) for c in cases], axis=0))
+    if name == "best savgol":
+        return np.sqrt(np.mean([np.square(c["grid"]) for c in cases], axis=0)).min(0)
+    if name == "told":
+        return np.sqrt(np.mean([np.square(c["told"]) for c in cases], axis=0))
     return np.sqrt(stacked([c[name] for c in cases], "square").reshape(-1, 2, 3).mean((0, 2)))
 
 
@@ -145,11 +137,9 @@ def cell_row(key: Key, cases: list[dict[str, Any]]) -> list[str]:
     """A cell in the table."""
     markers, noise, rate = key
     ours, rival = (pooled_error(cases, name) for name in ("smoother", "best savgol"))
-    own: list[RecordScore] = [c["smoother"] for c in cases]
-    inside = (f"{100 * stacked(own, 'inside')[:, of].mean():.0f}" for of in (FORCE, MOMENT))
     return [
         f"{markers}", f"{1e3 * noise:g}", f"{rate:g}", f"{ours[0]:.4f}", f"{rival[0]:.4f}",
-        f"{ours[1]:.5f}", f"{rival[1]:.5f}", f"{', '.join(inside)} %",
+        f"{ours[1]:.5f}", f"{rival[1]:.5f}",
     ]  # fmt: skip
 
 
