@@ -221,11 +221,12 @@ def main() -> None:
     ]
     drawn(given.output, found)
     what = (__doc__ or "").split("]", 2)[2].strip()
+    minutes = lasting(given.frames)
     parts = [
         "## A lag of 50 ms", table(first),
         FREE, "## Lag against error", BY_LAG, table(by_lag),
         "![Lag against error](live.png)",
-        "## For hours", LONG.format(frames=given.frames), table(lasting(given.frames)),
+        "## For hours", LONG.format(frames=given.frames), table(minutes[:: max(len(minutes) - 1, 1)]),
     ]  # fmt: skip
     paged(given.output, "live", "While the motion goes on", f"`{given.command}`", what, *parts)
 
@@ -238,8 +239,8 @@ BY_LAG = (
     "Error over that of the smoother, of whole records; in the picture also behind the first stretch, dotted."
 )
 LONG = (
-    "A rigid body of four markers at 1000 Hz that tumbles and is shaken, {frames} frames, tuned anew every "
-    "60 s on the last 1024 frames, in the same process; a line a minute."
+    "A rigid body of four markers at 1000 Hz tumbles and is shaken, {frames} frames. It is tuned anew every "
+    "60 s on the last 1024 frames, in the same process. The first minute and the last:"
 )
 
 if __name__ == "__main__":

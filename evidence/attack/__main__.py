@@ -101,6 +101,8 @@ def counted(found: Ended) -> tuple[str, list[str]]:
     heads = ["kind", "runs", *sorted({k for c in rows.values() for k in c if k.startswith("exit")})]
     heads += [fault for fault in FAULTS if rows["all"][fault]]
     names = [*(k for k in sorted(rows) if k != "all"), "all"]
+    if len(heads) == 3:  # all ended alike, and nothing was wrong
+        return f"{number} runs of {len(names) - 1} kinds, {names[0]} among them: all {heads[2]}.", odd
     return table([{"kind": k, **{h: rows[k][h] for h in heads[1:]}} for k in names], heads), odd
 
 

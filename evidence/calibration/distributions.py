@@ -156,11 +156,9 @@ WORDS = {
     "markers": f"{between(MARKERS)}; {shares(PLACES)} (within {between(THIN)} of the size off it)",
     "motion": f"{between(SPEEDS, 'm/s')} and {between(SPINS, 'rad/s')} at the start; weight in "
     f"{100 * (1 - WEIGHTLESS):.0f} %, carried by a constant force beside in records of over {FALLS:g} s",
-    "loads": f"{shares(LOADS)}; force and moment each move or turn the body by {between(SHOWN)} times "
-    "the error of a pose within the time in which they change, half its size or a radian and "
-    f"{STRONGEST:g} m/s2 at most; blows of {between((1e3 * PULSES[0], 1e3 * PULSES[1]), 'ms')} and "
-    f"{between(JUMPS, 'm/s')}; drag of {between(DRAGS)} times the weight at first with damped turns, or a "
-    f"spring; beside {100 * BESIDE:.0f} % of the oscillations, steps and impacts a smooth load acts",
+    "loads": f"{shares(LOADS)}; each moves the body by {between(SHOWN)} times the error of a pose within the "
+    f"time in which it changes; blows of {between((1e3 * PULSES[0], 1e3 * PULSES[1]), 'ms')} and "
+    f"{between(JUMPS, 'm/s')}; drag of {between(DRAGS)} times the weight, or a spring",
     "camera": f"{between(RATES, 'Hz')}, {between(SAMPLES)} samples",
     "errors": f"{between((1e3 * NOISES[0], 1e3 * NOISES[1]), 'mm')}; {shares(ERRORS)}",
     "what is told of them": f"{shares(STATED)}; wrong by {between(MISSTATED)} times",

@@ -51,11 +51,11 @@ def timing(extent: Mapping[str, Any]) -> str:
 
 
 def of_case(subject: Charted, case: ChartCase, full: bool = True) -> list[str]:
-    """A case: its title, what it is, its picture; in full also what that says, and everyone in a table."""
+    """A case: title, what it is, picture, what that says, everyone in a table; in brief the picture."""
     picture = f"![{case['name']}](chart_{case['name']}.png)"
-    brief = [f"### {case['title']}", subject.described(case), picture]
     if not full:
-        return brief
+        return [picture]
+    brief = [f"### {case['title']}", subject.described(case), picture]
     return [*brief, *sentences(subject, case), *reasons(subject, case), case_table(subject, case)]
 
 

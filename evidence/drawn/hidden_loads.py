@@ -49,11 +49,11 @@ long; *nothing*: the smooth loads alone.
 is constant or spins up, and the torque that spins it up counts as a moment. Sizes from 0.1 to 10 times \
 what just shows, of wheels to 100 times.
 
-*silently wrong*: the verdict is `ok`, and within the band (up to `band` Hz) the error of a force or moment is
-more than twice its claim, rms over the axes and the central three quarters. Or a wave beyond the band is
-larger than `hidden_load` and was not found. That is what half of all records would not show, \
-so that one little larger may go unseen too. Error over claim: of force and moment within the band, the \
-median, and the largest of all that call themselves `ok`."""
+*silently wrong*: the verdict is `ok`, and within the band (up to `band` Hz) the rms error of a force or
+moment is more than twice its claim. Or a wave beyond the band is larger than `hidden_load` and was not \
+found. That is what half of all records would not show, so that one little larger may go unseen too. Error \
+over claim: of force and moment within the band, the median, and the largest of all that call themselves
+`ok`."""
 
 
 def slow_part(error: Array, band: float, rate: float) -> Array:

@@ -206,23 +206,21 @@ the start are not observable. The slowest throw took {slowest:.0f} s of CPU."""
 
 def bands(outcomes: Sequence[ThrowOutcome]) -> str:
     """A table by bands of the sample rate."""
-    heads, rows = ["sample rate (Hz)", "throws", "ended", "verdicts", "silently wrong"], []
+    heads, rows = ["sample rate (Hz)", "throws", "verdicts", "silently wrong"], []
     for name in LOADS:
-        heads += [f"{name}: error over claim, median and 90 %", "throws within two claims", "error over load"]
+        heads += [f"{name}: error over claim, median and 90 %", "within two claims"]
     for low, high in [*pairwise(BANDS), (BANDS[0], BANDS[-1])]:
         mine = [o for o in outcomes if low <= o.rate < high]
         ended = [o for o in mine if not o.said.startswith("stopped")]
         if not ended:
             continue
-        cells = [f"{low:.0f} to {high:.0f}", f"{len(mine)}", f"{len(ended)}"]
+        cells = [f"{low:.0f} to {high:.0f}", f"{len(mine)}"]
         cells += [", ".join(f"{n} {said}" for said, n in Counter(o.said for o in ended).items())]
         cells += [f"{sum(o.said == 'ok' and o.off.max() > 2 for o in ended)}"]
         for i in range(len(LOADS)):
             off = np.array([o.off[i] for o in ended])
             median, most = np.quantile(off, [0.5, 0.9])
-            relative = [o.relative[i] for o in ended if np.isfinite(o.relative[i])]
             cells += [f"{median:.2f}, {most:.2f}", f"{100 * np.mean(off < 2):.0f} %"]
-            cells += [f"{100 * np.median(relative):.1f} %" if relative else "–"]
         rows.append(cells)
     return tabled(heads, rows)
 

@@ -38,7 +38,7 @@ def preamble(machine: dict[str, object], rounds: int) -> str:
     return (
         "# Speed beside the peers\n\n"
         f"`{machine['command']}`, {machine['date']}, {machine['processor']}, Python {machine['python']}, "
-        f'engine "auto" = {machine["engine"]}. {machine["versions"]}.\n\n'
+        f'engine "auto" = {machine["engine"]}.\n\nVersions: {machine["versions"]}.\n\n'
         f"Process CPU time on one thread, {rounds} rounds in which every contestant takes its turn. Ratios "
         "are formed within a round, and larger is faster. Who is slow is timed on a shorter stretch, and "
         "counted in proportion. Answers are compared before timing, relative to the largest "

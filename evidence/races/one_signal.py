@@ -25,7 +25,7 @@ def races(quick: bool) -> Iterator[Race]:
         z = models.draw_measurements(model, samples, seed=n + m)[:, 0]
         for smooth, goal in zip((False, True), least, strict=True):
             yield Race(
-                title=f"W1 one signal, n = {n}, m = {m}: {'filter and smoother' if smooth else 'filter'}",
+                title=f"W1, n={n}, m={m}: {'filter, smoother' if smooth else 'filter'}",
                 contestants=list(contestants(model, z, smooth)),
                 base="filterpy",
                 size=samples,

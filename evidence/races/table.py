@@ -68,20 +68,17 @@ def goals_table(outcomes: list[RaceOutcome]) -> str:
 
 
 def times_table(outcomes: list[RaceOutcome]) -> str:
-    """Ours, whom the goals are measured by, and the fastest other, of every race."""
-    return (
-        "## Times\n\n" + tabled(("race", "ours", "reference", "fastest other"), map(times, outcomes)) + "\n"
-    )
+    """Ours, and the fastest other than whom the goals are measured by, of every race."""
+    return "## Times\n\n" + tabled(("race", "ours", "fastest other"), map(times, outcomes)) + "\n"
 
 
 def times(outcome: RaceOutcome) -> list[str]:
     """One race in the table of times."""
     race, here = outcome.race, [row for row in outcome.rows.values() if not row.absent and row.seconds]
     ours = next((row for row in here if "forceid" in row.name), None)
-    base = next((row for row in here if row.name == race.base), None)
-    rest = (row for row in here if "forceid" not in row.name and row is not base)
+    rest = (row for row in here if "forceid" not in row.name and row.name != race.base)
     other = min(rest, key=lambda row: row.median, default=None)
-    return [race.title, *(spent(race.clock, row) for row in (ours, base, other))]
+    return [race.title, *(spent(race.clock, row) for row in (ours, other))]
 
 
 def spent(clock: str, row: Row | None) -> str:

@@ -57,13 +57,13 @@ def defaults(maps: Sequence[Map]) -> list[str]:
 
 
 def red_cells(maps: Sequence[Map]) -> list[str]:
-    """Who is red: in which failures, from which level on, in how many cells."""
+    """Who is red: in which failures, and in how many cells."""
     found: dict[str, list[str]] = {}
     for m in maps:
         for row in m.rows:
-            red = [at for at, one in zip(m.levels, row.cells, strict=True) if one.color == "red"]
+            red = [one for one in row.cells if one.color == "red"]
             if red:
-                said = f"{m.failure.title} from {level(red[0], m)} on, {len(red)} of {len(row.cells)}"
+                said = f"{m.failure.title} ({len(red)} of {len(row.cells)})"
                 found.setdefault(row.who.name, []).append(said)
     rows = [[name, "; ".join(said)] for name, said in found.items()]
     return [
