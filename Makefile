@@ -16,11 +16,12 @@ demo: .venv/ready
 test: .venv/test-ready
 	$(BIN)/pytest -n 2 --dist worksteal
 
-# style, imports that go down only, types
+# style, imports that go down only, types, spelling of what people read
 lint: .venv/test-ready
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/typos README.md CONTRIBUTING.md CHANGELOG.md docs notebooks
 
 # the claims that take long to check: drawn records in numbers, notebooks, the site, processes that are killed
 test-long: .venv/test-ready

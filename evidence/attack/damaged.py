@@ -236,10 +236,10 @@ def damaged_files(
     for number in range(first, first + count):
         rng = np.random.default_rng([seed, 3, number])
         kind = str(rng.choice(list(whole)))
-        spoilt, damage, paths = int(rng.integers(len(whole[kind]))), "", []
+        spoiled, damage, paths = int(rng.integers(len(whole[kind]))), "", []
         for k, (end, data) in enumerate(whole[kind]):
             paths.append(folder / f"d{number}{end}")
-            if k == spoilt:
+            if k == spoiled:
                 damage, data = damaged(data, rng, end in (".csv", ".trc", ".mot", ".uff"))
             paths[-1].write_bytes(data)
         names = [path.name for path in paths]

@@ -29,16 +29,16 @@ def following(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     return np.asarray(lfilter([1.0], [1.0, -keeps], raw, axis=0)[SETTLED:])
 
 
-def coloured(drawn: Drawn, x: Array, rng: np.random.Generator) -> Array:
+def colored(drawn: Drawn, x: Array, rng: np.random.Generator) -> Array:
     """Half of the variance follows itself, of every marker on its own."""
-    part = np.sqrt(of.COLOURED) * following(x.shape, rng)
-    return x + drawn.noise * (part + np.sqrt(1 - of.COLOURED) * rng.standard_normal(x.shape))
+    part = np.sqrt(of.COLORED) * following(x.shape, rng)
+    return x + drawn.noise * (part + np.sqrt(1 - of.COLORED) * rng.standard_normal(x.shape))
 
 
 def shared(drawn: Drawn, x: Array, rng: np.random.Generator) -> Array:
     """Half of the variance follows itself and is that of all markers at once."""
-    part = np.sqrt(of.COLOURED) * following((len(x), 1, 3), rng)
-    return x + drawn.noise * (part + np.sqrt(1 - of.COLOURED) * rng.standard_normal(x.shape))
+    part = np.sqrt(of.COLORED) * following((len(x), 1, 3), rng)
+    return x + drawn.noise * (part + np.sqrt(1 - of.COLORED) * rng.standard_normal(x.shape))
 
 
 def low_passed(drawn: Drawn, x: Array, rng: np.random.Generator) -> Array:
@@ -74,7 +74,7 @@ def rounded(drawn: Drawn, x: Array, rng: np.random.Generator) -> Array:
 
 
 MAKERS = {
-    "white": white, "coloured": coloured, "low-passed": low_passed, "outliers": outliers, "gaps": gaps,
+    "white": white, "colored": colored, "low-passed": low_passed, "outliers": outliers, "gaps": gaps,
     "rounded": rounded, "shared": shared,
 }  # fmt: skip
 

@@ -58,11 +58,11 @@ HALVED = 20  # times at most
 
 NOISES: Span = (5e-5, 2e-3)  # m, standard deviation of a coordinate, evenly in the logarithm
 ERRORS = {
-    "white": 0.42, "coloured": 0.11, "low-passed": 0.11, "outliers": 0.1, "gaps": 0.12, "rounded": 0.08,
+    "white": 0.42, "colored": 0.11, "low-passed": 0.11, "outliers": 0.1, "gaps": 0.12, "rounded": 0.08,
     "shared": 0.06,
 }  # fmt: skip
-REMEMBERED: Span = (2.0, 20.0)  # samples over which coloured and shared errors last, in the logarithm
-COLOURED = 0.5  # of the variance that is coloured, or shared
+REMEMBERED: Span = (2.0, 20.0)  # samples over which colored and shared errors last, in the logarithm
+COLORED = 0.5  # of the variance that is colored, or shared
 CUTS: Span = (0.05, 0.3)  # of the sample rate, of the low-pass that positions went through, both ways
 OUTLIERS: Span = (0.002, 0.03)  # of the readings, in the logarithm
 WILD: Span = (10.0, 300.0)  # times the noise that an outlier is off, in the logarithm

@@ -102,7 +102,7 @@ def test_the_page_counts_a_made_up_silent_record_once_with_an_exact_interval():
 
 
 def test_stated_noise_is_the_deviation_of_the_readings(monkeypatch):
-    for error in ("white", "coloured", "low-passed", "shared"):
+    for error in ("white", "colored", "low-passed", "shared"):
         case = of_kind(
             monkeypatch, error=error, stated="right", load="none", soft=False, markers=20, samples=1500
         )
