@@ -51,7 +51,7 @@ study: .venv/test-ready
 
 # the site, into docs/_build/html; notebooks run when they have changed
 docs: .venv/test-ready
-	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	$(BIN)/sphinx-build -j 2 -W --keep-going -q -b html docs docs/_build/html
 
 # every method and peer on every scene, and where each of them breaks, into docs/; resumes where it stopped
 charts: .venv-bench/ready

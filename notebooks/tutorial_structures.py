@@ -114,7 +114,7 @@ disc = forceid.open_motion(data / "frisbee.h5")
 lift = {"name": "lift", "direction": [0.0, 0.0, 1.0], "axes": "body"}
 along = [{"name": f"along {n}", "direction": d} for n, d in (("x", [1.0, 0, 0]), ("y", [0, 1.0, 0]))]
 forces = [{**load, "point": "mass_center"} for load in (lift, *along)]
-three = forceid.estimate(disc, load=forces)["load"]
+three = forceid.estimate(disc, model="rigid", load=forces)["load"]
 for load, value in zip(forces, three["load"].mean("time").values, strict=True):
     print(f"{load['name']:8} {value:6.3f} N on the mean")
 print("chi-square", round(float(three["chi_square"].median())), "of", three.attrs["dof"], "degrees")
@@ -128,7 +128,7 @@ moments = [
     {"name": f"moment {n}", "kind": "moment", "axes": "body", "direction": d, "point": "mass_center"}
     for n, d in zip("xyz", np.eye(3).tolist(), strict=True)
 ]
-six = forceid.estimate(disc, load=[*forces, *moments])["load"]
+six = forceid.estimate(disc, model="rigid", load=[*forces, *moments])["load"]
 for load, value in zip([*forces, *moments], six["load"].mean("time").values, strict=True):
     print(f"{load['name']:8} {value:7.4f} {'N m' if 'kind' in load else 'N'} on the mean")
 assert 1.5 < float(six["load"].mean("time")[0]) < 2.5
