@@ -15,14 +15,19 @@ import forceid
 HERE = Path(__file__).parent
 BLUE, INK = "#0072B2", "#222222"
 WIDTH = 480  # pixels of a picture of the gallery
+FIRST = (
+    "tutorial_free_flight",
+    "tutorial_people",
+    "tutorial_structures",
+)  # whose first picture shows the force
 
 
 def main() -> None:
-    """The force on the boomerang, and the last picture of every notebook."""
+    """The force on the boomerang, and a picture of every notebook."""
     boomerang()
     (HERE / "gallery").mkdir(exist_ok=True)
     for path in sorted((HERE.parent / "notebooks").glob("*.py")):
-        last_picture(path).save(HERE / "gallery" / f"{path.stem}.png", optimize=True)
+        picture_of(path).save(HERE / "gallery" / f"{path.stem}.png", optimize=True)
 
 
 def boomerang() -> None:
@@ -45,13 +50,13 @@ def boomerang() -> None:
     figure.savefig(HERE / "boomerang_force.png", metadata={"Software": None})
 
 
-def last_picture(path: Path) -> Image.Image:
-    """The last picture that a notebook shows, as wide as the gallery has it."""
+def picture_of(path: Path) -> Image.Image:
+    """The last picture that a notebook shows, of some the first, as wide as the gallery has it."""
     notebook = jupytext.read(path, fmt="py:percent")
     NotebookClient(notebook, resources={"metadata": {"path": str(path.parent)}}).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     shown = [o["data"]["image/png"] for o in outputs if "image/png" in o.get("data", {})]
-    picture = Image.open(BytesIO(base64.b64decode(shown[-1]))).convert("RGB")
+    picture = Image.open(BytesIO(base64.b64decode(shown[0 if path.stem in FIRST else -1]))).convert("RGB")
     return picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS)
 
 

@@ -23,14 +23,17 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
     """The page in markdown."""
     extent = result["extent"]
     versions = ", ".join(f"{name} {number}" for name, number in result["versions"].items())
+    present = {case["subject"] for case in result["cases"]}
+    shown = [subject for subject in subjects if subject.name in present]
+    titles = ", ".join(subject.title.lower() for subject in shown)
     parts = [
-        "# Accuracy against speed",
+        f"# Accuracy against speed: {titles}",
         f"`{result['command']}`, {result['date']}: forceid {result['forceid']}, engine {result['engine']}, "
         f"Python {result['python']}, {versions}; {result['processor']}.",
     ]
     if result["missing"]:
         parts.append(f"Not installed here, and left out: {', '.join(result['missing'])}.")
-    for subject in subjects:
+    for subject in shown:
         if cases := [case for case in result["cases"] if case["subject"] == subject.name]:
             reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
             few = len(result["cases"]) <= FEW
