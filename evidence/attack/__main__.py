@@ -3,7 +3,7 @@
     python -m evidence.attack -o docs [--count 1000] [--seed 1] [--only files contradictions ...]
 
 Writes attack.md. Every file is made from the seed and its number alone. Each command runs in a process of
-its own, which has half a minute and 3 GB of address space.
+its own, which has half a minute of CPU and 3 GB of address space.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions
 ABOUT = """\
 `{command}`: what was done, how the command ended, and how often something was wrong with that. \
 `unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; \
-`noise on stderr`: warnings of libraries; `late`: over 30 s; `overwritten`, `lost`, `torn`: of files that \
-were there; `unnamed`: a refusal that does not name the file; \
+`noise on stderr`: warnings of libraries; `late`: over 30 s of CPU, or no end in three minutes; \
+`overwritten`, `lost`, `torn`: of files that were there; `unnamed`: a refusal that does not name the file; \
 `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
@@ -79,9 +79,8 @@ def contradictions(folder: Path) -> list[tuple[str, str, End]]:
 def counted(found: Ended) -> tuple[str, list[str]]:
     """A table of ends and faults by kind, and a line for each that is wrong."""
     rows: dict[str, Counter[str]] = defaultdict(Counter)
-    odd, number, longest = [], 0, 0.0
-    for kind, end, faults in found:
-        number, longest = number + 1, max(longest, end.seconds)
+    odd = []
+    for number, (kind, end, faults) in enumerate(found, 1):
         for row in (kind, "all"):
             rows[row].update(["runs", f"exit {end.code}", *faults])
         if faults:

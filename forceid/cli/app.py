@@ -44,7 +44,7 @@ class LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; a ConfigError names the nearest one."""
-        single = typer.Typer(add_completion=False)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
         if cmd_name in HERE:
             single.command(cmd_name)(import_module(f"forceid.cli.{cmd_name}{'_' * iskeyword(cmd_name)}").run)
         elif cmd_name in EVIDENCE and ctx.meta.get(LISTING):
@@ -71,7 +71,7 @@ def installed(command: str) -> Any:
     return next((found.load() for found in entry_points(group="forceid.commands", name=command)), None)
 
 
-app = typer.Typer(cls=LazyGroup)
+app = typer.Typer(cls=LazyGroup, rich_markup_mode=None)
 
 
 def show_version(wanted: bool) -> None:
