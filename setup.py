@@ -1,4 +1,4 @@
-"""The compiled engine, built where a C++ compiler is and done without where none is; and `config/` in the wheel."""
+"""The compiled engine, built where a C++ compiler is, done without where none is; `config/` for the wheel."""
 
 from glob import glob
 
