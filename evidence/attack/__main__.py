@@ -22,6 +22,7 @@ from evidence.attack.files import attacked
 from evidence.attack.kills import killed
 from evidence.attack.outputs import odd_outputs
 from evidence.attack.surroundings import odd_surroundings
+from evidence.attack.units import alike
 from evidence.attack.watched import End, forked, warm
 from evidence.written import asked, paged, table
 
@@ -33,16 +34,19 @@ FAULTS = (
     "overwritten",
     "lost",
     "torn",
+    "another result",
     "unnamed",
     "no next step",
     "escapes on the terminal",
 )
-PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
+PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "units", "contradictions")
 ABOUT = """\
 `{command}`: what was done, how the command ended, and how often something was wrong with that. \
 `unexpected`: an exit code that the contract does not have, or an error that nobody foresaw; \
 `noise on stderr`: warnings of libraries; `late`: over 30 s of CPU, or no end in three minutes; \
-`overwritten`, `lost`, `torn`: of files that were there; `unnamed`: a refusal that does not name the file; \
+`overwritten`, `lost`, `torn`: of files that were there; \
+`another result`: of one flight by other units or scales, more than 1e-6 of sigma from the plain one; \
+`unnamed`: a refusal that does not name the file; \
 `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
@@ -108,6 +112,7 @@ def main() -> int:
             "damaged": lambda f: ((k, e, x) for k, _, e, x in damaged_files(f, args.seed, 0, args.count)),
             "surroundings": lambda f: ((k, e, x) for k, _, e, x in odd_surroundings(f)),
             "outputs": lambda f: ((k, e, x) for k, _, e, x in odd_outputs(f)),
+            "units": lambda f: ((b, e, x) for b, _, e, x in alike(f)),
             "kills": lambda f: ((f"{k} {s}", e, x) for s, k, e, x in killed(f, args.seed, args.count // 10)),
         }
         for part in args.only:
