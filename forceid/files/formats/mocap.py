@@ -102,7 +102,7 @@ def read_c3d(path: str | Path) -> Capture:
 
 def first_of(group: Any, name: str, path: str | Path) -> Any:
     """The first value of a parameter of a C3D file; a DataError where it has none."""
-    values = group[name]["value"] if name in group else ()
+    values: Any = group[name]["value"] if name in group else []
     if not len(values):
         raise DataError("holds no value, expected one", f"{path}:{name}", "export the markers again")
     return values[0]
