@@ -1,6 +1,6 @@
 # make demo: the main job on the shipped boomerang. make test: the tests. Both set up .venv first, for what they run.
 PYTHON ?= python3
-BIN := .venv/bin
+BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALL := -m pip install --quiet --disable-pip-version-check
 BUILT_FROM := pyproject.toml evidence/pyproject.toml setup.py $(wildcard forceid/*/*.cpp forceid/*/*.hpp forceid/*.hpp)
 
@@ -85,7 +85,7 @@ wheel:
 # the engine is compiled while the rest is installed
 .venv/ready: requirements.txt $(BUILT_FROM)
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python $(INSTALL) $$(grep -E '^(pybind11|setuptools)==' requirements.txt)
+	$(BIN)/python $(INSTALL) $$(grep -E '^(packaging|pybind11|setuptools|setuptools-scm|vcs-versioning)==' requirements.txt)
 	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable . --editable evidence & \
 	  $(BIN)/python $(INSTALL) -r requirements.txt && wait $$!
 	touch $@

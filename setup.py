@@ -1,8 +1,8 @@
-"""The compiled engine: built where a C++ compiler is, and done without where none is."""
+"""The compiled engine, built where a C++ compiler is, done without where none is; `config/` for the wheel."""
 
 from glob import glob
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 try:
     from pybind11.setup_helpers import ParallelCompile, Pybind11Extension
@@ -22,4 +22,8 @@ else:
         )
     ]
 
-setup(ext_modules=extensions)
+setup(
+    ext_modules=extensions,
+    packages=[*find_packages(include=["forceid*"]), "forceid.configurations"],
+    package_dir={"forceid.configurations": "config"},
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from forceid.cli.completion import fitting
+from forceid.cli.boundary.completion import fitting
 
 
 def scenes(incomplete: str) -> list[str]:

@@ -27,3 +27,11 @@ def threads_for(rows: int) -> Iterator[None]:
         return
     with _controller().limit(limits=1, user_api="blas"):
         yield
+
+
+def blas_libraries() -> list[str]:
+    """The libraries of BLAS in this process: name, version, kernel, and how many threads it is wide."""
+    return [
+        f"{lib['internal_api']} {lib['version']}, kernel {lib.get('architecture')}, {lib['num_threads']} wide"
+        for lib in _controller().select(user_api="blas").info()
+    ]

@@ -57,6 +57,18 @@ def test_it_is_estimated_by_the_same_command_and_says_how_far_it_is(large, monke
     assert sorted(p.name for p in large.parent.iterdir()) == ["long.h5", "long.result.h5"]
 
 
+def test_a_pose_beside_the_markers_is_said_to_be_left_out(large, capsys):
+    with h5py.File(large, "r+") as f:
+        t, x = f["motion/time"][...], f["motion/position"][...]
+        turn = Rotation.from_rotvec(np.outer(t, [1.0, 2.0, 3.0])).as_quat(canonical=True)
+        for name, value, unit in (("center", x.mean(1), "m"), ("orientation", turn, "1")):
+            f[f"motion/{name}"] = value
+            f[f"motion/{name}"].attrs["units"] = unit
+    assert main(["estimate", str(large), *QUICK]) == 0
+    with h5py.File(large.with_suffix(".result.h5")) as f:
+        assert "pose-not-compared" in np.atleast_1d(f["estimate"].attrs["reason_codes"])
+
+
 def test_stopped_in_the_pass_or_in_the_smoother_it_goes_on_to_the_same_bits(large, monkeypatch, capsys):
     output = large.with_suffix(".result.h5")
     assert main(["estimate", str(large), *QUICK]) == 0

@@ -37,7 +37,7 @@ def archives(tmp_path_factory):
     folder = tmp_path_factory.mktemp("dist")
     tree = folder / "tree"
     left_out = shutil.ignore_patterns("*.so", "__pycache__")
-    for name in ("forceid", "tests"):
+    for name in ("config", "forceid", "tests"):
         shutil.copytree(ROOT / name, tree / name, ignore=left_out)
     for path in ROOT.iterdir():
         if path.is_file() and not path.name.startswith("."):
@@ -50,19 +50,30 @@ def archives(tmp_path_factory):
 
 def package_files():
     files = (path for path in (ROOT / "forceid").rglob("*") if path.suffix in (".py", *DATA))
-    return {str(path.relative_to(ROOT)) for path in files}
+    return {str(path.relative_to(ROOT)) for path in files} | {"forceid/_version.py"}
+
+
+CONFIGURATIONS = {path.name for path in (ROOT / "config").glob("*.toml")}
 
 
 def test_the_source_archive_holds_all_that_it_is_built_from(archives):
     with tarfile.open(archives[0]) as archive:
         found = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
-    assert package_files() <= found
+    assert package_files() | {f"config/{name}" for name in CONFIGURATIONS} <= found
     assert {"pyproject.toml", "setup.py", "README.md", "LICENSE"} <= found
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(archives):
     found = {name for name in zipfile.ZipFile(archives[1]).namelist() if ".dist-info/" not in name}
-    assert found == package_files()
+    assert found == package_files() | {f"forceid/configurations/{name}" for name in CONFIGURATIONS}
+
+
+def test_wheel_results_and_package_have_one_version(archives):
+    with zipfile.ZipFile(archives[1]) as wheel:
+        written = wheel.read("forceid/_version.py").decode()
+        assert "forceid/configurations/default.toml" in wheel.namelist()
+    named = archives[1].name.split("-")[1]
+    assert written.strip() == f'__version__ = "{named}"'
 
 
 def test_the_wheel_asks_for_an_extra_only_where_a_reader_of_files_needs_one(archives):
@@ -102,5 +113,5 @@ def test_a_wheel_without_compiler_estimates_with_numpy(archives, tmp_path):
     )
     where, version, verdict = done.stdout.splitlines()[:3]
     assert where == str(tmp_path / "site" / "forceid" / "__init__.py")
-    assert version.endswith(", engine numpy")
+    assert version == f"forceid {archives[1].name.split('-')[1]}, engine numpy"
     assert verdict == "verdict  ok"

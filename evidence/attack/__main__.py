@@ -3,7 +3,7 @@
     python -m evidence.attack -o docs [--count 1000] [--seed 1] [--only files contradictions ...]
 
 Writes attack.md. Every file is made from the seed and its number alone. Each command runs in a process of
-its own, which has half a minute and 3 GB of address space.
+its own, which has half a minute of CPU and 3 GB of address space.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from evidence.attack.files import attacked
 from evidence.attack.kills import killed
 from evidence.attack.outputs import odd_outputs
 from evidence.attack.surroundings import odd_surroundings
+from evidence.attack.units import alike
 from evidence.attack.watched import End, forked, warm
 from evidence.written import asked, paged, table
 
@@ -34,16 +35,18 @@ FAULTS = (
     "overwritten",
     "lost",
     "torn",
+    "another result",
     "unnamed",
     "no next step",
     "escapes on the terminal",
 )
-PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "contradictions")
+PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "units", "contradictions")
 ABOUT = """\
 `{command}`: what was done, how the command ended, and how often something was wrong with that. \
 `unexpected`: an exit code that the contract does not have, or an error that nobody foresaw. \
-`noise on stderr`: warnings of libraries. `late`: over 30 s. `overwritten`, `lost`, `torn`: of files that \
-were there. `unnamed`: a refusal that does not name the file. \
+`noise on stderr`: warnings of libraries. `late`: over 30 s of CPU, or no end in three minutes. \
+`overwritten`, `lost`, `torn`: of files that were there. `another result`: of one flight by other units or \
+scales, more than 1e-6 of sigma from the plain one. `unnamed`: a refusal that does not name the file. \
 `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
@@ -88,9 +91,8 @@ def by_answer(found: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
 def counted(found: Ended) -> tuple[str, list[str]]:
     """A table of ends and faults by kind, and a line for each that is wrong."""
     rows: dict[str, Counter[str]] = defaultdict(Counter)
-    odd, number, longest = [], 0, 0.0
-    for kind, end, faults in found:
-        number, longest = number + 1, max(longest, end.seconds)
+    odd = []
+    for number, (kind, end, faults) in enumerate(found, 1):
         for row in (kind, "all"):
             rows[row].update(["runs", f"exit {end.code}", *faults])
         if faults:
@@ -120,6 +122,7 @@ def main() -> int:
             "damaged": lambda f: ((k, e, x) for k, _, e, x in damaged_files(f, args.seed, 0, args.count)),
             "surroundings": lambda f: ((k, e, x) for k, _, e, x in odd_surroundings(f)),
             "outputs": lambda f: ((k, e, x) for k, _, e, x in odd_outputs(f)),
+            "units": lambda f: ((b, e, x) for b, _, e, x in alike(f)),
             "kills": lambda f: ((f"{k} {s}", e, x) for s, k, e, x in killed(f, args.seed, args.count // 10)),
         }
         for part in args.only:

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from evidence.attack.surroundings import COMMANDS, QUICK, Odd, furnish, surrounded
-from evidence.attack.watched import START, End
+from evidence.attack.watched import HUNG, START, End
 
 KILLED = ("inspect", "estimate", "batch", "report", "simulate", "import", "identify")
 UP = 0.05  # s until the interpreter has read the first line of the program: before, the system ends it
@@ -56,7 +56,7 @@ def killed(folder: Path, seed: int, count: int) -> Iterator[tuple[str, str, End,
         late = False
         try:
             (os.killpg if name == "batch" and sent == signal.SIGINT else os.kill)(process.pid, sent)
-            out, err = process.communicate(timeout=30)
+            out, err = process.communicate(timeout=HUNG)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             out, err = process.communicate()

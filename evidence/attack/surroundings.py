@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from evidence.attack.bodies import write
-from evidence.attack.watched import PATIENCE, START, End
+from evidence.attack.watched import HUNG, START, End
 
 RECIPE = 'scene = "spinner"\ntitle = "toss"\nduration = 0.2\nsample_rate = 200\nnoise_std = 5e-4\n'
 TABLE = "t,ax,ay,az,bx,by,bz,cx,cy,cz\n" + "".join(
@@ -130,7 +130,7 @@ def furnish(folder: Path) -> None:
     (folder / "t.toml").write_text(IMPORTED)
 
 
-def surrounded(odd: Odd, words: Sequence[str], folder: Path, patience: float = PATIENCE) -> End:
+def surrounded(odd: Odd, words: Sequence[str], folder: Path, patience: float = HUNG) -> End:
     """The end of a command in a surrounding, in a fresh process."""
     given = odd.words(words)
     for word in given:

@@ -8,13 +8,14 @@ import select
 import signal
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
-PATIENCE = 30.0  # s of wall time that one command may take
+PATIENCE = 30.0  # s of CPU that one command may take: what the clock says too, where nothing else runs
+HUNG = 6 * PATIENCE  # s on the clock, after which it is ended: other work may run on the machine
 SPACE = 3 << 30  # bytes of address space: an estimate of a small file takes a tenth of that
 CODES = (0, 1, 2, 3, 130)  # of the contract
 START = [sys.executable, "-c", "from forceid.cli.boundary.start import start; start()"]
@@ -22,7 +23,7 @@ START = [sys.executable, "-c", "from forceid.cli.boundary.start import start; st
 
 @dataclass(frozen=True)
 class End:
-    """How a command ended: exit code, or minus the signal; what it printed; s it took; whether it was cut."""
+    """How a command ended: exit code, or minus the signal; what it printed; s of CPU; whether late."""
 
     words: tuple[str, ...]
     code: int
@@ -95,7 +96,6 @@ def child(
 ) -> End:
     """The end of a piece of work in a fork of this process, in a folder."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        began = time.monotonic()
         process = os.fork()
         if not process:
             begin(folder, out.fileno(), err.fileno(), space)
@@ -108,9 +108,9 @@ def child(
                 os.write(2, f"Traceback: {type(error).__name__}: {error}\n".encode())
             finally:
                 os._exit(code)
-        status, late = waited(process, patience)
+        status, seconds = waited(process, HUNG / PATIENCE * patience)
         said = [read(stream) for stream in (out, err)]
-        return End(tuple(words), status, *said, time.monotonic() - began, late)
+        return End(tuple(words), status, *said, seconds, seconds > patience)
 
 
 def begin(folder: Path, out: int, err: int, space: int) -> None:
@@ -125,18 +125,19 @@ def begin(folder: Path, out: int, err: int, space: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (space, space))
 
 
-def waited(process: int, patience: float) -> tuple[int, bool]:
-    """Exit code of a process, minus the signal that ended it, and whether patience ended with it."""
+def waited(process: int, hung: float) -> tuple[int, float]:
+    """Exit code of a process, minus the signal that ended it, and its s of CPU, endless where it hung."""
     handle = os.pidfd_open(process)
     try:
-        late = not select.select([handle], [], [], patience)[0]
+        ended = bool(select.select([handle], [], [], hung)[0])
     finally:
         os.close(handle)
-    if late:
+    if not ended:
         for group in (os.killpg, os.kill):
             with suppress(ProcessLookupError):
                 group(process, signal.SIGKILL)
-    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), late
+    _, status, used = os.wait4(process, 0)
+    return os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime if ended else inf
 
 
 def read(stream: object) -> str:

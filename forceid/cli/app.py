@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 import warnings
@@ -12,7 +13,7 @@ from keyword import iskeyword
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from forceid import __version__
 from forceid.cli.boundary.endings import check_room, ending, fail
@@ -22,7 +23,7 @@ from forceid.errors import ConfigError
 
 HERE = (  # each a module of this folder
     "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "open",
-    "settings", "demo",
+    "settings", "config", "demo", "doctor",
 )  # fmt: skip
 EVIDENCE = {  # in a distribution of their own, with what their line of the help says
     "chart": "Measure error, claim, time and memory of every method and every peer, on every SCENE.",
@@ -34,6 +35,33 @@ EVERYWHERE = {  # accepted before the command and after it
     "debug": {"--debug"}, "quiet": {"--quiet", "-q"}, "verbose": {"--verbose", "-v"}
 }  # fmt: skip
 ANYWHERE = set().union(*EVERYWHERE.values())
+WHOLE = 1000  # characters: no first sentence has as many
+
+
+class Page(TyperCommand):
+    """A command whose help has its headings bold and yellow where the terminal takes that."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help, without rich, which would take as long to load as all the rest."""
+        super().format_help(ctx, formatter)
+        formatter.buffer = headed(formatter.buffer)
+
+
+def headed(lines: Sequence[str]) -> list[str]:
+    """Lines of a help with headings that stand out; typer takes that away where no terminal is."""
+    if os.environ.get("TERM") == "dumb":
+        return list(lines)
+    color = None if "NO_COLOR" in os.environ else "yellow"
+    heads = ("Usage: ", "Arguments:", "Options:", "Commands:")
+    return [
+        typer.style(word, bold=True, fg=color) + line[len(word) :] if (word := begun(line, heads)) else line
+        for line in lines
+    ]
+
+
+def begun(line: str, words: Sequence[str]) -> str:
+    """The word that a line begins with, if any."""
+    return next((word for word in words if line.startswith(word)), "")
 
 
 class LazyGroup(TyperGroup):
@@ -47,16 +75,25 @@ class LazyGroup(TyperGroup):
         """The help, which looks into no other distribution."""
         ctx.meta[LISTING] = True
         super().format_help(ctx, formatter)
+        formatter.buffer = headed(formatter.buffer)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The commands with the whole first sentence of each."""
+        with formatter.section("Commands"):
+            said = [(name, self.get_command(ctx, name).get_short_help_str(WHOLE)) for name in COMMANDS]
+            formatter.write_dl(said)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; a ConfigError names the nearest one."""
-        single = typer.Typer(add_completion=False)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
         if cmd_name in HERE:
-            single.command(cmd_name)(import_module(f"forceid.cli.{cmd_name}{'_' * iskeyword(cmd_name)}").run)
+            single.command(cmd_name, cls=Page)(
+                import_module(f"forceid.cli.{cmd_name}{'_' * iskeyword(cmd_name)}").run
+            )
         elif cmd_name in EVIDENCE and ctx.meta.get(LISTING):
-            single.command(cmd_name, help=EVIDENCE[cmd_name])(options)
+            single.command(cmd_name, cls=Page, help=EVIDENCE[cmd_name])(options)
         elif run := installed(cmd_name):
-            single.command(cmd_name)(run)
+            single.command(cmd_name, cls=Page)(run)
         elif ctx.resilient_parsing:  # a shell completes: it wants no words
             return None
         elif cmd_name in EVIDENCE:
@@ -77,7 +114,7 @@ def installed(command: str) -> Any:
     return next((found.load() for found in entry_points(group="forceid.commands", name=command)), None)
 
 
-app = typer.Typer(cls=LazyGroup)
+app = typer.Typer(cls=LazyGroup, rich_markup_mode=None)
 
 
 def show_version(wanted: bool) -> None:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from forceid.cli.boundary.completion import words_of
 from forceid.cli.boundary.terminal import LOUDNESS, note, tell
-from forceid.cli.completion import words_of
 from forceid.cli.output import describe, summary, to_json
 from forceid.errors import DataError, EstimationError
 

@@ -55,6 +55,11 @@ PYBIND11_MODULE(_engine, module) {
     module.def(name, function, py::call_guard<py::gil_scoped_release>());
   };
   module.attr("arch") = arch;
+#ifdef __clang__
+  module.attr("compiler") = "clang " __clang_version__;
+#else
+  module.attr("compiler") = "gcc " __VERSION__;
+#endif
   def("covariance_pass", passes.covariance_pass);
   def("mean_pass", passes.mean_pass);
   def("adjoint_pass", passes.adjoint_pass);

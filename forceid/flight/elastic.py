@@ -150,7 +150,8 @@ def tune_elastic(
 ) -> ElasticPrior | None:
     """The most likely prior of elastic modes, of which frames show observed (time, mode) = rows q + noise.
 
-    None where too few frames show them. Damping is narrower than spectra show: the exact likelihood tells it,
+    None where too few frames show them, or they show a motion so large that no spectrum has a likelihood in
+    doubles, 1e15 times the noise. Damping is narrower than spectra show: the exact likelihood tells it,
     and whether loads answer the motion: e^PATIENCE times as likely for every mode as that they do not.
     """
     spectra = spectra_of(time, observed, rows)
@@ -169,7 +170,9 @@ def tune_elastic(
 
     one = np.ones_like(elastic.frequency)
     told = [elastic.damping] if elastic.damping is not None else [ratio * one for ratio in DAMPINGS]
-    at, order = likeliest(spectra, elastic)
+    if (found := likeliest(spectra, elastic)) is None:
+        return None
+    at, order = found
     value, alone = best(at, order, elastic, told)
     braked = told if elastic.damping is None else [elastic.damping, *(elastic.damping + d for d in DAMPINGS)]
     loose = replace(elastic, detuned=np.hypot(elastic.detuned, AIR))
@@ -181,9 +184,12 @@ def tune_elastic(
     return ElasticPrior(answering, answering.frequency**2 - elastic.frequency**2, 2 * brakes)
 
 
-def likeliest(spectra: Spectra, elastic: Elastic) -> tuple[Array, int]:
+def likeliest(spectra: Spectra, elastic: Elastic) -> tuple[Array, int] | None:
     """The point of the search where modes and loads are likeliest, and the order of the loads."""
-    found = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
+    every = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
+    found = {order: (value, at) for order, (value, at) in every.items() if np.isfinite(value)}
+    if not found:
+        return None
     best = min(value for value, _ in found.values())
     order = max(order for order, (value, _) in found.items() if value < best + PATIENCE)
     return found[order][1], order

@@ -9,13 +9,14 @@ Boisvert, Pozo, Remington, The Matrix Market exchange formats: initial design (N
 from __future__ import annotations
 
 import gzip
+import io
 import warnings
 import zipfile
 from collections.abc import Callable
 from functools import partial
 from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import h5py
 import numpy as np
@@ -33,6 +34,7 @@ FORMS = ".mtx, .mtx.gz, .npz, .npy, or file.h5:/group/name"
 BANNER = "%%MatrixMarket matrix coordinate real symmetric"
 REAL = ("real", "double", "integer", "unsigned-integer")
 SIGNS = {"general": 0.0, "symmetric": 1.0, "hermitian": 1.0, "skew-symmetric": -1.0}  # of mirrored entries
+SWELLS = 100  # times its size that a packed text may be: texts of numbers pack to a third, of zeros to 40
 SPARSEST = 1000  # rows an entry; a shape that declares more, and above a million, is not what is stored
 LISTS = ("data", "indices", "indptr")  # of compressed rows
 DENSE = Variable(("row", "column"), "", "")
@@ -95,10 +97,21 @@ def read_npz(path: str) -> Any:
         return sp.load_npz(file)
 
 
+def unpacked(path: str) -> TextIO:
+    """The text of a packed file; DataError: it swells beyond what texts of numbers do, or does not fit."""
+    room = min(SWELLS * Path(path).stat().st_size, memory_limit() // 2)
+    with gzip.open(path) as file:
+        data = file.read(room + 1)
+    if len(data) > room:
+        what = f"unpacks to more than {room / 1e6:.3g} MB, expected a text of numbers"
+        raise DataError(what, path, "unpack it first")
+    return io.StringIO(data.decode("latin-1"))
+
+
 def read_market(path: str) -> Any:
     """The matrix of a .mtx or .mtx.gz file; what a symmetric one leaves out is filled in."""
-    opened: Any = gzip.open if path.lower().endswith(".gz") else open
-    with opened(path, "rt", encoding="latin-1") as file:  # comments are in any language
+    packed = path.lower().endswith(".gz")
+    with unpacked(path) if packed else open(path, encoding="latin-1") as file:  # comments in any language
         first = line = file.readline(4096)
         words = first.lower().split()
         known = len(words) == 5 and words[2] in ("coordinate", "array") and words[4] in SIGNS

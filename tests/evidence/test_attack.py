@@ -2,7 +2,7 @@
 
 import pytest
 
-from evidence.attack import bodies, contradictions, damaged, files, outputs, surroundings
+from evidence.attack import bodies, contradictions, damaged, files, outputs, surroundings, units
 from evidence.attack.watched import forked, warm
 
 
@@ -47,6 +47,13 @@ def test_a_pose_that_the_markers_confirm_is_said_to_be_left_out(folder):
     assert "the markers are used, the pose is not" in " ".join(
         forked(["inspect", path.name], folder).out.split()
     )
+
+
+@pytest.mark.long
+def test_a_flight_by_other_units_and_scales_has_the_same_result_or_is_refused(folder):
+    found = list(units.alike(folder))
+    assert [(base, name, faults) for base, name, _, faults in found if faults] == []
+    assert sum(end.code == 0 for _, _, end, _ in found) >= 20
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import forceid
 from forceid.config import validate
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.sources import import_sources
@@ -161,4 +162,4 @@ def test_the_identity_of_an_import_is_that_of_its_numbers(tmp_path):
     ((_, b),) = import_sources([path], settings(title="named"))
     assert a.sha256 == b.sha256
     assert b.title == "named: a-1"
-    assert replace(a, title=b.title).history == b.history == "forceid 0.1.0 import a.csv"
+    assert replace(a, title=b.title).history == b.history == f"forceid {forceid.__version__} import a.csv"

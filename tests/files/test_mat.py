@@ -207,6 +207,19 @@ def test_a_mat_file_that_is_damaged_never_ends_in_another_error(tmp_path, versio
     assert refused >= 10
 
 
+@pytest.mark.parametrize("said", [None, b"", b"doublf", "double of another kind"])
+def test_an_array_that_matlab_did_not_write_is_refused_for_its_axes_may_be_in_any_order(tmp_path, said):
+    write(tmp_path / "a.mat", {"t": TIME, "all": POSITION}, "7.3")
+    table = {"time": "t", "position": "all", "nodes": NAMES}
+    assert np.array_equal(brought(tmp_path / "a.mat", table).motion.position, POSITION)
+    with h5py.File(tmp_path / "a.mat", "r+") as f:
+        del f["all"].attrs["MATLAB_class"]
+        if said is not None:
+            f["all"].attrs["MATLAB_class"] = np.bytes_(said) if isinstance(said, bytes) else said
+    with pytest.raises(DataError, match=r"a\.mat:/all does not say that MATLAB wrote it"):
+        brought(tmp_path / "a.mat", table)
+
+
 def test_a_file_that_is_no_mat_file_is_refused(tmp_path):
     (tmp_path / "a.mat").write_text("t,x,y,z\n1,2,3,4\n" * 40)
     with pytest.raises(DataError, match=r"a\.mat is not a whole MAT file"):

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
-from forceid.estimation.body.tracks.spikes import clipped, spikes
+from forceid.estimation.body.tracks.spikes import clipped, spikes, wild_rates
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap
@@ -24,7 +24,8 @@ class Mended:
 
     stuck: frames, of all, in which a limit cut readings off, most of them at an edge m along an axis;
     exchanged: markers that had traded places, exchanges: how often they were put back, exchanged_s: when
-    first; spikes: readings taken out, by marker, the most first, spikes_s: the first of them; readings: all.
+    first; spikes: readings taken out, by marker, the most first, spikes_s: the first of them; readings: all;
+    rates: readings of gyros taken out, where there is no marker, rates_s: when first.
     """
 
     exchanged: tuple[str, ...] = ()
@@ -37,6 +38,8 @@ class Mended:
     spikes: Mapping[str, int] = field(default_factory=dict)
     spikes_s: float = np.nan
     readings: int = 0
+    rates: int = 0
+    rates_s: float = np.nan
 
 
 @stage("kinematics")
@@ -54,7 +57,7 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
     0
     """
     if motion.position is None or motion.bridged is not None:
-        return motion, Mended()
+        return without_wild_rates(motion)
     cut, axis, edge = clipped(motion.position)
     mended = Mended(stuck=int(cut.any(1).sum()), frames=len(cut), axis=axis, edge=edge)
     position, traded = unswap(np.where(cut[..., None], np.nan, motion.position))
@@ -69,6 +72,19 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
         mended = replace(mended, spikes=by_marker, spikes_s=float(first), readings=seen)
     changed = traded or mended.stuck or off.any()
     return (replace(motion, position=position), mended) if changed else (motion, mended)
+
+
+def without_wild_rates(motion: Motion) -> tuple[Motion, Mended]:
+    """A motion that sensors alone tell, without spikes of its gyros, and how many there were."""
+    rate = motion.angular_velocity
+    if rate is None or motion.position is not None or motion.center is not None:
+        return motion, Mended()
+    wild = wild_rates(rate)
+    if not wild.any():
+        return motion, Mended()
+    rate = np.where(wild[..., None], np.nan, rate)
+    first = float(motion.time[wild.any(1).argmax()])
+    return replace(motion, angular_velocity=rate), Mended(rates=int(wild.sum()), rates_s=first)
 
 
 @dataclass(frozen=True)

@@ -48,16 +48,21 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
     return Channel(time[new], z[new], 1 / kin.inertia.mass, cov[new], np.zeros((3, 3)), kin.memory)
 
 
-def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
-    """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
-    pose = kin.pose
-    turns = int(np.isfinite(pose.rotation).all((1, 2)).sum())
+def check_turns(kin: Kinematics) -> None:
+    """An EstimationError where too few frames show the rotation for a moment."""
+    turns = int(np.isfinite(kin.pose.rotation).all((1, 2)).sum())
     if turns < LEAST_FRAMES:
         raise EstimationError(
             f"shows the rotation in {turns} frames, fewer than the {LEAST_FRAMES} that a moment needs",
             "the recording",
             "restore the markers, or give a longer record",
         )
+
+
+def moment_channel(kin: Kinematics, deformation: Deformation) -> Channel:
+    """The integrated angular momentum of the measured rotations: a channel that the moment drives."""
+    check_turns(kin)
+    pose = kin.pose
     new, cov = slice(None, None, kin.every), kin.counted_cov[:, 3:, 3:]
     ch = angular_channel(
         kin.time[new], pose.rotation[new], cov[new], deformation.inertia[new], deformation.h[new],

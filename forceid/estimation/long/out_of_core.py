@@ -133,10 +133,12 @@ def reduced(
     history = "\n".join(filter(None, (recording.history, line)))
     four = four_nodes(body, inertia, corners[:, 1:])
     found = replace(recording, body=four, motion=motion, truth=truth, sha256=sha256, history=history)
-    noise = positions.noise_std or noise
-    if not beside**2 > NIS_BAND[1] * noise**2:  # nodes do no more than an affine body and noise
-        return found, ()
-    return found, (note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise),)
+    noise, left = positions.noise_std or noise, []
+    if recording.motion.center is not None or recording.motion.orientation is not None:
+        left.append(note("pose-not-compared"))
+    if beside**2 > NIS_BAND[1] * noise**2:  # nodes do more than an affine body and noise
+        left.append(note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise))
+    return found, tuple(left)
 
 
 def summed(

@@ -9,7 +9,7 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.loads.channels import angular_channel
+from forceid.estimation.loads.channels import angular_channel, check_turns
 from forceid.estimation.methods.noise import judge_filter, may_show, measured_errors, slow_and_small
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
@@ -107,6 +107,7 @@ def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> W
 
 def measured_angular_channel(kin: Kinematics) -> Channel:
     """Integrated angular momentum of the body with the deformation as it was measured."""
+    check_turns(kin)
     amplitude = np.nan_to_num(kin.amplitude)
     inertia, h = inertia_along(kin, amplitude, np.gradient(amplitude, kin.time, axis=0))
     known = None if kin.known is None else kin.known.turned

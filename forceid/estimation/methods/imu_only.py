@@ -13,6 +13,7 @@ import numpy as np
 
 from forceid.config import PriorsSetting, Settings
 from forceid.errors import ConfigError
+from forceid.estimation.body.cleaning import cleaned
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.inertia import inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
@@ -57,6 +58,13 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
         return [note("no-gyro")]
     if not np.isfinite(inertia.tensor).all():
         return [note("no-inertia-for-sensors")]
+    clean = cleaned(body, motion)[0]
+    fastest = gyro_rate(clean.time, sensors_of(body, clean, settings, inertia.center))
+    turn = (
+        0.0 if fastest is None else float(np.linalg.norm(fastest, axis=1).max() * np.diff(clean.time).max())
+    )
+    if turn > 2 * np.pi:
+        return [note("turns-lost", turn_rad=turn)]
     found = [note("no-place")]
     accelerometer = None if sensors is None else sensors.of(ACCELEROMETER)
     if accelerometer is not None and "specific_force_bias" not in known(motion, settings):

@@ -81,6 +81,8 @@ def leakage(body: Body, kin: Kinematics) -> Leakage | None:
         return Leakage(condition, sigma)
     weight = kin.inertia.weight if kin.inertia.weight.any() else np.ones(len(kin.shape))
     name, shapes = shapes_of(body, kin)
+    if not len(shapes):  # markers that all stand in one place have none
+        return Leakage(condition, sigma)
     weight = weight * (kin.seen | shapes.any(axis=(0, 2)))  # elsewhere nothing is known of the shape
     if not weight.any():
         weight = kin.seen.astype(float)
@@ -113,6 +115,8 @@ def shapes_of(body: Body, kin: Kinematics) -> tuple[tuple[str, ...], Array]:
         on_seen = np.zeros_like(kin.shape)
         marked = kin.shape[kin.seen]
         strains = strain_shapes(marked, strain_axes(marked)[0])
+        if not len(strains):
+            return (), np.zeros((0, *on_seen.shape))
         shapes = np.zeros((len(strains), *on_seen.shape))
         shapes[:, kin.seen] = strains
         shapes = split_rigid(shapes, kin.shape, weight)[1] * kin.seen[:, None]

@@ -30,6 +30,8 @@ def judge_mending(mended: Mended) -> list[Finding]:
         # beside an edge noise is cut off on one side, which pulls those that are left
         level: Level = "ok" if count <= MANY * frames else "degraded"
         found.append(note("markers-stuck", level, axis=mended.axis, edge_m=at, count=count, frames=frames))
+    if mended.rates:
+        found.append(note("gyro-spikes", count=mended.rates, time_s=mended.rates_s))
     if mended.exchanges:
         names, first = ", ".join(mended.exchanged), mended.exchanged_s
         found.append(note("markers-exchanged", markers=names, count=mended.exchanges, time_s=first))

@@ -17,10 +17,15 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.formats.channels import Channels, reading
+from forceid.memory import memory_limit
 from forceid.records import Array
 
 _EXPANSION = 2000  # values of one byte in a byte of the file: deflate reaches 1032
 _LEFT_OUT = ("sparse", "object", "function", "opaque", "unknown")
+_ORDERED = {  # what MATLAB writes, axes in reverse; in a file of another program they may not be
+    *(f"{sign}int{bits}".encode() for sign in ("", "u") for bits in (8, 16, 32, 64)),
+    b"double", b"single", b"logical", b"char",
+}  # fmt: skip
 _DEPTH = 16  # structs in structs
 _ENTRIES = 100_000  # of all cells and structs
 _BYTES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}  # of a number, by data type
@@ -65,8 +70,8 @@ def load(path: str | Path) -> dict[str, Any]:
     for name, shape, kind in whosmat(path):
         if kind in _LEFT_OUT:
             continue
-        if math.prod(shape) > _EXPANSION * len(data):
-            what = f"declares {math.prod(shape)} values, more than the file can hold"
+        if math.prod(shape) > min(_EXPANSION * len(data), memory_limit() // 8):
+            what = f"declares {math.prod(shape)} values, more than the file can hold, or fit here"
             raise DataError(what, f"{path}:{' '.join(name.split())}", "export or copy it again")
         wanted.append(name)
     found = loadmat(path, simplify_cells=True, variable_names=wanted) if wanted else {}
@@ -96,6 +101,11 @@ def stored(group: Any, name: str, where: str, depth: int = 0) -> Any:
         return [stored(item.file, target, where, depth + 1) for target in names]
     if item.dtype.kind not in "biufc":
         return None
+    if item.ndim > 1 and kind not in _ORDERED:
+        what = (
+            "does not say that MATLAB wrote it (attribute MATLAB_class): the order of its axes is not known"
+        )
+        raise DataError(what, f"{where}/{name}", "save it with MATLAB -v7.3, or with scipy.io.savemat")
     data = np.asarray(item[()]).T
     if kind == b"char":
         return "".join(map(chr, data.astype(int).ravel(order="F" if data.shape[0] == 1 else "C")))
@@ -143,7 +153,7 @@ def check_elements(data: bytes, where: str) -> None:
     order = "<" if data[126:128] == b"IM" else ">"
     for kind, content in elements(memoryview(data)[128:], order, where):
         if kind == _COMPRESSED:
-            content = memoryview(zlib.decompress(content))
+            content = memoryview(inflated(content, len(data), where))
             inner = list(elements(content, order, where))
             if len(inner) != 1:
                 raise damaged("a compressed part that is not one variable", where)
@@ -151,6 +161,17 @@ def check_elements(data: bytes, where: str) -> None:
         if kind != _MATRIX:
             raise damaged(f"an element of type {kind} in place of a variable", where)
         check_array(content, order, where, 0)
+
+
+def inflated(packed: memoryview, size: int, where: str) -> bytes:
+    """A compressed part of a file of that size, unpacked; a DataError where it is more than fits."""
+    room = min(_EXPANSION * size, memory_limit())
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(packed, room)
+    if not unpacker.eof:
+        what = "ends before it is whole" if len(data) < room else f"unpacks to more than {room / 1e6:.3g} MB"
+        raise DataError(f"is damaged: a compressed part {what}", where, "export or copy it again")
+    return data
 
 
 def elements(data: memoryview, order: str, where: str) -> Iterator[Element]:

@@ -89,15 +89,23 @@ def read_c3d(path: str | Path) -> Capture:
     names = tuple(str(name) for name in point["LABELS"]["value"])
     data = np.asarray(c3d["data"]["points"], float)[:3].transpose(2, 1, 0)[:, : len(names)]
     lost = np.asarray(c3d["data"]["meta_points"]["residuals"])[0].T[:, : len(names)] < 0
-    factor = si_factor(str(point["UNITS"]["value"][0]), "m", f"{path}:POINT:UNITS")
+    factor = si_factor(str(first_of(point, "UNITS", path)), "m", f"{path}:POINT:UNITS")
     frame = np.arange(len(data)) + c3d["header"]["points"]["first_frame"]
-    time = frame / float(point["RATE"]["value"][0])
+    time = frame / float(first_of(point, "RATE", path))
     analog, left = c3d["data"]["analogs"].shape[1], []
     plates, said = c3d_plates(ezc3d, c3d, path, time[0] if len(time) else 0.0)
     taken = 0 if plates is None else int(np.size(c3d["parameters"]["FORCE_PLATFORM"]["CHANNEL"]["value"]))
     left = [f"{analog - taken} analog channels"] if analog > taken else []
     position = np.where(lost[..., None], np.nan, factor * data)
     return Capture(names, time, position, left_out=(*left, *said), plates=plates)
+
+
+def first_of(group: Any, name: str, path: str | Path) -> Any:
+    """The first value of a parameter of a C3D file; a DataError where it has none."""
+    values: Any = group[name]["value"] if name in group else []
+    if not len(values):
+        raise DataError("holds no value, expected one", f"{path}:{name}", "export the markers again")
+    return values[0]
 
 
 def check_survived(path: str | Path) -> None:
@@ -123,7 +131,7 @@ def c3d_plates(ezc3d: Any, c3d: Any, path: str | Path, start: float) -> tuple[Pl
         found = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"]
     except (OSError, RuntimeError, ValueError, IndexError) as e:
         return None, (f"{used} force plates ({' '.join(str(e).split())[:120]})",)
-    rate, where = float(c3d["parameters"]["ANALOG"]["RATE"]["value"][0]), f"{path}:FORCE_PLATFORM"
+    rate, where = float(first_of(c3d["parameters"]["ANALOG"], "RATE", path)), f"{path}:FORCE_PLATFORM"
     force, point, moment = [], [], []
     for plate in found:
         newton = si_factor(plate["unit_force"] or "N", "N", where)

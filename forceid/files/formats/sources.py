@@ -70,7 +70,7 @@ def import_sources(paths: Sequence[str | Path], settings: ImportSettings) -> lis
         beside = [path for path in files if path.suffix.lower() == ".mot"]
     captures = [path for path in files if path not in beside]
     plates = pair_plates(captures, beside)
-    return [pair for path in captures for pair in import_capture(path, plates.get(path), settings)]
+    return [pair for path in captures for pair in import_named(path, plates.get(path), settings)]
 
 
 def settings_for(sources: Sequence[str | Path]) -> str:
@@ -78,6 +78,16 @@ def settings_for(sources: Sequence[str | Path]) -> str:
     text = proposal(sources[0], TABLES)
     plates = any(Path(path).suffix.lower() in (".mot", ".sto") for path in sources[1:])
     return text + (PLATES if plates else "")
+
+
+def import_named(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
+    """The recordings in one file; settings that do not fit it are refused with its name."""
+    try:
+        return import_capture(path, mot, settings)
+    except ConfigError as e:
+        if str(path) in str(e):
+            raise
+        raise ConfigError(e.what, f"{path}: {e.where}", e.next_step) from e
 
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:

@@ -39,7 +39,7 @@ def strain_shapes(shape: Array, axes: Array) -> Array:
     count = len(axes)
     pairs = [(i, i) for i in range(count)] + [(i, j) for i in range(count) for j in range(i)]
     strains = [0.5 * (np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i])) for i, j in pairs]
-    return np.array([shape @ E for E in strains])
+    return np.array([shape @ E for E in strains]).reshape(len(strains), *shape.shape)
 
 
 def affine_shapes(markers: MarkerSet) -> Array:

@@ -20,6 +20,8 @@ FAR = 6.0  # standard deviations by which a distance leaves that median
 NORMAL = 1.4826  # standard deviations of a normal in its median absolute deviation
 DROPS = 8  # readings of one frame that may be dropped one after the other
 FEWEST = 4  # markers that tell which one is off
+WILD_RATE = 100.0  # typical steps by which a rate leaves both the readings before it and those behind it
+RATES_OFF = 0.01  # part of the readings of a gyro that may be: more are what the body does
 FRAME_OFF, READINGS_OFF = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
 STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
 GRID = 0.5  # different values, as a part of the readings, below which these are on a grid, and meet anyway
@@ -70,6 +72,30 @@ def spikes_once(position: Array) -> Flags:
     count = (np.nan_to_num(off) > 1.0).sum(2)
     found[np.ix_(at, ever)] = (count >= SEVERAL) & (count == count.max(1, keepdims=True))
     return found & seen
+
+
+def wild_rates(rate: Array) -> Flags:
+    """Readings (time, sensor) of gyros (time, sensor, 3) that are spikes: far from all beside them.
+
+    A body turns on after a blow, so its rate steps; to go up and come back within a sample or two takes two
+    blows that cancel. One is a spike if it leaves the median of five by a hundred steps of a typical sample.
+
+    >>> w = np.random.default_rng(0).standard_normal((90, 1, 3)).cumsum(0)
+    >>> w[40, 0, 1] += 500
+    >>> np.flatnonzero(wild_rates(w))
+    array([40])
+    """
+    found = np.zeros(rate.shape[:2], bool)
+    if len(rate) <= len(AROUND):
+        return found
+    wide = np.pad(rate, ((2, 2), (0, 0), (0, 0)), constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(wide, 5, 0).transpose(0, 3, 1, 2)
+    off = np.linalg.norm(rate - median(around), axis=2)
+    step = median(np.linalg.norm(np.diff(rate, axis=0), axis=2)[None])[0]
+    found = np.nan_to_num(off) > WILD_RATE * np.maximum(
+        step, SOLVED * np.abs(np.nan_to_num(rate)).max(initial=0.0)
+    )
+    return np.asarray(found & (found.mean(0) <= max(RATES_OFF, 1 / len(rate))))
 
 
 def median(a: Array) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
+from forceid.errors import EstimationError
 from forceid.estimation.loads.hidden.left_out import followed_up_to
 from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth, slow_turning_growth
 from forceid.estimation.loads.hidden.whitened import Whitened
@@ -46,6 +47,9 @@ def claimed_along(axes: Array, cov: Array) -> Array:
     """Mean variance (axis,) of cov (time, 3, 3) along axes ([time,] 3, 3), in the inner part of a record."""
     edge = len(cov) // 8
     along = np.einsum("...ai,...ab,...bi->...i", axes, cov, axes)
+    if not np.isfinite(along[edge : len(along) - edge]).any():
+        what = "loses all digits of what it claims: masses are too small, or the clock is too slow"
+        raise EstimationError(what, "the smoother", "give the times in s, and the masses in kg")
     return np.asarray(np.nanmean(along[edge : len(along) - edge], axis=0))
 
 
