@@ -1,0 +1,1 @@
+from forceid.aero.quantities import aero_of as aero_of
