@@ -389,7 +389,8 @@ class Flown:
 
     center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
     (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
-    mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body axes.
+    mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body axes;
+    wind (time, 3) m/s, world axes, where it was measured.
     """
 
     center: Array
@@ -397,6 +398,7 @@ class Flown:
     pose_cov: Array
     inertia: Array
     internal_momentum: Array
+    wind: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -6,29 +6,64 @@ Source: ISO 1151-1 for the angles and axes; Magnus force along spin x velocity.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from forceid.config import AeroSetting
-from forceid.principal import cross
 from forceid.records import Array
 from forceid.rounding import ROUNDED
+
+PAIRS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+
+
+def dot(a: Array, b: Array) -> Array:
+    """a . b of (..., 3)."""
+    return np.einsum("...i,...i->...", a, b)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b of (..., 3), with as few calls as can be: flights spend their time in it."""
+    out = np.empty(a.shape)
+    for i, j, k in PAIRS:
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
 
 
 @dataclass(frozen=True)
 class Flow:
-    """How air meets a body: axes (..., 3, 3) with rows x, y, z of the body's, in world axes; speed m/s, alpha
-    and beta rad; rates (..., 3) rad/s about these axes, spin (...) rad/s: about `up`, of a ball its size.
+    """How air meets a body: axes x, y, z (..., 3) of the body, in world axes; where it flies, x_wind, and z of
+    wind axes; speed m/s; alpha and beta rad; spin rad/s: about `up`, of a ball its size; omega (..., 3).
     """
 
-    axes: Array
+    x: Array
+    y: Array
+    z: Array
+    x_wind: Array
+    z_wind: Array
     speed: Array
     alpha: Array
     beta: Array
-    rates: Array
     spin: Array
+    omega: Array
+
+    @property
+    def axes(self) -> Array:
+        """Rows x, y, z (..., 3, 3) of the body's axes, in world axes."""
+        return np.stack([self.x, self.y, self.z], -2)
+
+    @property
+    def stability(self) -> Array:
+        """Rows (..., 3, 3) of the stability axes, in world axes: turned about y until the air has no z."""
+        return np.stack([cross(self.y, self.z_wind), self.y, self.z_wind], -2)
+
+    @property
+    def wind(self) -> Array:
+        """Rows (..., 3, 3) of the wind axes, in world axes."""
+        return np.stack([self.x_wind, cross(self.z_wind, self.x_wind), self.z_wind], -2)
 
 
+@cache
 def body_rows(setting: AeroSetting) -> Array:
     """Rows x, y, z (3, 3) of the body's axes in the air, in the axes of its file."""
     up = np.array(setting.up) / np.linalg.norm(setting.up)
@@ -45,38 +80,25 @@ def flow(setting: AeroSetting, air: Array, R: Array, omega: Array) -> Flow:
     >>> float(seen.alpha.round(4)), float(seen.beta)
     (0.0997, 0.0)
     """
-    speed = np.sqrt((air * air).sum(-1))
+    speed = np.sqrt(dot(air, air))
+    x_wind = air / speed[..., None]
     if setting.axes == "ball":
-        x = air / np.maximum(speed, ROUNDED)[..., None]
-        lift = cross(omega, x)
-        up = lift / np.maximum(np.sqrt((lift * lift).sum(-1)), ROUNDED)[..., None]
-        axes = np.stack([x, cross(x, up), -up], -2)
-        spin = np.sqrt((omega * omega).sum(-1))
-    elif setting.axes == "disc":
-        up = -(R @ body_rows(setting)[2])
-        along = air - (air * up).sum(-1)[..., None] * up
-        x = along / np.maximum(np.sqrt((along * along).sum(-1)), ROUNDED)[..., None]
-        axes = np.stack([x, cross(x, up), -up], -2)
-        spin = (omega * up).sum(-1)
+        x, lift = x_wind, cross(omega, x_wind)
+        z = lift / -np.maximum(np.sqrt(dot(lift, lift)), ROUNDED)[..., None]
+        still = np.zeros_like(speed)
+        return Flow(x, cross(z, x), z, x, z, speed, still, still, np.sqrt(dot(omega, omega)), omega)
+    if setting.axes == "disc":
+        z = R @ body_rows(setting)[2]
+        w = dot(air, z)
+        along = air - w[..., None] * z
+        u = np.sqrt(dot(along, along))
+        x = along / np.maximum(u, ROUNDED)[..., None]
+        y, v = cross(z, x), np.zeros_like(u)
     else:
         axes = body_rows(setting) @ np.swapaxes(R, -1, -2)
-        spin = -(omega * axes[..., 2, :]).sum(-1)
-    u, v, w = np.moveaxis((axes @ air[..., None])[..., 0], -1, 0)
-    alpha = np.arctan2(w, u)
-    beta = np.arctan2(v, np.sqrt(u * u + w * w))
-    return Flow(axes, speed, alpha, beta, (axes @ omega[..., None])[..., 0], spin)
-
-
-def stability_rows(seen: Flow) -> Array:
-    """Rows (..., 3, 3) of the stability axes in the body's: turned about y until the air has no z."""
-    c, s = np.cos(seen.alpha), np.sin(seen.alpha)
-    o, i = np.zeros_like(c), np.ones_like(c)
-    return np.stack([np.stack(row, -1) for row in ((c, o, s), (o, i, o), (-s, o, c))], -2)
-
-
-def wind_rows(seen: Flow) -> Array:
-    """Rows (..., 3, 3) of the wind axes in the body's: x is where the body flies in the air."""
-    c, s = np.cos(seen.beta), np.sin(seen.beta)
-    o, i = np.zeros_like(c), np.ones_like(c)
-    turn = np.stack([np.stack(row, -1) for row in ((c, s, o), (-s, c, o), (o, o, i))], -2)
-    return turn @ stability_rows(seen)
+        x, y, z = axes[..., 0, :], axes[..., 1, :], axes[..., 2, :]
+        u, v, w = dot(air, x), dot(air, y), dot(air, z)
+    in_plane = np.sqrt(u * u + w * w)
+    z_wind = (u / in_plane)[..., None] * z - (w / in_plane)[..., None] * x
+    alpha, beta = np.arctan2(w, u), np.arctan2(v, in_plane)
+    return Flow(x, y, z, x_wind, z_wind, speed, alpha, beta, -dot(omega, z), omega)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.aero.air import density_of, wind_at
-from forceid.aero.axes import flow, stability_rows, wind_rows
+from forceid.aero.axes import flow
 from forceid.config import AeroSetting
 from forceid.motion import exp
 from forceid.records import Aero, Array, deviation
@@ -29,10 +29,8 @@ def quantities(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Arra
     chord, span = setting.lengths
     pressure = 0.5 * density_of(setting) * seen.speed**2
     qA = pressure * setting.area
-    force, moment = ((seen.axes @ a[..., None])[..., 0] for a in (F, M))
-    stability, wind = stability_rows(seen), wind_rows(seen)
-    f_wind, f_stability = ((rows @ force[..., None])[..., 0] for rows in (wind, stability))
-    m_wind, m_stability = ((rows @ moment[..., None])[..., 0] for rows in (wind, stability))
+    f_wind, f_stability, force = ((rows @ F[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes))
+    m_wind, m_stability, moment = ((rows @ M[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes))
     lift, drag, side = -f_wind[..., 2], -f_wind[..., 0], f_wind[..., 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         roll, pitch, yaw = np.moveaxis(moment, -1, 0) / qA / np.array([span, chord, span])[:, None]
@@ -47,6 +45,7 @@ def quantities(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Arra
 
 def jacobian(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Array, M: Array) -> Array:
     """Slopes (time, quantity, 15) of `quantities` by velocity, rotation (left error, rad), rate, F and M."""
+
     def size(a: Array) -> float:
         return float(np.sqrt(np.nanmean(a * a))) or 1.0
 

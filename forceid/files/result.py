@@ -186,7 +186,8 @@ def read_flown(file: Any, samples: int, path: str | Path) -> Flown:
     group = source_group(file, "flown", FLOWN, f"{path}:")
     sizes = {"time": samples, "axis": 3, "quaternion": 4, "pose": 6}
     values, _ = read_variables(group, FLOWN, sizes, f"{path}:/flown")
-    return Flown(**whole_group(values, FLOWN, f"{path}:/flown"))
+    needed = {name: spec for name, spec in FLOWN.items() if name != "wind"}
+    return Flown(**whole_group(values, needed, f"{path}:/flown"))
 
 
 def read_aero(file: Any, samples: int, path: str | Path) -> Aero:
