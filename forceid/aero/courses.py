@@ -35,7 +35,6 @@ def course_of(estimate: Estimate, name: str) -> Course:
     start = np.concatenate([estimate.center[first], estimate.velocity[first], np.zeros(3), omega[first]])
     begin = smooth[first] if turns else np.eye(3)
     at = np.where(seen[:, None], flown.center, np.nan)
-    # the gauge of the estimate may turn the axes of its orientation: frames are alike in the mass gauge
     std = np.sqrt(np.diagonal(estimate.wrench_cov, axis1=1, axis2=2))
     inertia = flown.inertia if turns else np.broadcast_to(np.eye(3), flown.inertia.shape)
     wrench = np.concatenate([estimate.force, estimate.moment], 1)
@@ -45,7 +44,6 @@ def course_of(estimate: Estimate, name: str) -> Course:
         name, estimate.time[s] - estimate.time[first], at[s], R[s], root[s], estimate.mass, inertia[s],
         flown.internal_momentum[s], np.asarray(estimate.gravity), bridged(flown.wind, s), turns, start, begin, wrench[s], std[s],
         (estimate.center[s], estimate.velocity[s], smooth[s] if turns else np.tile(np.eye(3), (stop - first, 1, 1)), omega[s]),
-        estimate.mean_shape,
     )  # fmt: skip
 
 

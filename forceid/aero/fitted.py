@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.aero.choosing import choose, price
 from forceid.aero.courses import course_of
-from forceid.aero.fitting import PROBE, Fit, fit, linearized, solved, start_steps
+from forceid.aero.fitting import PROBE, Fit, first_value, fit, linearized, paced, solved, start_steps
 from forceid.aero.flying import Course
 from forceid.aero.law import Law, LawSetting, law_of
 from forceid.aero.spread import Spread, spread_of
@@ -132,6 +132,8 @@ def fit_flights(estimates: Sequence[tuple[str, Estimate]], setting: LawSetting, 
     law = law_of(setting, aero, estimates[0][1].mean_shape, where)
     check_seen(law, courses, where)
     always = kept_always(setting, law, where)
+    begin = first_value(courses, law)[0]
+    courses = [paced(c, law, begin) for c in courses]
     found, which = fit(courses, law), tuple(range(len(law.terms)))
     numbers, gain = found.count, np.full(len(which), np.nan)
     value, cov = found.value, found.cov
@@ -139,9 +141,9 @@ def fit_flights(estimates: Sequence[tuple[str, Estimate]], setting: LawSetting, 
         chosen = choose(value, cov, always, numbers)
         if chosen == which:
             break
-        which, at = chosen, value[list(chosen)]
-        found = fit(courses, law.only(which), found.start, at)
-        value, cov = about(courses, law, found, which, np.sqrt(np.diag(cov)))
+        which = chosen
+        found = fit(courses, law.only(which), found.start, without_others(value, cov, which))
+        value, cov = about(courses, law, found, which, 1 / np.sqrt(np.diag(np.linalg.inv(cov))))
     gain = gains(value, cov, which, numbers)
     spread = spread_of(found)
     replays = tuple(replay(c, r) for c, r in zip(courses, found.residual, strict=True))
@@ -151,17 +153,25 @@ def fit_flights(estimates: Sequence[tuple[str, Estimate]], setting: LawSetting, 
     )  # fmt: skip
 
 
-def about(courses: Sequence[Course], law: Law, found: Fit, which: Sequence[int], std: Array) -> tuple[Array, Array]:
+def about(
+    courses: Sequence[Course], law: Law, found: Fit, which: Sequence[int], std: Array
+) -> tuple[Array, Array]:
     """Best coefficients of all terms (term,) and their covariance, by the slopes about a law of some of them."""
     value = np.zeros(len(law.terms))
     value[list(which)] = found.value
     step = PROBE * std
     each = zip(courses, found.start, strict=True)
-    parts = [
-        linearized(c, law, s, value, np.concatenate([start_steps(c), step])) for c, s in each
-    ]
+    parts = [linearized(c, law, s, value, np.concatenate([start_steps(c), step])) for c, s in each]
     _, move, cov = solved(parts, 0.0)
     return value + move, cov
+
+
+def without_others(value: Array, cov: Array, which: Sequence[int]) -> Array:
+    """The best coefficients of some terms where all others are zero, to first order."""
+    own, others = list(which), [k for k in range(len(value)) if k not in which]
+    if not others:
+        return value
+    return value[own] - cov[np.ix_(own, others)] @ np.linalg.solve(cov[np.ix_(others, others)], value[others])
 
 
 def gains(value: Array, cov: Array, which: Sequence[int], numbers: int) -> Array:
@@ -181,7 +191,9 @@ def stated_aero(estimate: Estimate, where: str) -> AeroSetting:
     """The table [aero] of the settings that an estimate was made with."""
     stated = validate(Settings, tomllib.loads(estimate.settings), "settings of the result").aero
     if stated is None:
-        raise ConfigError("key 'aero' is missing, and the result was made without it", where, "add [aero] area")
+        raise ConfigError(
+            "key 'aero' is missing, and the result was made without it", where, "add [aero] area"
+        )
     return stated
 
 
@@ -212,4 +224,6 @@ def replay(course: Course, residual: Array) -> Replay:
     off = np.linalg.pinv(course.root[seen]) @ residual[seen][..., None]
     rms = [float(np.sqrt((off[:, part, 0] ** 2).sum(1).mean())) for part in (slice(0, 3), slice(3, 6))]
     count = 6 if course.turns else 3
-    return Replay(course.name, int(seen.sum()), *rms, float(np.sqrt((residual**2).sum() / seen.sum() / count)))
+    return Replay(
+        course.name, int(seen.sum()), *rms, float(np.sqrt((residual**2).sum() / seen.sum() / count))
+    )

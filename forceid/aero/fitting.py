@@ -19,7 +19,7 @@ equations 2.4, 4b; Jategaonkar, Flight Vehicle System Identification, 4 (output 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,11 +30,14 @@ from forceid.errors import EstimationError
 from forceid.motion import log
 from forceid.records import Array
 from forceid.rounding import ITERATIONS
+from forceid.significance import TENTH
 
 START = 12  # numbers that a flight begins with
-PROBE = 0.3  # standard deviations that a difference of flights steps: far above rounding, well within a parabola
-TURN = 0.25  # rad that a substep turns at most: leaves 1e-6 rad of a turn
-DAMPING = 1e-3  # of the diagonal, to begin with
+PROBE = (
+    0.3  # standard deviations that a difference of flights steps: far above rounding, well within a parabola
+)
+MOST_SUBSTEPS = 64  # between two samples: more are asked for by flights that leave all bounds alone
+DAMPING = 0.0  # of the diagonal, to begin with: the smoothed wrench gives a good beginning
 EASED, DAMPED = 30.0, 10.0  # by which a good step eases the damping, and a bad one adds to it
 FREE = 1e-9  # damping below which there is none
 HOPELESS = 1e9  # times the diagonal: damping at which nothing moves any more
@@ -64,14 +67,22 @@ class Fit:
         return self.count - START * len(self.start) - len(self.value)
 
 
-def substeps(course: Course) -> int:
-    """Steps between two samples so that none turns by more than TURN."""
-    fastest = np.nanmax(np.linalg.norm(course.path[3], axis=1)) * np.diff(course.time).max()
-    return max(1, int(np.ceil(fastest / TURN)))
+def paced(course: Course, law: Law, value: Array) -> Course:
+    """The course with as many substeps as its flight under the law takes to be exact for its errors."""
+    n, path = 1, fly(replace(course, substeps=1), law, course.start[None], value[None])
+    while n < MOST_SUBSTEPS:
+        finer = fly(replace(course, substeps=2 * n), law, course.start[None], value[None])
+        apart = np.abs(residual(course, path) - residual(course, finer)).max()
+        if apart < TENTH:
+            break
+        n, path = 2 * n, finer
+    return replace(course, substeps=n)
 
 
 def first_value(courses: Sequence[Course], law: Law) -> tuple[Array, Array]:
-    """Coefficients by least squares on the smoothed wrench, and their deviations: a beginning, no more."""
+    """Coefficients by least squares on the smoothed wrench, and the deviation of
+    each with the others known: a beginning, no more.
+    """
     k = len(law.terms)
     normal, right = np.zeros((k, k)), np.zeros(k)
     for course in courses:
@@ -86,7 +97,7 @@ def first_value(courses: Sequence[Course], law: Law) -> tuple[Array, Array]:
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(size, size) + 1e-9 * np.eye(k)
     value = np.linalg.solve(scaled, right / size) / size
-    return value, np.sqrt(np.diag(np.linalg.inv(scaled))) / size
+    return value, 1 / size
 
 
 def residual(course: Course, path: Path) -> Array:
@@ -123,7 +134,7 @@ def linearized(course: Course, law: Law, start: Array, value: Array, step: Array
     """The residual (frame, 6) of a flight and its slopes (frame, 6, 12 + term), by differences of steps."""
     at = np.concatenate([start, value])
     trial = np.concatenate([at[None], at + np.diag(step)])
-    path = fly(course, law, trial[:, :START], trial[:, START:], substeps(course))
+    path = fly(course, law, trial[:, :START], trial[:, START:])
     white = residual(course, path)
     slopes = (white[..., 1:] - white[..., :1]) / step
     if not course.turns:
@@ -166,9 +177,7 @@ def solved(parts: Sequence[Linear], damping: float) -> tuple[list[Array], Array,
     return [(X[:, -1] - X[:, :-1] @ move) / s for X, s in kept], move, cov
 
 
-def fit(
-    courses: Sequence[Course], law: Law, start: Array | None = None, value: Array | None = None
-) -> Fit:
+def fit(courses: Sequence[Course], law: Law, start: Array | None = None, value: Array | None = None) -> Fit:
     """The law at its best for all courses at once, from a start (flight, 12) and coefficients (term,) near.
 
     EstimationError: it does not settle.
@@ -176,7 +185,7 @@ def fit(
     guess, spread = first_value(courses, law)
     value = guess if value is None else value
     start = np.stack([c.start for c in courses]) if start is None else start
-    step = PROBE * np.minimum(spread, np.maximum(np.abs(value), spread))
+    step = PROBE * spread
     start, value, parts, cov = settled(courses, law, start, value, step)
     rest, slopes = (tuple(getattr(p, n) for p in parts) for n in ("residual", "slopes"))
     square = float(sum((r**2).sum() for r in rest))
@@ -197,7 +206,9 @@ def settled(
     best = squares(parts)
     if not np.isfinite(best):
         what = "does not fly: it leaves all bounds under the law"
-        raise EstimationError(what, courses[0].name, "leave out terms that may hold it, or shorten the record")
+        raise EstimationError(
+            what, courses[0].name, "leave out terms that may hold it, or shorten the record"
+        )
     for _ in range(ITERATIONS):
         moves, move, _ = solved(parts, damping)
         trial = start + np.stack(moves), value + move

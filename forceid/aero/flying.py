@@ -42,7 +42,7 @@ class Course:
     wrench: Array
     wrench_std: Array
     path: tuple[Array, Array, Array, Array]
-    nodes: Array
+    substeps: int = 1
 
     def in_still_air(self) -> Course:
         """The same without the wind that was measured."""
@@ -57,7 +57,7 @@ class Path:
     rotation: Array
 
 
-def fly(course: Course, law: Law, start: Array, value: Array, substeps: int) -> Path:
+def fly(course: Course, law: Law, start: Array, value: Array) -> Path:
     """Paths from starts (flight, 12): center, velocity, turn off the course's rotation (rad) and angular
     velocity, world axes, under coefficients (flight, term).
 
@@ -98,16 +98,16 @@ def fly(course: Course, law: Law, start: Array, value: Array, substeps: int) -> 
 
     with np.errstate(all="ignore"):
         for at in range(n - 1):
-            dt = (course.time[at + 1] - course.time[at]) / substeps
-            for k in range(substeps):
-                t, share, half = course.time[at] + k * dt, k / substeps, (k + 0.5) / substeps
+            dt = (course.time[at + 1] - course.time[at]) / course.substeps
+            for k in range(course.substeps):
+                t, share, half = course.time[at] + k * dt, k / course.substeps, (k + 0.5) / course.substeps
                 c1, v1, w1, m1 = rates(t, at, share, c, v, R, H)
                 s = 0.5 * dt
                 c2, v2, w2, m2 = rates(t + s, at, half, c + s * c1, v + s * v1, turn(s * w1, R), H + s * m1)
                 w2 = turned(s * w1, w2)
                 c3, v3, w3, m3 = rates(t + s, at, half, c + s * c2, v + s * v2, turn(s * w2, R), H + s * m2)
                 w3 = turned(s * w2, w3)
-                end = (k + 1) / substeps
+                end = (k + 1) / course.substeps
                 at4 = c + dt * c3, v + dt * v3, turn(dt * w3, R), H + dt * m3
                 c4, v4, w4, m4 = rates(t + dt, at, end, *at4)
                 w4 = turned(dt * w3, w4)

@@ -143,7 +143,9 @@ def law_of(setting: LawSetting, aero: AeroSetting, nodes: Array, where: str) -> 
     strips = None
     if any(c in BY_STRIPS for c in setting.law):
         if setting.strips is None:
-            raise ConfigError("key 'strips' is missing, which strip_lift and strip_drag go by", where, "add it")
+            raise ConfigError(
+                "key 'strips' is missing, which strip_lift and strip_drag go by", where, "add it"
+            )
         position = nodes if setting.strips.position is None else np.array(setting.strips.position)
         area = np.array(setting.strips.area)
         if len(area) != len(position) or not (area > 0).all():

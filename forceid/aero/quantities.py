@@ -29,8 +29,12 @@ def quantities(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Arra
     chord, span = setting.lengths
     pressure = 0.5 * density_of(setting) * seen.speed**2
     qA = pressure * setting.area
-    f_wind, f_stability, force = ((rows @ F[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes))
-    m_wind, m_stability, moment = ((rows @ M[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes))
+    f_wind, f_stability, force = (
+        (rows @ F[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes)
+    )
+    m_wind, m_stability, moment = (
+        (rows @ M[..., None])[..., 0] for rows in (seen.wind, seen.stability, seen.axes)
+    )
     lift, drag, side = -f_wind[..., 2], -f_wind[..., 0], f_wind[..., 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         roll, pitch, yaw = np.moveaxis(moment, -1, 0) / qA / np.array([span, chord, span])[:, None]

@@ -51,7 +51,13 @@ def spread_of(fit: Fit) -> Spread:
     looks = [Bands(fit, g) for g in range(len(fit.residual))]
     power, left = (sum(getattr(look, n) for look in looks) for n in ("power", "left"))
     bands = power / left
-    within = float(min(1.0, len(bands) * min(2 * min(chi2.sf(p, n), chi2.cdf(p, n)) for p, n in zip(power, left, strict=True))))
+    within = float(
+        min(
+            1.0,
+            len(bands)
+            * min(2 * min(chi2.sf(p, n), chi2.cdf(p, n)) for p, n in zip(power, left, strict=True)),
+        )
+    )
     if within < DENIED:
         cov = sum((look.claimed(bands) for look in looks), np.zeros_like(cov))
     between = 1.0

@@ -16,7 +16,9 @@ TABLE, GROUPS = ".toml", ".h5"
 
 
 def run(
-    results: Annotated[list[Path], typer.Argument(metavar="RESULT.h5...", help="Results of forceid estimate.")],
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULT.h5...", help="Results of forceid estimate.")
+    ],
     config: Annotated[
         Path, typer.Option("-c", "--config", metavar="AERO.toml", help="Terms to choose from; air and sizes.")
     ],

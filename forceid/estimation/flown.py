@@ -30,7 +30,9 @@ def flown_of(solution: Solution, motion: Motion) -> Flown | None:
     flight = flight_of(kin, solution.deformation, motion.gravity)
     inertia = np.broadcast_to(flight.inertia, (len(flight.time), 3, 3))
     h = np.broadcast_to(flight.h, (len(flight.time), 3))
-    return Flown(flight.center, canonical_quaternions(flight.rotation), flight.pose_cov, inertia, h, motion.wind)
+    return Flown(
+        flight.center, canonical_quaternions(flight.rotation), flight.pose_cov, inertia, h, motion.wind
+    )
 
 
 def air_of(
