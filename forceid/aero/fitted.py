@@ -95,7 +95,7 @@ class FittedLaw:
                 {"name": n, "value": float(v), "std": float(s), "low": float(a), "high": float(b)}
                 for n, v, s, a, b in columns
             ],
-            "covariance": self.cov.tolist(),
+            "covariance": dict(zip(self.name, self.cov.tolist(), strict=True)),
             "left_out": {
                 n: float(g) for n, g in zip(self.candidates, self.gain, strict=True) if n not in self.name
             },
