@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from forceid.errors import ConfigError
 
@@ -139,11 +139,11 @@ class AeroSetting(Section):
     """What coefficients of the air are taken with: a body in air of known density, size and wind.
 
     density kg/m3, or altitude m in the standard atmosphere, sea level where neither is stated; area m2;
-    chord m, of Cm; span m, of Cl, Cn, advance ratio and spin parameter; the one that is left out is the other,
-    the root of the area where both are. wind m/s, world axes: constant, by height, or "measured", which is
-    /motion/wind of the file. forward and up: axes of the body (reference axes). axes: those of the "body", of
-    a "disc", which forward leaves to the air that meets it across `up`, or of a "ball", whose lift is along
-    the spin crossed with the velocity.
+    chord m, of Cm; span m, of Cl, Cn, advance ratio and spin parameter; the one that is left out is the
+    other, the root of the area where both are. wind m/s, world axes: constant, or "measured", which is
+    /motion/wind of the file; or wind_profile, by height. forward and up: axes of the body (reference axes).
+    axes: of the "body"; of a "disc", whose forward is where it flies, across `up`; or of a "ball", with lift
+    along spin x velocity.
     """
 
     area: float = Field(gt=0.0, examples=["area = 0.05 under [aero], m2"])
@@ -151,16 +151,28 @@ class AeroSetting(Section):
     span: float | None = Field(default=None, gt=0.0)
     density: float | None = Field(default=None, gt=0.0, le=2e4)
     altitude: float | None = Field(default=None, ge=LOWEST, le=HIGHEST)
-    wind: Vector | Literal["measured"] | WindProfile = (0.0, 0.0, 0.0)
+    wind: Vector | Literal["measured"] = (0.0, 0.0, 0.0)
+    wind_profile: WindProfile | None = None
     axes: Literal["body", "disc", "ball"] = "body"
     forward: Vector = (1.0, 0.0, 0.0)
     up: Vector = (0.0, 0.0, 1.0)
+
+    @field_validator("wind", mode="before")
+    @classmethod
+    def known_wind(cls, wind: Any) -> Any:
+        """Three numbers, or a word."""
+        numbers = isinstance(wind, list | tuple) and all(isinstance(v, int | float) for v in wind)
+        if wind != "measured" and not (numbers and len(wind) == 3):
+            raise ValueError('expected three numbers in m/s, or "measured"')
+        return wind
 
     @model_validator(mode="after")
     def of_one_kind(self) -> Self:
         """One way to say how dense the air is, and axes that span a plane."""
         if self.density is not None and self.altitude is not None:
             raise ValueError("has density and altitude, expected one of them")
+        if self.wind_profile is not None and (self.wind == "measured" or any(self.wind)):
+            raise ValueError("has wind and wind_profile, expected one of them")
         dot = sum(a * b for a, b in zip(self.forward, self.up, strict=True))
         size = sum(a * a for a in self.forward) * sum(a * a for a in self.up)
         if not dot * dot < SKEW**2 * size:

@@ -129,7 +129,8 @@ class Motion:
     time (time,) s; position (time, node, 3) m, with marker_position (time, marker, 3) m of the markers that
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
-    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is. gravity (3,) m/s2. noise_std: standard deviation of one
+    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is. gravity (3,) m/s2.
+    noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
     NaN where there is none; None for a motion as it was measured. known: what known loads do besides moving
@@ -389,8 +390,8 @@ class Flown:
 
     center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
     (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
-    mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body axes;
-    wind (time, 3) m/s, world axes, where it was measured.
+    mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body
+    axes; wind (time, 3) m/s, world axes, where it was measured.
     """
 
     center: Array

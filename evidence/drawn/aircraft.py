@@ -21,11 +21,16 @@ Law = Callable[[Array, Array, Array], tuple[Array, Array]]  # air, R, omega to f
 
 @dataclass(frozen=True)
 class Drawn:
-    """A drawn flight: its recording, the air that goes with it, and its coefficients by name."""
+    """A drawn flight: its recording, the air that goes with it, its coefficients by name, where it began
+    (center, velocity, rotation, angular velocity) and how it went: center (time, 3), rotation (time, 3, 3).
+    """
 
     recording: Recording
     aero: AeroSetting
     true: dict[str, float]
+    start: tuple[Array, Array, Rotation, Array]
+    center: Array
+    rotation: Array
 
 
 def glider(rng: np.random.Generator) -> Drawn:
@@ -173,4 +178,4 @@ def seen(
     names = tuple(f"m{k}" for k in range(len(X)))
     body = Body(node=names, position=X, total_mass=mass, mass_center=np.zeros(3), inertia=J)
     stated = {"position": noise} if rng.random() < 0.5 else {}
-    return Drawn(Recording(body, Motion(time, x, gravity=GRAVITY, noise_std=stated)), aero, true)
+    return Drawn(Recording(body, Motion(time, x, gravity=GRAVITY, noise_std=stated)), aero, true, start, y[:, :3], R)

@@ -114,7 +114,8 @@ def kind_rows(kind: str, of: list[Judged]) -> list[list[str]]:
 
 def shipped() -> list[list[str]]:
     """The scenes that forceid ships with laws of the air, and their coefficients."""
-    from forceid.scenes.flights import flexible_boomerang, frisbee as shipped_disc
+    from forceid.scenes.flights import flexible_boomerang
+    from forceid.scenes.flights import frisbee as shipped_disc
 
     disc, rows = load_recipe(SCENES / "frisbee.toml"), []
     p = shipped_disc.Parameters()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.config import AeroSetting, WindProfile
+from forceid.config import AeroSetting
 from forceid.errors import ConfigError, DataError
 from forceid.records import Array
 
@@ -37,13 +37,13 @@ def wind_at(setting: AeroSetting, center: Array, gravity: Array, measured: Array
 
     Heights are along gravity (3,), from the origin. ConfigError, DataError: none there is to be had.
     """
-    if isinstance(setting.wind, WindProfile):
+    if setting.wind_profile is not None:
         if not np.any(gravity):
             what = "goes by height, and gravity is zero"
-            raise ConfigError(what, "aero.wind", "state gravity, or a constant wind")
+            raise ConfigError(what, "aero.wind_profile", "state gravity, or a constant wind")
         height = -(center @ gravity) / np.linalg.norm(gravity)
-        velocity = np.array(setting.wind.velocity)
-        return np.stack([np.interp(height, setting.wind.height, v) for v in velocity.T], -1)
+        velocity = np.array(setting.wind_profile.velocity)
+        return np.stack([np.interp(height, setting.wind_profile.height, v) for v in velocity.T], -1)
     if setting.wind == "measured":
         if measured is None:
             what = "is missing, which aero.wind = 'measured' asks for"

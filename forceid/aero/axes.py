@@ -18,12 +18,12 @@ PAIRS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 def dot(a: Array, b: Array) -> Array:
-    """a . b of (..., 3)."""
-    return np.einsum("...i,...i->...", a, b)
+    """Products a . b of (..., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b of (..., 3), with as few calls as can be: flights spend their time in it."""
+    """Products a x b of (..., 3), with as few calls as can be: flights spend their time in it."""
     out = np.empty(a.shape)
     for i, j, k in PAIRS:
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
@@ -32,8 +32,8 @@ def cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True)
 class Flow:
-    """How air meets a body: axes x, y, z (..., 3) of the body, in world axes; where it flies, x_wind, and z of
-    wind axes; speed m/s; alpha and beta rad; spin rad/s: about `up`, of a ball its size; omega (..., 3).
+    """How air meets a body: axes x, y, z (..., 3) of the body, in world axes; where it flies, x_wind, and
+    z of wind axes; speed m/s; alpha and beta rad; spin rad/s: about `up`, of a ball its size; omega (..., 3).
     """
 
     x: Array

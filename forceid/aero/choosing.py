@@ -43,15 +43,15 @@ def choose(value: Array, cov: Array, always: Sequence[int], numbers: int) -> tup
     def of(kept: frozenset[int]) -> float:
         return cost(scaled, spread, kept, numbers)
 
-    ends = []
+    ends: list[frozenset[int]] = []
     for kept in (every, fixed):
         best = of(kept)
         while True:
-            near = [kept ^ {k} for k in every - fixed]
-            near += [kept ^ {i, j} for i in kept - fixed for j in every - kept]  # one for another
-            nearest = min(near, key=of, default=kept)
+            swaps = [kept ^ {i, j} for i in kept - fixed for j in every - kept]
+            near: list[frozenset[int]] = [kept, *(kept ^ {k} for k in every - fixed), *swaps]
+            nearest = near[int(np.argmin([of(one) for one in near]))]
             if not of(nearest) < best:
                 break
             kept, best = nearest, of(nearest)
         ends.append(kept)
-    return tuple(sorted(min(ends, key=of)))
+    return tuple(sorted(ends[int(np.argmin([of(one) for one in ends]))]))

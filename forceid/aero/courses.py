@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.aero.flying import Course
 from forceid.errors import DataError
-from forceid.records import Array, Estimate
+from forceid.records import Array, Estimate, Flags
 
 FEWEST = 20  # frames with a pose: twice as many numbers as a start takes, and more
 
@@ -19,12 +19,13 @@ def course_of(estimate: Estimate, name: str) -> Course:
     Errors of frames are those that the estimate counted; the deformation is that of the estimate.
     """
     flown = estimate.flown
-    if flown is None or (whole := np.isfinite(flown.center).all(1)).sum() < FEWEST:
+    if flown is None or np.isfinite(flown.center).all(1).sum() < FEWEST:
         what = f"holds poses of fewer than {FEWEST} frames, which a law of the air is fitted to"
         raise DataError(what, f"{name}:/flown", "estimate again from markers or poses")
-    known = np.isfinite(estimate.velocity).all(1)
+    whole: Flags = np.asarray(np.isfinite(flown.center).all(1))
+    known: Flags = np.asarray(np.isfinite(estimate.velocity).all(1))
     turns = bool(np.isfinite(flown.orientation).any())
-    seen = whole & np.isfinite(flown.orientation).all(1) if turns else whole
+    seen: Flags = whole & np.isfinite(flown.orientation).all(1) if turns else whole
     first, stop = int(np.argmax(known)), len(known) - int(np.argmax(known[::-1]))
     s = slice(first, stop)
     R = rotations(flown.orientation)
@@ -36,14 +37,15 @@ def course_of(estimate: Estimate, name: str) -> Course:
     begin = smooth[first] if turns else np.eye(3)
     at = np.where(seen[:, None], flown.center, np.nan)
     std = np.sqrt(np.diagonal(estimate.wrench_cov, axis1=1, axis2=2))
+    turned = smooth[s] if turns else np.broadcast_to(np.eye(3), (stop - first, 3, 3))
     inertia = flown.inertia if turns else np.broadcast_to(np.eye(3), flown.inertia.shape)
     wrench = np.concatenate([estimate.force, estimate.moment], 1)
     if estimate.known_force is not None:
         raise DataError("is beside known loads, which no law is fitted to", name, "estimate it without them")
     return Course(
         name, estimate.time[s] - estimate.time[first], at[s], R[s], root[s], estimate.mass, inertia[s],
-        flown.internal_momentum[s], np.asarray(estimate.gravity), bridged(flown.wind, s), turns, start, begin, wrench[s], std[s],
-        (estimate.center[s], estimate.velocity[s], smooth[s] if turns else np.tile(np.eye(3), (stop - first, 1, 1)), omega[s]),
+        flown.internal_momentum[s], np.asarray(estimate.gravity), bridged(flown.wind, s), turns, start, begin,
+        wrench[s], std[s], (estimate.center[s], estimate.velocity[s], turned, omega[s]),
     )  # fmt: skip
 
 

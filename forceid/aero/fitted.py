@@ -11,7 +11,17 @@ import numpy as np
 
 from forceid.aero.choosing import choose, price
 from forceid.aero.courses import course_of
-from forceid.aero.fitting import PROBE, Fit, first_value, fit, linearized, paced, solved, start_steps
+from forceid.aero.fitting import (
+    PROBE,
+    Fit,
+    count_of,
+    first_value,
+    fit,
+    linearized,
+    paced,
+    solved,
+    start_steps,
+)
 from forceid.aero.flying import Course
 from forceid.aero.law import Law, LawSetting, law_of
 from forceid.aero.spread import Spread, spread_of
@@ -39,7 +49,7 @@ class FittedLaw:
     """Coefficients (term,) by name with covariance, interval and what was left out.
 
     factor: deviations in an interval of 95 %; gain: of every candidate, chi-square less its price that it
-    brings to the terms kept, above zero for those; spread: the tests of the residuals; replays: a flight each.
+    brings to the terms kept, above zero for those; spread: tests of the residuals; replays: a flight each.
     """
 
     aero: AeroSetting
@@ -156,7 +166,7 @@ def fit_flights(estimates: Sequence[tuple[str, Estimate]], setting: LawSetting, 
 def about(
     courses: Sequence[Course], law: Law, found: Fit, which: Sequence[int], std: Array
 ) -> tuple[Array, Array]:
-    """Best coefficients of all terms (term,) and their covariance, by the slopes about a law of some of them."""
+    """Best coefficients of all terms (term,) and their covariance, by the slopes about a law of some."""
     value = np.zeros(len(law.terms))
     value[list(which)] = found.value
     step = PROBE * std
@@ -222,8 +232,6 @@ def replay(course: Course, residual: Array) -> Replay:
     """How far a flight under the law is from its record."""
     seen = np.isfinite(course.root).all((1, 2))
     off = np.linalg.pinv(course.root[seen]) @ residual[seen][..., None]
-    rms = [float(np.sqrt((off[:, part, 0] ** 2).sum(1).mean())) for part in (slice(0, 3), slice(3, 6))]
-    count = 6 if course.turns else 3
-    return Replay(
-        course.name, int(seen.sum()), *rms, float(np.sqrt((residual**2).sum() / seen.sum() / count))
-    )
+    center, turn = (float(np.sqrt((off[:, p, 0] ** 2).sum(1).mean())) for p in (slice(0, 3), slice(3, 6)))
+    misfit = float(np.sqrt((residual**2).sum() / count_of(course)))
+    return Replay(course.name, int(seen.sum()), center, turn, misfit)

@@ -28,7 +28,7 @@ from forceid.aero.flying import Course, Path, fly
 from forceid.aero.law import Law
 from forceid.errors import EstimationError
 from forceid.motion import log
-from forceid.records import Array
+from forceid.records import Array, Flags
 from forceid.rounding import ITERATIONS
 from forceid.significance import TENTH
 
@@ -104,15 +104,15 @@ def residual(course: Course, path: Path) -> Array:
     """What was seen less what was flown (frame, 6, flight), in standard deviations; 0 where nothing was."""
     n = len(path.center)
     off = np.zeros((n, 6, path.center.shape[1]))
-    off[:, :3] = np.swapaxes(course.center[:n, None] - path.center, 1, 2)
+    off[:, :3] = np.swapaxes(course.center[:, None] - path.center, 1, 2)
     if course.turns:
-        turn = course.rotation[:n, None] @ np.swapaxes(path.rotation, 2, 3)
+        turn = course.rotation[:, None] @ np.swapaxes(path.rotation, 2, 3)
         good = np.isfinite(turn).all((2, 3))
         left = np.full((*good.shape, 3), np.nan)
         left[good] = log(turn[good]) if good.any() else left[good]
         off[:, 3:] = np.swapaxes(left, 1, 2)
-    unseen = ~np.isfinite(course.root[:n]).all((1, 2))
-    white = np.einsum("tij,tjf->tif", np.where(unseen[:, None, None], 0.0, course.root[:n]), off)
+    unseen: Flags = np.asarray(~np.isfinite(course.root).all((1, 2)))
+    white = np.einsum("tij,tjf->tif", np.where(unseen[:, None, None], 0.0, course.root), off)
     white[unseen] = 0.0
     return np.asarray(white)
 

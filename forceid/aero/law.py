@@ -110,9 +110,10 @@ class Law:
         air (..., 3) m/s: velocity against the air; R (..., 3, 3); omega (..., 3) rad/s.
         """
         seen = flow(self.aero, air, R, omega)
-        of, sums = Variables(seen, self.aero.lengths), {}
+        of, sums = Variables(seen, self.aero.lengths), dict[str, Array]()
         for k, (component, term) in enumerate(zip(self.components, self.terms, strict=True)):
-            sums[component] = sums.get(component, 0.0) + value[..., k] * term.value(of, time)
+            part = np.asarray(value[..., k] * term.value(of, time))
+            sums[component] = sums[component] + part if component in sums else part
         force, moment = np.zeros_like(air), np.zeros_like(air)
         for name, (f, m) in self.fields(seen, air, R).items():
             share = sums[name][..., None]

@@ -37,7 +37,7 @@ def quantities(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Arra
     )
     lift, drag, side = -f_wind[..., 2], -f_wind[..., 0], f_wind[..., 1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        roll, pitch, yaw = np.moveaxis(moment, -1, 0) / qA / np.array([span, chord, span])[:, None]
+        roll, pitch, yaw = (moment[..., k] / qA / n for k, n in enumerate((span, chord, span)))
         rim = 0.5 * span * seen.spin / seen.speed
         found = [
             seen.speed, seen.alpha, seen.beta, pressure, lift, drag, side, lift / qA, drag / qA, side / qA,
@@ -63,7 +63,8 @@ def jacobian(setting: AeroSetting, air: Array, R: Array, omega: Array, F: Array,
             turned = exp(d[ROTATION]) @ R
             args = air + d[VELOCITY], turned, omega + d[RATE], F + d[FORCE], M + d[MOMENT]
             ends.append(quantities(setting, *args))
-        slopes.append((ends[0] - ends[1]) / (2 * step))
+        with np.errstate(invalid="ignore"):  # an advance ratio without spin
+            slopes.append((ends[0] - ends[1]) / (2 * step))
     return np.stack(slopes, -1)
 
 
@@ -83,7 +84,7 @@ def aero_of(
     Errors go through the slopes of every quantity; those of air and sizes are none.
     """
     center, velocity, R, omega = motion
-    turned = np.isfinite(R).all((1, 2), keepdims=True)
+    turned = np.asarray(np.isfinite(R).all((1, 2)))[:, None, None]
     R = np.where(turned, R, np.eye(3))  # of a body that shows no rotation, what needs none
     omega = np.where(np.isfinite(omega), omega, 0.0)
     at = setting, velocity - wind_at(setting, center, gravity, wind), R, omega, *wrench

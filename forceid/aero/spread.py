@@ -1,8 +1,8 @@
 """How sure fitted coefficients are where the residuals are not what the fit takes them for.
 
-A fit whose residuals are white and as large as stated claims C = (J^T J)^-1. Where a law leaves something out,
-its residuals hang together, mostly at low frequencies, where the coefficients are read. Two tests look for it,
-and what they find goes into the claim:
+A fit whose residuals are white and as large as stated claims C = (J^T J)^-1. Where a law leaves something
+out, its residuals hang together, mostly at low frequencies, where the coefficients are read. Two tests look
+for it, and what they find goes into the claim:
 
 Within flights. The residuals' spectrum is averaged in bands, each over what the fit leaves of it: its power
 over the sum of 1 - h, h the share of a line of the spectrum that the fitted numbers take up. By the influence
@@ -10,8 +10,9 @@ A = C J^T of the residuals on the coefficients, the claim becomes sum over lines
 a smoothed spectrum; White 1980, Newey and West 1987).
 
 Between flights. Under one law the scores of G flights are apart by their information alone. Where they are
-further apart, the coefficients differ from flight to flight, and the claim goes by the scatter of the scores
-(clusters; Liang and Zeger 1986), with the quantile of Student's t of G - 1.
+further apart, the coefficients differ from flight to flight, and the claim goes by how far they move as one
+flight after the other is left out (the jackknife over clusters; Bell and McCaffrey 2002), with the quantile
+of Student's t of G - 1.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ HALF = 0.975  # quantile of intervals of 95 %
 @dataclass(frozen=True)
 class Spread:
     """cov (term, term) of the coefficients; factor: of deviations in an interval of 95 %; within and between:
-    chances that an honest law has residuals as far from white, and flights as far apart; bands (band,): power of
-    the residuals, lowest frequencies first, over what was stated.
+    chances that an honest law has residuals as far from white, and flights as far apart; bands (band,): power
+    of the residuals, lowest frequencies first, over what was stated.
     """
 
     cov: Array
@@ -49,17 +50,13 @@ def spread_of(fit: Fit) -> Spread:
     """How sure the coefficients of a fit are, by its residuals too."""
     cov, factor = fit.cov, float(norm.ppf(HALF))
     looks = [Bands(fit, g) for g in range(len(fit.residual))]
-    power, left = (sum(getattr(look, n) for look in looks) for n in ("power", "left"))
-    bands = power / left
-    within = float(
-        min(
-            1.0,
-            len(bands)
-            * min(2 * min(chi2.sf(p, n), chi2.cdf(p, n)) for p, n in zip(power, left, strict=True)),
-        )
-    )
+    power, left = (np.sum([getattr(look, n) for look in looks], 0) for n in ("power", "left"))
+    there = left > 1  # a short record has fewer bands
+    bands = np.where(there, power / np.maximum(left, 1), 1.0)
+    chances = 2 * np.minimum(chi2.sf(power[there], left[there]), chi2.cdf(power[there], left[there]))
+    within = float(min(1.0, BANDS * chances.min()))
     if within < DENIED:
-        cov = sum((look.claimed(bands) for look in looks), np.zeros_like(cov))
+        cov = np.sum([look.claimed(bands) for look in looks], 0)
     between = 1.0
     if (G := len(fit.residual)) >= CLUSTERS and len(fit.value):
         scores = np.stack([look.score for look in looks])
@@ -69,7 +66,10 @@ def spread_of(fit: Fit) -> Spread:
         freedoms = (G - 1) * len(fit.value)
         between = float(chi2.sf(square / max(1.0, level), freedoms))
         if between < DENIED:
-            cov = fit.cov @ (scores.T @ scores) @ fit.cov * G / (G - 1)
+            moved = [
+                np.linalg.pinv(own.sum(0) - J, hermitian=True) @ s for s, J in zip(scores, own, strict=True)
+            ]
+            cov = (G - 1) / G * np.transpose(moved) @ moved
             factor = float(t.ppf(HALF, G - 1))
     return Spread(cov, factor, within, between, bands)
 
@@ -105,7 +105,7 @@ class Bands:
     def claimed(self, bands: Array) -> Array:
         """Part of the covariance (term, term) that this flight brings, under such a spectrum."""
         A = np.einsum("fn,nck->fck", self.lines, self.influence)
-        return np.einsum("f,fck,fcl->kl", bands[self.which], A, A)
+        return np.asarray(np.einsum("f,fck,fcl->kl", bands[self.which], A, A))
 
 
 def orthonormal_lines(n: int) -> Array:
@@ -118,5 +118,5 @@ def orthonormal_lines(n: int) -> Array:
 
 def band_of(n: int) -> Array:
     """The band of every line of a record of n samples."""
-    edges = np.geomspace(LINES, n, BANDS)[:-1]
+    edges = np.maximum(np.geomspace(LINES, n, BANDS)[:-1], LINES * np.arange(1, BANDS))
     return np.asarray(np.searchsorted(edges, np.arange(n), side="right"))

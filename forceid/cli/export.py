@@ -19,12 +19,14 @@ def run(
     format: Annotated[
         str | None, choice("FORMAT", FORMAT_WORDS, "forceid.files", "FORMATS", flags=("-f", "--format"))
     ] = None,
-    output: Annotated[Path | None, written("OUT", "File to write; RESULT.FORMAT beside it if not given.")] = None,
+    output: Annotated[
+        Path | None, written("OUT", "File to write; RESULT.FORMAT beside it if not given.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write RESULT.h5 for another program: OpenSim (mot, sto), tables (csv, parquet), MATLAB (mat), C3D.
 
-    A file that is there is replaced only by --force. All digits are kept: what is read back is what was written.
+    A file that is there is replaced only by --force. All digits are kept.
 
     Example: forceid export toss.result.h5 -f csv
     """

@@ -13,7 +13,9 @@ from forceid.errors import ConfigError
 
 
 def run(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="Recipe of a scene, or a result, RESULT.h5.")],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="Recipe of a scene, or a result, RESULT.h5.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Motion file to write.")],
     seed: Annotated[
         int | None, typer.Option(metavar="N", help="Seed of the noise, in place of that of SCENE.")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.config import AeroSetting
+from forceid.config import Settings
 from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.methods.problem import Smoothing, Solution
-from forceid.flight.model import flexed, linear_flight, translation
+from forceid.flight.model import flexed, linear_flight, seen_part
 from forceid.flight.priors.protocol import MOMENTUM
 from forceid.flight.smoother import FlightState
-from forceid.kalman.engines import Engine
+from forceid.kalman.engines import Engine, engine
 from forceid.principal import cross_matrix
 from forceid.records import Aero, Array, Flown, Motion
 
@@ -35,19 +35,22 @@ def flown_of(solution: Solution, motion: Motion) -> Flown | None:
     )
 
 
-def air_of(
-    setting: AeroSetting, solution: Solution, state: FlightState, motion: Motion, engine: Engine
-) -> Aero:
-    """What the air does along a solved flight, the moment about the mass center. Raises as `aero_of`."""
+def air_of(settings: Settings, solution: Solution, state: FlightState, motion: Motion) -> Aero | None:
+    """What the air does along a solved flight, the moment about the mass center. Raises as `aero_of`.
+
+    None where the settings do not ask for it.
+    """
+    if settings.aero is None:
+        return None
     from forceid.aero import aero_of  # only flights in air pay for it
 
     cov, counted = np.zeros((len(motion.time), 15, 15)), False
     if solution.smoothing is not None and np.isfinite(state.force).any():
-        cov, counted = motion_cov(solution.smoothing, state, engine), True
+        cov, counted = motion_cov(solution.smoothing, state, engine(settings.engine)), True
     cov[:, WRENCH, WRENCH] += beyond(state.wrench_cov, cov[:, WRENCH, WRENCH])
     flight = (state.center, state.velocity, state.rotation, state.omega)
     wrench = state.force, state.moment
-    return aero_of(setting, flight, wrench, cov, motion.gravity, motion.wind, COUNTED[counted])
+    return aero_of(settings.aero, flight, wrench, cov, motion.gravity, motion.wind, COUNTED[counted])
 
 
 def beyond(claimed: Array, plain: Array) -> Array:
@@ -56,7 +59,7 @@ def beyond(claimed: Array, plain: Array) -> Array:
     return np.asarray(axes * np.maximum(values, 0.0)[:, None] @ axes.mT)
 
 
-def motion_cov(smoothing: Smoothing, state: FlightState, engine: Engine) -> Array:
+def motion_cov(smoothing: Smoothing, state: FlightState, passes: Engine) -> Array:
     """Covariance (time, 15, 15) of velocity, rotation (left error), angular velocity, force and moment.
 
     Of the states of one smoother about where the flight came to rest: omega = R J^-1 (R^T H - h) errs by
@@ -65,13 +68,13 @@ def motion_cov(smoothing: Smoothing, state: FlightState, engine: Engine) -> Arra
     force, n = smoothing.priors["force"], smoothing.priors["force"].states
     flight = smoothing.flight
     if state.reference is None:
-        path = engine.smooth(translation(flight, force), flight.center)
+        path = passes.smooth(*seen_part(flight, force))
         read = np.zeros((15, n))
         read[:3, MOMENTUM], read[9:12] = force.axes / flight.mass, force.rows
         return read @ path.P[:, :n, :n] @ read.T
     reference, moment = state.reference, smoothing.priors["moment"]
     flight = flexed(flight, reference)
-    P = engine.smooth(*linear_flight(flight, force, moment, reference)).P
+    P = passes.smooth(*linear_flight(flight, force, moment, reference)).P
     end = n + reference.chain.shape[1]
     R = state.rotation
     J = np.linalg.inv(R @ flight.inertia @ R.mT)

@@ -386,7 +386,7 @@ def assemble(
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
         flown=flown_of(solution, motion),
-        aero=None if settings.aero is None else air_of(settings.aero, solution, state, motion, engine(settings.engine)),
+        aero=air_of(settings, solution, state, motion),
     )  # fmt: skip
     return replace(result, **turning)
 

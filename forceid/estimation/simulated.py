@@ -35,11 +35,12 @@ class Simulated:
     std: Array
 
     @property
-    def rms(self) -> tuple[float, float]:
+    def rms(self) -> tuple[float, ...]:
         """Rms of the distance (m) and of the turn (rad) between both."""
-        square = np.square(self.off)
-        return tuple(float(np.sqrt(np.nanmean(square[:, p].sum(1)))) if np.isfinite(square[:, p]).any() else np.nan
-                     for p in (slice(0, 3), slice(3, 6)))  # fmt: skip
+        center, turn = (np.square(self.off[:, p]).sum(1) for p in (slice(0, 3), slice(3, 6)))
+        return tuple(
+            float(np.sqrt(np.nanmean(a))) if np.isfinite(a).any() else np.nan for a in (center, turn)
+        )
 
     @property
     def misfit(self) -> float:
@@ -52,8 +53,8 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
 
     Loads go from sample to sample by cubics, straight where they come in pieces; the center is their double
     integral, the angular momentum their integral, and the rotation follows with the inertia, and the inner
-    momentum of the deformation, that the estimate has. DataError: no poses, or no moment about the mass center.
-    Source: principal equations 2.4, 4b.
+    momentum of the deformation, that the estimate has. DataError: no poses, or a moment about another point
+    than the mass center. Source: principal equations 2.4, 4b.
     """
     flown = estimate.flown
     if flown is None or np.isfinite(flown.center).all(1).sum() < LEAST_FRAMES:
@@ -69,8 +70,8 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
     moment = estimate.moment + (0.0 if estimate.known_moment is None else estimate.known_moment)
     std = np.sqrt(np.diagonal(flown.pose_cov, axis1=1, axis2=2))
     pushed = course(t, force / estimate.mass + estimate.gravity, estimate).antiderivative(2)(t)
-    seen = np.isfinite(flown.center).all(1)
-    center = pushed + start_line(t, flown.center - pushed, std[:, 0], seen)
+    seen: Flags = np.asarray(np.isfinite(flown.center).all(1))
+    center = np.asarray(pushed + start_line(t, flown.center - pushed, std[:, 0], seen))
     off = np.full((len(t), 6), np.nan)
     off[:, :3] = flown.center - center
     q = np.full((len(t), 4), np.nan)
@@ -85,14 +86,15 @@ def course(t: Array, values: Array, estimate: Estimate) -> PPoly:
     """Values (time, 3) between samples: cubic, or straight where loads come in pieces."""
     if estimate.impulses is None:
         return CubicSpline(t, values)
-    return PPoly.from_spline(make_interp_spline(t, values, 1))
+    spline = make_interp_spline(t, values, 1)
+    return PPoly.from_spline((spline.t, spline.c, spline.k))
 
 
 def start_line(t: Array, left: Array, std: Array, seen: Flags) -> Array:
     """The start and speed (time, 3) that suit what is left best, along every axis."""
     rows = np.stack([np.ones_like(t), t], 1)
     weight = 1 / std[seen, None]
-    return rows @ np.linalg.lstsq(rows[seen] * weight, left[seen] * weight, rcond=None)[0]
+    return np.asarray(rows @ np.linalg.lstsq(rows[seen] * weight, left[seen] * weight, rcond=None)[0])
 
 
 def turned_best(t: Array, H: PPoly, estimate: Estimate, std: Array) -> tuple[Array, Array]:
@@ -146,7 +148,9 @@ def turned_along(t: Array, H: PPoly, R: Array, H0: Array, estimate: Estimate) ->
             inertias = (1 - shares)[:, None, None] * inverse[k] + shares[:, None, None] * inverse[k + 1]
             inner = (1 - shares)[:, None] * h[k] + shares[:, None] * h[k + 1]
 
-            def omega(R: Array, j: int, momenta: Array = momenta, J: Array = inertias, h: Array = inner) -> Array:
+            def omega(
+                R: Array, j: int, momenta: Array = momenta, J: Array = inertias, h: Array = inner
+            ) -> Array:
                 body = np.swapaxes(R, 1, 2) @ momenta[j][..., None] - h[j][:, None]
                 return np.asarray((R @ (J[j] @ body))[..., 0])
 

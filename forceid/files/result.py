@@ -196,8 +196,9 @@ def read_aero(file: Any, samples: int, path: str | Path) -> Aero:
     values, _ = read_variables(group, AERO, {"time": samples, "axis": 3, "coefficient": 6}, f"{path}:/aero")
     values = whole_group(values, AERO, f"{path}:/aero")
     names = tuple(AERO_QUANTITIES)
-    columns = (np.stack([values.pop(name + end) for name in names], 1) for end in ("", "_std"))
-    return Aero(names, *columns, **values, counts=text(group.attrs.get("std_counts", "")))
+    value, std = (np.stack([values.pop(name + end) for name in names], 1) for end in ("", "_std"))
+    rest: dict[str, Any] = {**values, "counts": text(group.attrs.get("std_counts", ""))}
+    return Aero(names, value, std, **rest)
 
 
 def whole_group(values: dict[str, Array], table: Mapping[str, Any], where: str) -> dict[str, Array]:

@@ -23,7 +23,9 @@ def write_parquet(path: Path, estimate: Estimate) -> None:
     arrow, parquet = (optional(name, "parquet", path) for name in ("pyarrow", "pyarrow.parquet"))
     table = table_of(estimate)
     names, units = ("time", *table.name), ("s", *table.unit)
-    fields = [arrow.field(n, arrow.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
+    fields = [
+        arrow.field(n, arrow.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)
+    ]
     columns = [arrow.array(np.ascontiguousarray(v)) for v in (table.time, *table.value.T)]
     with atomic(path) as partial:
         parquet.write_table(arrow.Table.from_arrays(columns, schema=arrow.schema(fields)), partial)
@@ -38,8 +40,8 @@ def write_mat(path: Path, estimate: Estimate) -> None:
         values = {key: listed(item.data) for key, item in group.variables.items()}
         attrs = {key: value for key, value in group.attrs.items() if key not in values}
         content["file" if name == "/" else name.replace("/", "_")] = values | attrs
-    with atomic(path) as partial, open(partial, "wb") as f:
-        savemat(f, content, long_field_names=True)
+    with atomic(path) as partial:
+        savemat(str(partial), content, appendmat=False, long_field_names=True)
 
 
 def listed(data: Array) -> Any:
@@ -58,7 +60,10 @@ def write_c3d(path: Path, estimate: Estimate) -> None:
     if len(step) < 1 or np.ptp(step) > UNEVEN * step.mean():
         what = f"has steps from {step.min():.4g} to {step.max():.4g} s, expected even ones for C3D"
         raise DataError(what, f"{path}: time", "resample the motion, or export another format")
-    names, points = ("center", *estimate.node), np.concatenate([estimate.center[:, None], nodes_of(estimate)], 1)
+    names, points = (
+        ("center", *estimate.node),
+        np.concatenate([estimate.center[:, None], nodes_of(estimate)], 1),
+    )
     loads = {k: getattr(estimate, k) for k in ("force", "moment", "force_std", "moment_std")}
     channels = [f"{k}_{axis}" for k in loads for axis in "xyz"]
     units = ["N m" if k.startswith("moment") else "N" for k in loads for _ in "xyz"]
@@ -88,7 +93,9 @@ def parted(values: Array) -> tuple[Array, Array]:
 
 def homogeneous(points: Array) -> Array:
     """Points (time, node, 3) as C3D holds them (4, node, time)."""
-    return np.concatenate([np.moveaxis(points, 2, 0).swapaxes(1, 2), np.ones((1, points.shape[1], len(points)))])
+    return np.concatenate(
+        [np.moveaxis(points, 2, 0).swapaxes(1, 2), np.ones((1, points.shape[1], len(points)))]
+    )
 
 
 def nodes_of(estimate: Estimate) -> Array:

@@ -10,8 +10,19 @@ import numpy as np
 from forceid.files.schema import Field, estimate_groups
 from forceid.records import Array, Estimate
 
-GROUPS = ("estimate", "load", "interface", "aero")  # as they stand in the table; names of the first stand alone
-REPEATED = ("wrench_cov", "innovation", "first_moment_cov", "applied_first_moment_cov", "F_cov")  # left to HDF5
+GROUPS = (
+    "estimate",
+    "load",
+    "interface",
+    "aero",
+)  # as they stand in the table; names of the first stand alone
+REPEATED = (
+    "wrench_cov",
+    "innovation",
+    "first_moment_cov",
+    "applied_first_moment_cov",
+    "F_cov",
+)  # left to HDF5
 
 
 @dataclass(frozen=True)
@@ -37,12 +48,18 @@ def table_of(estimate: Estimate) -> Table:
         fields = groups[group].variables
         before = "" if group == "estimate" else f"{group}_"
         for name, item in fields.items():
-            if name == "time" or not item.dims or item.dims[0] != "time" or name in REPEATED or name.endswith("cov"):
+            if (
+                name == "time"
+                or not item.dims
+                or item.dims[0] != "time"
+                or name in REPEATED
+                or name.endswith("cov")
+            ):
                 continue
             for at, words in labeled(item, fields):
                 names.append(before + "_".join([name, *words]))
                 units.append(str(item.attrs.get("units", "1")))
-                values.append(item.data[(slice(None), *at)])
+                values.append(item.data.reshape(len(item.data), -1)[:, at])
     wrench = groups["estimate"].variables.get("wrench")
     if wrench is not None:
         labels = [str(w) for w in wrench.data]
@@ -54,13 +71,13 @@ def table_of(estimate: Estimate) -> Table:
     return Table(estimate.time, tuple(names), tuple(units), np.stack(values, 1))
 
 
-def labeled(item: Field, fields: dict[str, Field]) -> list[tuple[tuple[int, ...], list[str]]]:
-    """Every component of a variable: its indices behind the time, and their names."""
+def labeled(item: Field, fields: dict[str, Field]) -> list[tuple[int, list[str]]]:
+    """Every component of a variable: its number, in order, and the names of its indices behind the time."""
     found = []
-    for at in np.ndindex(item.data.shape[1:]):
+    for number, at in enumerate(np.ndindex(item.data.shape[1:])):
         words = []
         for k, dim in zip(at, item.dims[1:], strict=True):
             named = fields.get(dim) or fields.get(dim.removesuffix("_2"))
             words.append(str(named.data[k]) if named is not None else str(k))
-        found.append((at, words))
+        found.append((number, words))
     return found

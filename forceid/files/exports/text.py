@@ -48,7 +48,14 @@ def write_mot(path: Path, estimate: Estimate) -> None:
 
 def storage(title: str, names: list[str], rows: Array) -> str:
     """A storage of OpenSim: its head, names, and rows between tabs."""
-    head = [title, "version=1", f"nRows={len(rows)}", f"nColumns={rows.shape[1]}", "inDegrees=no", "endheader"]
+    head = [
+        title,
+        "version=1",
+        f"nRows={len(rows)}",
+        f"nColumns={rows.shape[1]}",
+        "inDegrees=no",
+        "endheader",
+    ]
     lines = ["\t".join("nan" if np.isnan(v) else repr(float(v)) for v in row) for row in rows]
     return "\n".join([*head, "\t".join(["time", *names]), *lines]) + "\n"
 

@@ -23,7 +23,9 @@ def write_model(path: Path, record: Mapping[str, Any]) -> None:
     fields = {"coefficient": Field(("coefficient",), name, {"long_name": "component and term"})}
     for key in ("value", "std", "low", "high"):
         fields[key] = Field(("coefficient",), np.array([row[key] for row in rows], float))
-    fields["covariance"] = Field(("coefficient", "coefficient_2"), np.array(list(record["covariance"].values()), float))
+    fields["covariance"] = Field(
+        ("coefficient", "coefficient_2"), np.array(list(record["covariance"].values()), float)
+    )
     rest = {key: json.dumps(record[key]) for key in ("aero", "fit", "left_out", "flight")}
     root = root_attrs("coefficients of the air", "forceid coefficients", forceid_version=__version__)
     write_groups(path, {"/": Group({}, root), "coefficients": Group(fields, rest)})

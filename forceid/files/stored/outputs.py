@@ -27,8 +27,8 @@ KINDS = {
 def check_output(path: Path, kind: str, inputs: Iterable[str | Path] = (), force: bool = False) -> None:
     """A ConfigError where writing a file of that kind would lose something; nothing is touched.
 
-    kind: one of KINDS, which it may replace, or EXPORT. Never an input of the same command, a folder, a device or the
-    like; another file, or a link, only by `force`: a link is replaced, what it names is not.
+    kind: one of KINDS, which it may replace, or EXPORT. Never an input of the same command, a folder, a
+    device or the like; another file, or a link, only by `force`: a link is replaced, what it names is not.
     """
     if not os.path.lexists(path):
         return
@@ -43,7 +43,9 @@ def check_output(path: Path, kind: str, inputs: Iterable[str | Path] = (), force
     if force:
         return
     if kind == EXPORT:  # of another program, which says nothing of who made it
-        raise ConfigError("exists already", str(path), "name another output with -o, or replace it with --force")
+        raise ConfigError(
+            "exists already", str(path), "name another output with -o, or replace it with --force"
+        )
     found = "a link" if stat.S_ISLNK(mode) else "another file"
     if found == "a link" or kind_of_file(path) != kind:
         what = f"exists already and is {found}, expected {KINDS[kind]}, or nothing"
@@ -69,7 +71,10 @@ def kind_of_file(path: Path) -> str:
         if not head.startswith(b"\x89HDF"):
             return ""
         with open_hdf5(path) as h:
-            there = {name: holds(h, name, f"{path}:") for name in ("estimate", "motion", "live", "body", "coefficients")}
+            there = {
+                name: holds(h, name, f"{path}:")
+                for name in ("estimate", "motion", "live", "body", "coefficients")
+            }
             if there["estimate"] and not there["motion"] and "forceid_version" in h.attrs:
                 return "result"
             if there["motion"] and b"forceid=" in bytes(h.attrs.get("_NCProperties", b"")):
