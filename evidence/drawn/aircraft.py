@@ -43,9 +43,11 @@ def glider(rng: np.random.Generator) -> Drawn:
     area, density = span * chord, u(1.0, 1.25)
     J = mass * np.diag([(0.16 * span) ** 2, (0.13 * span) ** 2, (0.20 * span) ** 2])
     true = {
-        "lift.1": u(0.2, 0.4), "lift.alpha": u(4.2, 5.6), "drag.1": u(0.03, 0.06), "drag.alpha": u(0.15, 0.35),
+        "lift.1": u(0.2, 0.4), "lift.alpha": u(4.2, 5.6), "drag.1": u(0.03, 0.06),
+        "drag.alpha": u(0.15, 0.35),
         "drag.alpha^2": u(1.2, 2.0), "side.beta": -u(0.3, 0.6), "roll.beta": -u(0.05, 0.12),
-        "roll.p": -u(0.35, 0.55), "roll.r": u(0.08, 0.2), "pitch.1": u(0.02, 0.06), "pitch.alpha": -u(0.5, 1.0),
+        "roll.p": -u(0.35, 0.55), "roll.r": u(0.08, 0.2), "pitch.1": u(0.02, 0.06),
+        "pitch.alpha": -u(0.5, 1.0),
         "pitch.q": -u(5.0, 9.0), "yaw.beta": u(0.05, 0.10), "yaw.r": -u(0.08, 0.15),
     }  # fmt: skip
     true |= {n: v for n, v in {"lift.q": u(5.0, 9.0), "yaw.p": -u(0.04, 0.10)}.items() if rng.random() < 0.5}
@@ -88,7 +90,8 @@ def frisbee(rng: np.random.Generator) -> Drawn:
     area, D = np.pi * radius**2, 2 * radius
     J = mass * radius**2 * np.diag([0.36, 0.36, 0.70])
     true = {
-        "lift.1": u(0.2, 0.4), "lift.alpha": u(1.6, 2.6), "drag.1": u(0.15, 0.22), "drag.alpha": -u(0.05, 0.15),
+        "lift.1": u(0.2, 0.4), "lift.alpha": u(1.6, 2.6), "drag.1": u(0.15, 0.22),
+        "drag.alpha": -u(0.05, 0.15),
         "drag.alpha^2": u(0.8, 1.6), "roll.spin_rate": -u(0.0008, 0.002), "pitch.1": -u(0.05, 0.1),
         "pitch.alpha": u(0.3, 0.5), "yaw.spin_rate": u(3e-5, 6e-5),
     }  # fmt: skip
@@ -122,7 +125,7 @@ def frisbee(rng: np.random.Generator) -> Drawn:
 
 
 def ball(rng: np.random.Generator) -> Drawn:
-    """A baseball, thrown at 30 to 45 m/s and 100 to 200 rad/s, for half a second at 240 Hz: drag and Magnus."""
+    """A baseball, thrown at 30 to 45 m/s and 100 to 200 rad/s, for half a second at 240 Hz."""
     u = rng.uniform
     mass, radius, density = u(0.14, 0.15), u(0.036, 0.038), u(1.0, 1.25)
     area, J = np.pi * radius**2, 0.4 * mass * radius**2 * np.eye(3)
@@ -178,4 +181,5 @@ def seen(
     names = tuple(f"m{k}" for k in range(len(X)))
     body = Body(node=names, position=X, total_mass=mass, mass_center=np.zeros(3), inertia=J)
     stated = {"position": noise} if rng.random() < 0.5 else {}
-    return Drawn(Recording(body, Motion(time, x, gravity=GRAVITY, noise_std=stated)), aero, true, start, y[:, :3], R)
+    motion = Motion(time, x, gravity=GRAVITY, noise_std=stated)
+    return Drawn(Recording(body, motion), aero, true, start, y[:, :3], R)

@@ -2,8 +2,8 @@
 
     python -m evidence.drawn.coefficients [--count 100] [--seed 2207] [--jobs 1] [-o docs]
 
-Gliders and frisbees with drawn coefficients, sizes, air, wind and launch, one flight each, flown by Dormand and
-Prince under laws of their own; each is estimated from its markers, and a law of more terms than it has is
+Gliders and frisbees with drawn coefficients, sizes, air, wind and launch, one flight each, flown by Dormand
+and Prince under laws of their own; each is estimated from its markers, and a law of more terms than it has is
 fitted to the estimate. Beside them baseballs with drag and Magnus force, and the scenes that forceid ships.
 """
 
@@ -30,7 +30,8 @@ DRAW = {"glider": glider, "frisbee": frisbee, "ball": ball}
 TERMS: dict[str, dict[str, list[str]]] = {
     "glider": {
         "lift": ["1", "alpha", "alpha^2", "q"], "drag": ["1", "alpha", "alpha^2"], "side": ["beta", "p", "r"],
-        "roll": ["1", "beta", "p", "r"], "pitch": ["1", "alpha", "alpha^2", "q"], "yaw": ["1", "beta", "p", "r"],
+        "roll": ["1", "beta", "p", "r"], "pitch": ["1", "alpha", "alpha^2", "q"],
+        "yaw": ["1", "beta", "p", "r"],
     },
     "frisbee": {
         "lift": ["1", "alpha", "alpha^2"], "drag": ["1", "alpha", "alpha^2"], "side": ["spin_rate"],
@@ -43,11 +44,12 @@ BALLS = 5  # of the drawn records, one in so many
 SCENES = Path(__file__).parents[2] / "data" / "synthetic"
 JUDGED = ("lift", "drag", "pitch")  # CL, CD, Cm
 ABOUT = """\
-Made by `{command}`, {seconds:.0f} s of CPU. Model gliders ({gliders} flights of 2 s) and frisbees ({frisbees} of 1.2 s) \
-with drawn coefficients, sizes, air, wind and launch, seen by 6 and 9 markers with 0.1 to 0.4 mm of noise at 100 Hz, \
-noise stated in half of them; each law offers 22 (14) terms, of which a glider has 14 to 16 and a frisbee 9 to \
-11. Held: shares of the true coefficients within their interval of 95 %; one whose term was not chosen counts \
-as outside. Error over claim: rms, of those chosen. Terms right: flights whose law has the true terms and no other."""
+Made by `{command}`, {seconds:.0f} s of CPU. Model gliders ({gliders} flights of 2 s) and frisbees \
+({frisbees} of 1.2 s) with drawn coefficients, sizes, air, wind and launch, seen by 6 and 9 markers with 0.1 to \
+0.4 mm of noise at 100 Hz, noise stated in half of them; each law offers 22 (14) terms, of which a glider has 14 \
+to 16 and a frisbee 9 to 11. Held: shares of the true coefficients within their interval of 95 %; one whose \
+term was not chosen counts as outside. Error over claim: rms, of those chosen. Terms right: flights whose law \
+has the true terms and no other."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +164,11 @@ def polar(seed: int) -> Any:
     grid = np.linspace(*np.radians(np.percentile(alpha, [1, 99])), 100)
     for ax, name, component in ((axes[0, 0], "CL", "lift"), (axes[0, 1], "CD", "drag")):
         ax.plot(alpha, estimate.aero[name], ".", color=GRAY, ms=3, label="estimate, sample by sample")
-        for of, color, width, said in ((dict(zip(law.name, law.value, strict=True)), BLUE, 2.5, "law that was fitted"),
-                                       (drawn.true, VERMILION, 1.0, "law that it flew by")):  # fmt: skip
+        found = dict(zip(law.name, law.value, strict=True))
+        for of, color, width, said in (
+            (found, BLUE, 2.5, "law that was fitted"),
+            (drawn.true, VERMILION, 1.0, "law that it flew by"),
+        ):
             line = sum(
                 of.get(f"{component}.{t}", 0.0) * grid**n for n, t in enumerate(("1", "alpha", "alpha^2"))
             )
@@ -197,8 +202,8 @@ def main() -> None:
         f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones: left out were "
         f"{counted(missed)}; taken beside were {counted(extra)}. "
         f"{sum(bool(j.refused) for j in found)} flights were refused.",
-        "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends; its law "
-        "takes it as rigid in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
+        "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends; its "
+        "law takes it in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
         tabled(("scene", "coefficient", "true", "found"), shipped()),
         "![Lift and drag of a glider over the angle of attack](coefficients.png)",
     )  # fmt: skip

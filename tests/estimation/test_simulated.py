@@ -24,9 +24,9 @@ def exact(time, force, moment, J, H0, R, v0):
     )
     zeros = np.zeros((n, 3))
     return Estimate(
-        time, force, moment, np.zeros((n, 6, 6)), zeros, zeros + v0, R, zeros, H0 + zeros, np.zeros((n, 0, 3)),
-        np.zeros((0, 3)), np.zeros(n), np.zeros((n, 0)), 2.0, np.array([0, 0, -9.81]), (), "smoother", "rigid", "numpy",
-        0.0, "mass_center", Verdict(), flown=flown,
+        time, force, moment, np.zeros((n, 6, 6)), zeros, zeros + v0, R, zeros, H0 + zeros,
+        np.zeros((n, 0, 3)), np.zeros((0, 3)), np.zeros(n), np.zeros((n, 0)), 2.0,
+        np.array([0, 0, -9.81]), (), "smoother", "rigid", "numpy", 0.0, "mass_center", Verdict(), flown=flown,
     )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def test_a_constant_force_makes_a_parabola_and_a_free_top_its_cone():
     assert found.rms[1] < 2e-6
 
 
-@pytest.mark.parametrize("scene", ["frisbee", "wobbling_drop"])
+@pytest.mark.parametrize("scene", ["frisbee", pytest.param("wobbling_drop", marks=pytest.mark.long)])
 def test_a_found_load_flies_to_the_noise_of_its_record(scene, tmp_path):
     recording = simulate(load_recipe(f"data/synthetic/{scene}.toml"))
     found = estimate_recording(recording, load_settings())
