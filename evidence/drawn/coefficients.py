@@ -45,11 +45,11 @@ SCENES = Path(__file__).parents[2] / "data" / "synthetic"
 JUDGED = ("lift", "drag", "pitch")  # CL, CD, Cm
 ABOUT = """\
 Made by `{command}`, {seconds:.0f} s of CPU. Model gliders ({gliders} flights of 2 s) and frisbees \
-({frisbees} of 1.2 s) with drawn coefficients, sizes, air, wind and launch, seen by 6 and 9 markers with 0.1 to \
-0.4 mm of noise at 100 Hz, noise stated in half of them; each law offers 22 (14) terms, of which a glider has 14 \
-to 16 and a frisbee 9 to 11. Held: shares of the true coefficients within their interval of 95 %; one whose \
-term was not chosen counts as outside. Error over claim: rms, of those chosen. Terms right: flights whose law \
-has the true terms and no other."""
+({frisbees} of 1.2 s) with drawn coefficients, sizes, air, wind and launch, seen by 6 and 9 markers with \
+0.1 to 0.4 mm of noise at 100 Hz, noise stated in half of them; each law offers 22 (14) terms, of which a \
+glider has 14 to 16 and a frisbee 9 to 11. Held: shares of the true coefficients within their interval of \
+95 %; one whose term was not chosen counts as outside. Error over claim: rms, of those chosen. Terms right: \
+flights whose law has the true terms and no other."""
 
 
 @dataclass(frozen=True)

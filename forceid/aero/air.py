@@ -18,7 +18,7 @@ def standard_density(altitude: float) -> float:
     """Density (kg/m3) of the standard atmosphere at an altitude (m), up to 20 km. Source: ISO 2533.
 
     >>> round(standard_density(0.0), 4), round(standard_density(11000.0), 5), round(standard_density(2e4), 5)
-    (1.225, 0.36391, 0.0880...)
+    (1.225, 0.36392, 0.08803)
     """
     lower = min(altitude, TROPOPAUSE)
     temperature = SEA_TEMPERATURE - LAPSE * lower

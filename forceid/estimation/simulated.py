@@ -16,7 +16,7 @@ from forceid.significance import TENTH
 
 TURN_A_STEP = 0.25  # rad of a step: by order 4 a turn of so much is right to a millionth
 PROBED = 1e-5  # rad, and share of the angular momentum, of differences: half the digits of what they move
-LEAST_FRAMES = 4  # with a pose: a start has as many numbers as two of them
+LEAST_POSES = 4  # with a pose: a start has as many numbers as two of them
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
     than the mass center. Source: principal equations 2.4, 4b.
     """
     flown = estimate.flown
-    if flown is None or np.isfinite(flown.center).all(1).sum() < LEAST_FRAMES:
+    if flown is None or np.isfinite(flown.center).all(1).sum() < LEAST_POSES:
         raise DataError("holds no poses to compare with", f"{name}:/flown", "estimate from markers or poses")
     if estimate.moment_about != "mass_center":
         what = f"has its moment about {estimate.moment_about}, expected the mass center"
