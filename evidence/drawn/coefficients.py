@@ -201,8 +201,8 @@ def main() -> None:
         args.output, "coefficients", "Coefficients of the air from flights", about, tabled(heads, rows),
         f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones: left out were "
         f"{counted(missed)}; taken beside were {counted(extra)}. "
-        f"{sum(bool(j.refused) for j in found)} flights were refused. Intervals are those of the terms chosen: "
-        "where a flight hardly tells alpha from its square and one of both is left out, they leave it out too.",
+        f"{sum(bool(j.refused) for j in found)} flights were refused. Intervals are those of the terms "
+        "chosen: where a flight hardly tells alpha from its square and one is left out, so it is there.",
         "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends; its "
         "law takes it in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
         tabled(("scene", "coefficient", "true", "found"), shipped()),
