@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from forceid.errors import ConfigError
 
 Method = Literal["difference", "savgol", "spline", "filter", "smoother"]
 Model = Literal["rigid", "affine", "modal", "segments", "auto"]
 Vector = tuple[float, float, float]
+SKEW = 0.02  # cosine: axes at a right angle to one degree, as they are written by hand
 
 
 class Section(BaseModel):
@@ -114,6 +116,76 @@ class PriorsSetting(Section):
     moment: PriorSetting = PriorSetting()
 
 
+class WindProfile(Section):
+    """Wind by height: velocity (m/s, world axes) at heights (m, against gravity), straight between them."""
+
+    height: tuple[float, ...]
+    velocity: tuple[Vector, ...]
+
+    @model_validator(mode="after")
+    def of_one_length(self) -> Self:
+        """A velocity for every height, and heights that rise."""
+        if len(self.height) != len(self.velocity) or not self.height:
+            raise ValueError(f"has {len(self.height)} heights and {len(self.velocity)} velocities")
+        if any(b <= a for a, b in pairwise(self.height)):
+            raise ValueError("has heights that do not rise, expected each above the one before")
+        return self
+
+
+HIGHEST, LOWEST = 20000.0, -500.0  # m: between them the standard atmosphere is laid down here
+
+
+class AeroSetting(Section):
+    """What coefficients of the air are taken with: a body in air of known density, size and wind.
+
+    density kg/m3, or altitude m in the standard atmosphere, sea level where neither is stated; area m2;
+    chord m, of Cm; span m, of Cl, Cn, advance ratio and spin parameter; the one that is left out is the
+    other, the root of the area where both are. wind m/s, world axes: constant, or "measured", which is
+    /motion/wind of the file; or wind_profile, by height. forward and up: axes of the body (reference axes).
+    axes: of the "body"; of a "disc", whose forward is where it flies, across `up`; or of a "ball", with lift
+    along spin x velocity.
+    """
+
+    area: float = Field(gt=0.0, examples=["area = 0.05 under [aero], m2"])
+    chord: float | None = Field(default=None, gt=0.0)
+    span: float | None = Field(default=None, gt=0.0)
+    density: float | None = Field(default=None, gt=0.0, le=2e4)
+    altitude: float | None = Field(default=None, ge=LOWEST, le=HIGHEST)
+    wind: Vector | Literal["measured"] = (0.0, 0.0, 0.0)
+    wind_profile: WindProfile | None = None
+    axes: Literal["body", "disc", "ball"] = "body"
+    forward: Vector = (1.0, 0.0, 0.0)
+    up: Vector = (0.0, 0.0, 1.0)
+
+    @field_validator("wind", mode="before")
+    @classmethod
+    def known_wind(cls, wind: Any) -> Any:
+        """Three numbers, or a word."""
+        numbers = isinstance(wind, list | tuple) and all(isinstance(v, int | float) for v in wind)
+        if wind != "measured" and not (numbers and len(wind) == 3):
+            raise ValueError('expected three numbers in m/s, or "measured"')
+        return wind
+
+    @model_validator(mode="after")
+    def of_one_kind(self) -> Self:
+        """One way to say how dense the air is, and axes that span a plane."""
+        if self.density is not None and self.altitude is not None:
+            raise ValueError("has density and altitude, expected one of them")
+        if self.wind_profile is not None and (self.wind == "measured" or any(self.wind)):
+            raise ValueError("has wind and wind_profile, expected one of them")
+        dot = sum(a * b for a, b in zip(self.forward, self.up, strict=True))
+        size = sum(a * a for a in self.forward) * sum(a * a for a in self.up)
+        if not dot * dot < SKEW**2 * size:
+            raise ValueError("has forward and up that are not at right angles")
+        return self
+
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Chord and span, m."""
+        own = self.chord or self.span or self.area**0.5
+        return own, self.span or own
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -165,7 +237,8 @@ class Settings(Section):
     for at these frequencies only (Hz). known_load: loads that are known; the force and the moment estimated
     are those of all others. part, joint: bodies that joints hold together, for the forces in these. material:
     name and constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of
-    /body/material. body_std: how uncertain mass, mass center and inertia are.
+    /body/material. body_std: how uncertain mass, mass center and inertia are. aero: air,
+    sizes and wind for the coefficients of the air; None: they are not asked for.
     """
 
     method: Method = "smoother"
@@ -187,6 +260,7 @@ class Settings(Section):
     joint: tuple[JointSetting, ...] = ()
     material: dict[str, str | float | tuple[float, ...]] | None = None
     body_std: BodyStdSetting = BodyStdSetting()
+    aero: AeroSetting | None = None
 
     @model_validator(mode="after")
     def prior_of_its_kind(self) -> Self:

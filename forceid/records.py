@@ -129,7 +129,8 @@ class Motion:
     time (time,) s; position (time, node, 3) m, with marker_position (time, marker, 3) m of the markers that
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
-    (time, sensor, 3); strain (time, gauge) 1. gravity (3,) m/s2. noise_std: standard deviation of one
+    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is. gravity (3,) m/s2.
+    noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
     NaN where there is none; None for a motion as it was measured. known: what known loads do besides moving
@@ -145,6 +146,7 @@ class Motion:
     angular_velocity: Annotated[Reading, Variable(SENSOR, "rad s-1", "angular velocity, sensor axes")] = None
     magnetic_field: Annotated[Reading, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
     strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
+    wind: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -383,6 +385,57 @@ class Witness:
 
 
 @dataclass(frozen=True)
+class Flown:
+    """What a flight can be flown again from: poses as they were measured, frame by frame, and what they move.
+
+    center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
+    (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
+    mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body
+    axes; wind (time, 3) m/s, world axes, where it was measured.
+    """
+
+    center: Array
+    orientation: Array
+    pose_cov: Array
+    inertia: Array
+    internal_momentum: Array
+    wind: Array | None = None
+
+
+@dataclass(frozen=True)
+class Aero:
+    """What the air does to a body, over the time of its estimate, and how sure that is.
+
+    value and std (time, quantity), by `name`: speed m/s against the air, alpha and beta rad, pressure Pa,
+    lift, drag and side_force N, CL, CD, CY, Cl, Cm, Cn, advance_ratio and spin_parameter 1. force and moment
+    with _std (time, 3) N and N m in wind, stability and body axes, x forward, y to the right, z down.
+    coefficient_cov (time, 6, 6) of CL, CD, CY, Cl, Cm, Cn; counts: what the deviations count.
+    """
+
+    name: tuple[str, ...]
+    value: Array
+    std: Array
+    force_wind: Array
+    moment_wind: Array
+    force_stability: Array
+    moment_stability: Array
+    force_body: Array
+    moment_body: Array
+    force_wind_std: Array
+    moment_wind_std: Array
+    force_stability_std: Array
+    moment_stability_std: Array
+    force_body_std: Array
+    moment_body_std: Array
+    coefficient_cov: Array
+    counts: str
+
+    def __getitem__(self, name: str) -> Array:
+        """The values of one quantity (time,)."""
+        return np.asarray(self.value[:, self.name.index(name)])
+
+
+@dataclass(frozen=True)
 class Estimate(Claims):
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
@@ -403,7 +456,8 @@ class Estimate(Claims):
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
     names. hidden: what the estimate leaves out, None where the method does not tell; impulses: of loads that
     come in pieces; witness: what the plain
-    route gives beside it. settings: the merged configuration as TOML text; runtime_s: s by
+    route gives beside it; flown: what a flight again begins with; aero: what the air does, where that was
+    asked for. settings: the merged configuration as TOML text; runtime_s: s by
     the clock; timing: s of CPU by stage.
     """
 
@@ -446,6 +500,8 @@ class Estimate(Claims):
     loads: Loads | None = None
     interface: Interface | None = None
     witness: Witness | None = None
+    flown: Flown | None = None
+    aero: Aero | None = None
     runtime_s: float = 0.0
     timing: dict[str, float] = field(default_factory=dict)
     settings: str = ""

@@ -31,7 +31,7 @@ def completed(*words):
 @pytest.mark.parametrize(
     ("words", "names"),
     [
-        (("forceid", "e"), ["estimate"]),
+        (("forceid", "e"), ["estimate", "export"]),
         (("forceid", "estimate", "--met"), ["--method"]),
         (("forceid", "estimate", "--method", "s"), ["savgol", "spline", "smoother"]),
         (("forceid", "batch", "a.h5", "--model", "a"), ["affine", "auto"]),

@@ -79,7 +79,7 @@ def schema() -> str:
     page = []
     groups = {"BODY": "body", "MOTION": "motion", "KNOWN_LOADS": "load_known"}
     groups |= {"ESTIMATE": "estimate", "MODAL": "estimate, of modes", "IMPULSE": "estimate, in pieces"}
-    groups |= {name: name.lower() for name in ("LOAD", "INTERFACE")}
+    groups |= {name: name.lower() for name in ("LOAD", "INTERFACE", "FLOWN", "AERO")}
     for group, where in groups.items():
         table: Mapping[str, Any] = getattr(schema, group)
         rows = [

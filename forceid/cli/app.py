@@ -22,8 +22,8 @@ from forceid.cli.boundary.terminal import flushed, settle
 from forceid.errors import ConfigError
 
 HERE = (  # each a module of this folder
-    "simulate", "import", "inspect", "estimate", "identify", "live", "batch", "report", "open",
-    "settings", "config", "demo", "doctor",
+    "simulate", "import", "inspect", "estimate", "identify", "coefficients", "live", "batch", "report",
+    "open", "export", "settings", "config", "demo", "doctor",
 )  # fmt: skip
 EVIDENCE = {  # in a distribution of their own, with what their line of the help says
     "chart": "Measure error, claim, time and memory of every method and every peer, on every SCENE.",

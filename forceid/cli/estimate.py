@@ -32,9 +32,9 @@ def written(metavar: str, text: str) -> Any:
     return typer.Option("-o", "--output", metavar=metavar, help=text)
 
 
-def choice(metavar: str, text: str, *words: str) -> Any:
-    """An option that a shell completes with `words_of` these."""
-    return typer.Option(metavar=metavar, help=text, autocompletion=words_of(*words))
+def choice(metavar: str, text: str, *words: str, flags: tuple[str, ...] = ()) -> Any:
+    """An option that a shell completes with `words_of` these; flags: its names, where it has a short one."""
+    return typer.Option(*flags, metavar=metavar, help=text, autocompletion=words_of(*words))
 
 
 METHOD_WORDS = "difference, savgol, spline, filter or smoother (the default)."

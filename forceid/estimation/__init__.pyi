@@ -11,4 +11,7 @@ from forceid.estimation.long.out_of_core import read_recording as read_recording
 from forceid.estimation.long.windows import Progress as Progress
 from forceid.estimation.long.windows import unwatched as unwatched
 from forceid.estimation.run import estimate as estimate
+from forceid.estimation.simulated import Simulated as Simulated
+from forceid.estimation.simulated import fly_again as fly_again
+from forceid.estimation.simulated import recording_of as recording_of
 from forceid.estimation.verdict.catalogue import CATALOGUE as CATALOGUE

@@ -7,7 +7,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import ConfigError, DataError, EstimationError
@@ -21,6 +20,7 @@ from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.segment_noise import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
+from forceid.estimation.flown import air_of, canonical_quaternions, flown_of
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
 from forceid.estimation.loads.channels import DrivenMotion
@@ -385,6 +385,8 @@ def assemble(
         applied_first_moment_cov=affine.applied_first_moment_cov if affine else None,
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
+        flown=flown_of(solution, motion),
+        aero=air_of(settings, solution, state, motion),
     )  # fmt: skip
     return replace(result, **turning)
 
@@ -427,15 +429,6 @@ def stretch_to(mean: Array, shape: Array) -> Array:
     A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=SOLVED))
     square, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)
     return np.asarray(axes * np.sqrt(square)[:, None] @ axes.swapaxes(1, 2))
-
-
-def canonical_quaternions(rotation: Array) -> Array:
-    """Quaternions (time, 4) [x y z w] with w >= 0 of rotation matrices; NaN stays NaN."""
-    q = np.full((len(rotation), 4), np.nan)
-    seen = np.isfinite(rotation).all((1, 2))
-    if seen.any():
-        q[seen] = Rotation.from_matrix(rotation[seen]).as_quat(canonical=True)
-    return q
 
 
 def refused_estimate(recording: Recording, settings: Settings, findings: list[Finding]) -> Estimate:

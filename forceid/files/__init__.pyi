@@ -1,3 +1,5 @@
+from forceid.files.exports import FORMATS as FORMATS
+from forceid.files.exports import export as export
 from forceid.files.formats.frame_lines import frames_from_lines as frames_from_lines
 from forceid.files.formats.frame_lines import growing_lines as growing_lines
 from forceid.files.formats.sources import import_sources as import_sources
@@ -13,6 +15,7 @@ from forceid.files.stored.growing import growing_file as growing_file
 from forceid.files.stored.hdf5 import read_motion as read_motion
 from forceid.files.stored.hdf5 import stamp as stamp
 from forceid.files.stored.hdf5 import write_motion as write_motion
+from forceid.files.stored.model import write_model as write_model
 from forceid.files.stored.outputs import check_output as check_output
 from forceid.files.stored.outputs import kind_of_file as kind_of_file
 from forceid.files.tree import open_motion as open_motion

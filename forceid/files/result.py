@@ -13,8 +13,11 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.files.parse import Stored, labels, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
+    AERO,
+    AERO_QUANTITIES,
     ESTIMATE,
     ESTIMATE_ATTRS,
+    FLOWN,
     HIDDEN,
     IMPULSE,
     INTERFACE,
@@ -31,9 +34,11 @@ from forceid.files.stored.hdf5 import open_hdf5, source_group
 from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
 from forceid.records import (
+    Aero,
     Array,
     Estimate,
     Finding,
+    Flown,
     HiddenLoad,
     Impulses,
     Interface,
@@ -76,7 +81,7 @@ def read_result(path: str | Path) -> Estimate:
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
         node = labels(group, "node")
-        further = {name: holds(f, name, f"{path}:") for name in ("load", "interface", "witness")}
+        further = {name: holds(f, name, f"{path}:") for name in ("interface", "witness", "flown", "aero")}
         n = len(values["time"])
         empty = {
             "deformation": np.zeros((n, len(node), 3)),
@@ -104,6 +109,8 @@ def read_result(path: str | Path) -> Estimate:
             else None,
             interface=read_interface(f, n, path) if further["interface"] else None,
             witness=read_witness(f, n, path) if further["witness"] else None,
+            flown=read_flown(f, n, path) if further["flown"] else None,
+            aero=read_aero(f, n, path) if further["aero"] else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
@@ -172,6 +179,34 @@ def read_witness(file: Any, samples: int, path: str | Path) -> Witness:
             raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
     numbers = {name: np.asarray(group.attrs[name], float) for name in WITNESS_ATTRS}
     return Witness(**values, **numbers)
+
+
+def read_flown(file: Any, samples: int, path: str | Path) -> Flown:
+    """The group /flown of a result file."""
+    group = source_group(file, "flown", FLOWN, f"{path}:")
+    sizes = {"time": samples, "axis": 3, "quaternion": 4, "pose": 6}
+    values, _ = read_variables(group, FLOWN, sizes, f"{path}:/flown")
+    needed = {name: spec for name, spec in FLOWN.items() if name != "wind"}
+    return Flown(**whole_group(values, needed, f"{path}:/flown"))
+
+
+def read_aero(file: Any, samples: int, path: str | Path) -> Aero:
+    """The group /aero of a result file."""
+    group = source_group(file, "aero", AERO, f"{path}:")
+    values, _ = read_variables(group, AERO, {"time": samples, "axis": 3, "coefficient": 6}, f"{path}:/aero")
+    values = whole_group(values, AERO, f"{path}:/aero")
+    names = tuple(AERO_QUANTITIES)
+    value, std = (np.stack([values.pop(name + end) for name in names], 1) for end in ("", "_std"))
+    rest: dict[str, Any] = {**values, "counts": text(group.attrs.get("std_counts", ""))}
+    return Aero(names, value, std, **rest)
+
+
+def whole_group(values: dict[str, Array], table: Mapping[str, Any], where: str) -> dict[str, Array]:
+    """The values where none of the table is missing, else a DataError."""
+    for name in table:
+        if name not in values:
+            raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
+    return values
 
 
 def read_interface(file: Any, samples: int, path: str | Path) -> Interface:

@@ -15,7 +15,7 @@ import numpy as np
 
 from forceid import __version__
 from forceid.errors import DataError
-from forceid.records import SENSED, Array, Estimate, Interface, Recording, Variable, Verdict
+from forceid.records import SENSED, Aero, Array, Estimate, Interface, Recording, Variable, Verdict
 
 SCHEMA = "1"
 MATERIAL = "body/material"  # a group of attributes: name and constants
@@ -54,7 +54,13 @@ MOTION: dict[str, Variable] = variables("motion") | SENSED
 KNOWN_LOADS: dict[str, Variable] = variables("known_loads")
 ESTIMATE: dict[str, Variable] = variables("estimate")
 HIDDEN, MODAL, IMPULSE = variables("hidden"), variables("modal"), variables("impulse")
-LOAD, INTERFACE = variables("load"), variables("interface")
+LOAD, INTERFACE, FLOWN = variables("load"), variables("interface"), variables("flown")
+AERO_QUANTITIES, AERO_VECTORS = variables("aero"), variables("aero_vectors")
+AERO = {
+    name + end: replace(spec, long_name=f"{said}{spec.long_name}")
+    for name, spec in (AERO_QUANTITIES | AERO_VECTORS).items()
+    for end, said in (("", ""), ("_std", "standard deviation of the "))
+} | variables("aero_cov")
 PARTS = {"hidden": HIDDEN, "modal": MODAL, "impulses": IMPULSE}  # records in an estimate, and their fields
 WITNESS = {
     name: replace(ESTIMATE[name], long_name=f"{ESTIMATE[name].long_name}, by the plain route")
@@ -84,6 +90,7 @@ LABELS = {
     "axis": ("x", "y", "z"),
     "quaternion": ("x", "y", "z", "w"),
     "entry": tuple(f"{force}{arm}" for force in "xyz" for arm in "xyz"),  # of a matrix, row by row
+    "pose": ("x", "y", "z", "turn_x", "turn_y", "turn_z"),
     "wrench": ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"),
 }
 
@@ -192,6 +199,13 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
     if (witness := estimate.witness) is not None:
         numbers = {name: getattr(witness, name) for name in WITNESS_ATTRS}
         groups["witness"] = timed(time, witness, WITNESS, {}, {"moment_about": "mass_center"} | numbers)
+    if (flown := estimate.flown) is not None:
+        groups["flown"] = timed(time, flown, FLOWN, {}, {"frame": "poses in world axes, the body in its own"})
+    if (aero := estimate.aero) is not None:
+        values = {"time": time, **aero_values(aero)}
+        names = {"coefficient": ("CL", "CD", "CY", "Cl", "Cm", "Cn")}
+        table = {"time": ESTIMATE["time"]} | AERO
+        groups["aero"] = Group(fields(table, values, names), {"std_counts": aero.counts})
     if (joints := estimate.interface) is not None:
         groups["interface"] = timed(time, joints, INTERFACE, {"joint": joints.name}, interface_attrs(joints))
     return groups | (truth_group(recording) if recording else {})
@@ -212,6 +226,13 @@ def part_values(estimate: Estimate) -> dict[str, Array]:
         if (record := getattr(estimate, part)) is not None
         for name, field in zip(table, record_fields(record), strict=False)
     }
+
+
+def aero_values(aero: Aero) -> dict[str, Array]:
+    """What the air does, by the names of the file."""
+    columns = zip(aero.name, aero.value.T, aero.std.T, strict=True)
+    own = {name + end: a for name, value, std in columns for end, a in (("", value), ("_std", std))}
+    return own | {name: getattr(aero, name) for name in AERO if name not in own}
 
 
 def timed(time: Array, record: Any, table: dict[str, Variable], names: Labels, attrs: Any) -> Group:

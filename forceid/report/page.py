@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from forceid.errors import ForceIdError
+from forceid.estimation import Simulated, fly_again
 from forceid.records import Array, Estimate, Witness
 from forceid.report.first_screen import NAMES, headline
 from forceid.report.joint_section import joint_section
@@ -33,6 +35,7 @@ from forceid.report.plots.figures import (
     draw_motion,
     draw_wrench,
 )
+from forceid.report.plots.flown import aero_chart, again_chart, draw_aero, draw_again
 from forceid.report.plots.path import draw_path, path_chart
 from forceid.report.plots.picture import pictured
 from forceid.report.template import named_numbers, render, titled
@@ -42,6 +45,7 @@ _WORDS = tomllib.loads((files("forceid.report") / "captions.toml").read_text("ut
 _SECTIONS = (  # what is folded, in order: name, title, and what one finds there
     ("path", "Path", "where the body went, and the force along it"),
     ("motion", "Motion", "center, velocity, rotation"),
+    ("again", "Flown again", "the motion that the load found produces, beside the measured one"),
     ("deformation", "Deformation", "how far the body left its shape"),
     ("loads", "Loads", "the loads that were asked for"),
     ("first_moments", "First moments of force", "what stretches the body, and what turns it"),
@@ -102,6 +106,10 @@ def drawings(
             draw_first_moments(e, *moments, truth),
             first_moments_chart(e, *moments, truth),
         )
+    if (again := flown_again(e)) is not None:
+        found["again"] = draw_again(e, again), again_chart(again)
+    if e.aero is not None:
+        found["coefficients"] = draw_aero(e.time, e.aero), aero_chart(e.time, e.aero)
     if e.hidden is not None:
         found["hidden"] = draw_hidden_load(e.hidden), hidden_chart(e.hidden)
     if np.isfinite(e.innovation).any():
@@ -124,6 +132,16 @@ def tables(estimate: Estimate) -> dict[str, list[tuple[str, list[tuple[str, str]
         ],
     }
     return {name: [part for part in parts if part[1]] for name, parts in found.items()}
+
+
+def flown_again(estimate: Estimate) -> Simulated | None:
+    """The flight under the loads found, None where there is none to compare with, or where it is too long."""
+    if len(estimate.time) > FLOWN_FRAMES:
+        return None
+    try:
+        return fly_again(estimate)
+    except ForceIdError:
+        return None
 
 
 def wrench_rows(quoted: Numbers, witness: Witness | None) -> list[tuple[str, str, list[str]]]:
@@ -163,6 +181,7 @@ UNITS = {
 }
 
 
+FLOWN_FRAMES = 4000  # frames of a flight that is flown again for the page: a few seconds
 LOAD_ROUNDING = 1e-12  # N or N m: rounding
 
 

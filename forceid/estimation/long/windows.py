@@ -25,7 +25,7 @@ from forceid.estimation.verdict.innovations import wild_innovation
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.files.schema import WITNESSED
-from forceid.records import Estimate, Finding, HiddenLoad, Loads, Recording, Verdict, Witness
+from forceid.records import Aero, Estimate, Finding, Flown, HiddenLoad, Loads, Recording, Verdict, Witness
 from forceid.timing import in_order
 
 CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
@@ -89,7 +89,7 @@ def cut(record: Any, first: int, last: int, frames: int) -> Any:
     return replace(record, **kept)
 
 
-RECORDS = ("loads", "witness")  # records in an estimate that have samples of their own
+RECORDS = ("loads", "witness", "flown", "aero")  # records in an estimate that have samples of their own
 STANDING = ("null_space", "estimable")  # what is true of loads whatever a stretch shows
 
 
@@ -188,7 +188,8 @@ def samples_of(record: Any) -> Any:
     """An array of a record that has one entry a frame."""
     if isinstance(record, Estimate):
         return record.time
-    return record.load if isinstance(record, Loads) else record.force
+    named = {Loads: "load", Flown: "center", Aero: "value"}
+    return getattr(record, named.get(type(record), "force"))
 
 
 def worst_of(pieces: Sequence[Estimate]) -> Verdict:

@@ -13,20 +13,22 @@ from forceid.files.stored.links import holds
 
 HEAD = 600  # bytes of a text within which it says who made it
 MARKS = {"page": b'name="generator" content="forceid', "settings": b"# made by forceid"}
+EXPORT = "export"
 KINDS = {
     "result": "a result of forceid",
     "motion": "a motion file that forceid made",
     "live": "a result of forceid live",
     "page": "a page of forceid",
     "settings": "settings that forceid made",
+    "model": "coefficients that forceid made",
 }
 
 
 def check_output(path: Path, kind: str, inputs: Iterable[str | Path] = (), force: bool = False) -> None:
     """A ConfigError where writing a file of that kind would lose something; nothing is touched.
 
-    kind: one of KINDS, which it may replace. Never an input of the same command, a folder, a device or the
-    like; another file, or a link, only by `force`: a link is replaced, what it names is not.
+    kind: one of KINDS, which it may replace, or EXPORT. Never an input of the same command, a folder, a
+    device or the like; another file, or a link, only by `force`: a link is replaced, what it names is not.
     """
     if not os.path.lexists(path):
         return
@@ -40,6 +42,10 @@ def check_output(path: Path, kind: str, inputs: Iterable[str | Path] = (), force
         )
     if force:
         return
+    if kind == EXPORT:  # of another program, which says nothing of who made it
+        raise ConfigError(
+            "exists already", str(path), "name another output with -o, or replace it with --force"
+        )
     found = "a link" if stat.S_ISLNK(mode) else "another file"
     if found == "a link" or kind_of_file(path) != kind:
         what = f"exists already and is {found}, expected {KINDS[kind]}, or nothing"
@@ -65,11 +71,16 @@ def kind_of_file(path: Path) -> str:
         if not head.startswith(b"\x89HDF"):
             return ""
         with open_hdf5(path) as h:
-            there = {name: holds(h, name, f"{path}:") for name in ("estimate", "motion", "live", "body")}
+            there = {
+                name: holds(h, name, f"{path}:")
+                for name in ("estimate", "motion", "live", "body", "coefficients")
+            }
             if there["estimate"] and not there["motion"] and "forceid_version" in h.attrs:
                 return "result"
             if there["motion"] and b"forceid=" in bytes(h.attrs.get("_NCProperties", b"")):
                 return "motion"
+            if there["coefficients"] and "forceid_version" in h.attrs:
+                return "model"
             return "live" if there["live"] and not there["body"] and not there["motion"] else ""
     except (DataError, OSError, TypeError, ValueError):
         return ""
