@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from forceid.cli.app import main
-from forceid.cli.output import worse_verdict
+from forceid.cli.boundary.output import worse_verdict
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "data/synthetic/two_blocks.h5"

@@ -17,8 +17,8 @@ import pytest
 
 from forceid import scenes
 from forceid.cli.app import COMMANDS, main
+from forceid.cli.boundary.output import to_json, wrap
 from forceid.cli.crew import pool
-from forceid.cli.output import to_json, wrap
 from forceid.config import load_settings
 from forceid.scenes.recipe import load_recipe
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from forceid.cli.app import main
-from forceid.cli.thresholds import chosen_numbers
+from forceid.cli.boundary.thresholds import chosen_numbers
 from forceid.config import load_settings
 
 

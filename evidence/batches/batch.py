@@ -21,8 +21,8 @@ import h5py
 from evidence.batches import large
 from evidence.batches.records import Found, cpu, numbers, results, run, run_command, shelf, timed_into
 from evidence.written import asked, paged, table
+from forceid.cli.boundary.output import describe
 from forceid.cli.crew.pool import nis_mean
-from forceid.cli.output import describe
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import write_result

@@ -33,8 +33,7 @@ SHARES: dict[str, Test] = {
     "crashed": lambda o: o.verdict == "crashed",
     "stopped": lambda o: o.verdict == "stopped",
 }
-GROUPS = {"load": "load", "error": "errors", "told": "body told", "place": "markers", "stated": "noise told",
-          "soft": "deforms"}  # fmt: skip
+GROUPS = {"load": "load", "error": "errors", "told": "body told", "place": "markers"}
 HEADS = "drawn", "records", "ok and right", "silent", "needlessly degraded"
 COUNTED = "ok and right", "silently wrong", "needlessly degraded"
 MOST = 8  # findings in the table

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evidence.completion import scenes as complete_scenes
+from forceid.cli.boundary.output import finite_or_none, to_json
 from forceid.cli.estimate import Json
-from forceid.cli.output import finite_or_none, to_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evidence.completion import failures
+from forceid.cli.boundary.output import finite_or_none, to_json
 from forceid.cli.crew.progress import progress
 from forceid.cli.estimate import Json
-from forceid.cli.output import finite_or_none, to_json
 
 if TYPE_CHECKING:
     from evidence.stress.run import Map, StressJob

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from forceid.cli.boundary.output import to_json, worse_verdict, wrap
 from forceid.cli.boundary.terminal import note, tell
 from forceid.cli.estimate import Config, EngineOption, Json, MethodOption, ModelOption
-from forceid.cli.output import to_json, worse_verdict, wrap
 from forceid.errors import ConfigError, DataError, ForceIdError
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from forceid.cli.boundary.output import to_json, wrap
 from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Force, Json, written
-from forceid.cli.output import to_json, wrap
 from forceid.errors import ConfigError
 
 TABLE, GROUPS = ".toml", ".h5"

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 import forceid
+from forceid.cli.boundary.output import to_json, wrap
 from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Json
-from forceid.cli.output import to_json, wrap
 from forceid.errors import ConfigError
 
 PACKAGE = Path(forceid.__file__).parent

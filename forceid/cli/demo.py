@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.boundary.output import summary
 from forceid.cli.boundary.terminal import note
 from forceid.cli.estimate import Force, estimate_file
-from forceid.cli.output import summary
 from forceid.cli.report import write_result_page
 from forceid.errors import ConfigError
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from forceid.cli.boundary.completion import words_of
+from forceid.cli.boundary.output import describe, summary, to_json
 from forceid.cli.boundary.terminal import LOUDNESS, note, tell
-from forceid.cli.output import describe, summary, to_json
 from forceid.errors import DataError, EstimationError
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from forceid.cli.boundary.output import to_json, verdict_of, wrap
 from forceid.cli.boundary.terminal import note, tell
 from forceid.cli.estimate import Config, Force, Json, MotionFile, naming, written
-from forceid.cli.output import to_json, verdict_of, wrap
 
 
 def run(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from forceid.cli.boundary.output import to_json, wrap
 from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Config, Json, MotionFile, naming
-from forceid.cli.output import to_json, wrap
 
 
 def run(file: MotionFile, config: Config = None, json: Json = False) -> None:

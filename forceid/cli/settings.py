@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.boundary.output import to_json
 from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Json
-from forceid.cli.output import to_json
 
 
 def run(
@@ -23,7 +23,7 @@ def run(
 
     Example: forceid settings > forceid.toml
     """
-    from forceid.cli.thresholds import chosen_numbers
+    from forceid.cli.boundary.thresholds import chosen_numbers
     from forceid.config import Settings, to_toml
 
     if not thresholds:

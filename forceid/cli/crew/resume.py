@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forceid import __version__
+from forceid.cli.boundary.output import describe
 from forceid.cli.crew.pool import Record, nis_mean, run_job
-from forceid.cli.output import describe
 from forceid.errors import DataError
 
 if TYPE_CHECKING:

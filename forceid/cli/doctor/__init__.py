@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from forceid.cli.boundary.output import to_json, wrap
 from forceid.cli.boundary.terminal import tell
 from forceid.cli.estimate import Json
-from forceid.cli.output import to_json, wrap
 
 
 def run(

@@ -25,7 +25,7 @@ from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import AffineProblem
 from evidence.subjects.affine.trial import takers
 from forceid.cli.app import main
-from forceid.cli.output import finite_or_none
+from forceid.cli.boundary.output import finite_or_none
 from forceid.pseudorigid import polar
 
 BY_NAME = {f.name: f for f in failures_named(["affine", "affine_loads"])}

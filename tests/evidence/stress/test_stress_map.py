@@ -33,7 +33,7 @@ from evidence.subjects.flights.bodies import Setup
 from evidence.subjects.flights.failures.record import measured
 from evidence.subjects.flights.trial import contestant, contestants
 from forceid.cli.app import main
-from forceid.cli.output import finite_or_none
+from forceid.cli.boundary.output import finite_or_none
 from forceid.estimation.run import estimate_recording
 
 JOBS = [StressJob("mass", level, 1, True) for level in (0, 3e-3, 0.03)]

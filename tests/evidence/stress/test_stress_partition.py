@@ -17,7 +17,7 @@ from evidence.stress.trial import attempt
 from evidence.subjects.parts import failures as fp
 from evidence.subjects.parts.trial import DEFAULT, WAYS, Way, solved, solver
 from forceid.cli.app import main
-from forceid.cli.output import finite_or_none
+from forceid.cli.boundary.output import finite_or_none
 from forceid.partition.operators.conjugate_gradient import projected_cg
 from forceid.records import Verdict
 
