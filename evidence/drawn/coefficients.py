@@ -44,12 +44,12 @@ BALLS = 5  # of the drawn records, one in so many
 SCENES = Path(__file__).parents[2] / "data" / "synthetic"
 JUDGED = ("lift", "drag", "pitch")  # CL, CD, Cm
 ABOUT = """\
-Made by `{command}`, {seconds:.0f} s of CPU. Model gliders ({gliders} flights of 2 s) and frisbees \
-({frisbees} of 1.2 s) with drawn coefficients, sizes, air, wind and launch, seen by 6 and 9 markers with \
-0.1 to 0.4 mm of noise at 100 Hz, noise stated in half of them; each law offers 22 (14) terms, of which a \
-glider has 14 to 16 and a frisbee 9 to 11. Held: shares of the true coefficients within their interval of \
-95 %; one whose term was not chosen counts as outside. Error over claim: rms, of those chosen. Terms right: \
-flights whose law has the true terms and no other."""
+Made by `{command}`, {seconds:.0f} s of CPU. Model gliders fly for 2 s and frisbees for 1.2 s, {gliders} of \
+each. Coefficients, sizes, air, wind and launch are drawn. 6 and 9 markers have 0.1 to 0.4 mm of noise at \
+100 Hz, stated in half of them. A glider has 14 to 16 of 22 terms that its law offers, a frisbee 9 to 11 of \
+14. Held: shares of the true coefficients within their interval of 95 %. One whose term was not chosen \
+counts as outside. Error over claim: rms, of those chosen. Terms right: flights whose law has the true terms \
+and no other."""
 
 
 @dataclass(frozen=True)
@@ -199,11 +199,10 @@ def main() -> None:
     extra = [n for j in wrong for n in j.extra]
     paged(
         args.output, "coefficients", "Coefficients of the air from flights", about, tabled(heads, rows),
-        f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones: left out were "
-        f"{counted(missed)}; taken beside were {counted(extra)}. "
-        f"{sum(bool(j.refused) for j in found)} flights were refused. Intervals are those of the terms "
-        "chosen: where a flight hardly tells alpha from its square and one is left out, so it is there.",
-        "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends; its "
+        f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones. "
+        f"Left out: {counted(missed)}. Taken beside: {counted(extra)}. {sum(bool(j.refused) for j in found)} flights were refused. "
+        "Intervals do not count the choice of terms.",
+        "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends. Its "
         "law takes it in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
         tabled(("scene", "coefficient", "true", "found"), shipped()),
         "![Lift and drag of a glider over the angle of attack](coefficients.png)",
@@ -212,7 +211,7 @@ def main() -> None:
 
 def counted(names: list[str]) -> str:
     """Names with how often each is there."""
-    return ", ".join(f"{n} ({names.count(n)})" for n in dict.fromkeys(names)) or "none"
+    return ", ".join(f"`{n}` {names.count(n)}" for n in sorted(set(names))) or "none"
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ def reduced(
     four = four_nodes(body, inertia, corners[:, 1:])
     found = replace(recording, body=four, motion=motion, truth=truth, sha256=sha256, history=history)
     noise, left = positions.noise_std or noise, []
-    if recording.motion.center is not None or recording.motion.orientation is not None:
+    if positions.posed:
         left.append(note("pose-not-compared"))
     if beside**2 > NIS_BAND[1] * noise**2:  # nodes do more than an affine body and noise
         left.append(note("modes-left-out", beside_mm=1e3 * beside, noise_mm=1e3 * noise))

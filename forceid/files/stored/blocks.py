@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,16 @@ BLOCK = 1 << 23  # bytes of positions that are looked at together: they stay in 
 
 @dataclass(frozen=True)
 class Positions:
-    """The positions of an open file: (time, node, axis), not read yet. noise_std in m, if stated."""
+    """The positions of an open file: (time, node, axis), not read yet. noise_std in m, if stated; posed: a
+    measured pose stands beside them.
+    """
 
     item: Any
     where: str
     factor: float
     attrs: dict[str, Any]
     noise_std: float | None
+    posed: bool = False
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -93,6 +96,7 @@ def opened(path: str | Path, gravity: Sequence[float] | None = None) -> Iterator
         found = motion_file_groups(f, path)
         motion = found["motion"]
         positions = positions_of(motion.variables["position"], found, f"{path}:/motion/position")
+        positions = replace(positions, posed=any(k in motion.variables for k in ("center", "orientation")))
         frames = positions.shape[0]
         still = np.zeros((frames, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (frames, 1))
         left = {k: v for k, v in motion.variables.items() if k not in ("position", "node")}
