@@ -200,7 +200,8 @@ def main() -> None:
     paged(
         args.output, "coefficients", "Coefficients of the air from flights", about, tabled(heads, rows),
         f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones. "
-        f"Left out: {counted(missed)}. Taken beside: {counted(extra)}. {sum(bool(j.refused) for j in found)} flights were refused. "
+        f"Left out: {counted(missed)}. Taken beside: {counted(extra)}. "
+        f"{sum(bool(j.refused) for j in found)} flights were refused. "
         "Intervals do not count the choice of terms.",
         "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends. Its "
         "law takes it in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
