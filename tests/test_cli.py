@@ -294,6 +294,7 @@ def batch(shelf: Path, out: Path, capsys, *options: str) -> tuple[int, dict[str,
     return code, {Path(r["file"]).stem: r for r in records}
 
 
+@pytest.mark.long
 def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, capsys):
     code, records = batch(shelf, tmp_path, capsys)
     assert code == 1
@@ -318,6 +319,7 @@ def test_bad_file_fails_alone_and_resume_keeps_what_is_current(shelf, tmp_path, 
     assert (tmp_path / "one.result.h5").stat().st_mtime_ns == written
 
 
+@pytest.mark.long
 def test_results_among_the_inputs_of_a_batch_are_left_out_by_what_they_hold(shelf, tmp_path, capsys):
     shutil.copy(shelf / "one.h5", tmp_path / "one.h5")
     quick = ["--method", "difference", "--model", "rigid"]
@@ -345,6 +347,7 @@ def die_on_bad(source: Path, output: Path, _settings: object) -> dict[str, objec
     return {"status": "ok", "file": str(source), "output": str(output)}
 
 
+@pytest.mark.long
 def test_file_that_kills_its_process_fails_alone(monkeypatch):
     monkeypatch.setattr(pool, "run_job", die_on_bad)
     jobs = [(Path(f"{name}.h5"), Path(f"{name}.result.h5")) for name in ("one", "bad", "two")]

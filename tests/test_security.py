@@ -78,6 +78,7 @@ def test_storage_and_links_outside_of_the_file_are_refused(tmp_path):
             read_motion(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hidden", ["title", "node"])
 def test_no_name_in_a_file_becomes_markup_of_a_page(hidden, tmp_path):
     def named(file):

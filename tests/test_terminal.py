@@ -133,6 +133,7 @@ def test_words_of_a_verdict_have_their_color_on_a_terminal_only(monkeypatch):
     assert terminal.colored(text, Screen()) == text
 
 
+@pytest.mark.long
 def test_open_writes_the_page_once_and_gives_it_to_the_browser(result, monkeypatch, capsys):
     asked = []
     monkeypatch.setattr(webbrowser, "open", lambda address: not asked.append(address))

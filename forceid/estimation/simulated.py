@@ -8,10 +8,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from forceid.errors import DataError
+from forceid.errors import DataError, EstimationError
 from forceid.motion import exp, log, rotation_vector_rate
 from forceid.records import Array, Body, Estimate, Flags, Motion, Recording
-from forceid.rounding import ITERATIONS
+from forceid.rounding import ITERATIONS, solvable
 from forceid.significance import TENTH
 
 TURN_A_STEP = 0.25  # rad of a step: by order 4 a turn of so much is right to a millionth
@@ -48,6 +48,7 @@ class Simulated:
         return float(np.sqrt(np.nanmean(np.square(self.off / self.std))))
 
 
+@solvable()
 def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
     """The flight under force and moment of an estimate, and those known beside them.
 
@@ -94,7 +95,14 @@ def start_line(t: Array, left: Array, std: Array, seen: Flags) -> Array:
     """The start and speed (time, 3) that suit what is left best, along every axis."""
     rows = np.stack([np.ones_like(t), t], 1)
     weight = 1 / std[seen, None]
-    return np.asarray(rows @ np.linalg.lstsq(rows[seen] * weight, left[seen] * weight, rcond=None)[0])
+    return np.asarray(rows @ fitted(rows[seen] * weight, left[seen] * weight))
+
+
+def fitted(A: Array, b: Array) -> Array:
+    """Least squares of A x = b; EstimationError where these are no numbers."""
+    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+        raise EstimationError("is too far off to be flown again", "the load", "look for values far off")
+    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], float)
 
 
 def turned_best(t: Array, H: PPoly, estimate: Estimate, std: Array) -> tuple[Array, Array]:
@@ -120,7 +128,7 @@ def turned_best(t: Array, H: PPoly, estimate: Estimate, std: Array) -> tuple[Arr
         r, J = off[seen, 0] / std[seen], (off[seen, 1:] - off[seen, :1]) / probe[:, None] / std[seen, None]
         J = np.swapaxes(J, 1, 2).reshape(-1, 6)
         scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-        move = -np.linalg.lstsq(J / scale, r.ravel(), rcond=None)[0] / scale
+        move = -fitted(J / scale, r.ravel()) / scale
         if np.abs(move * scale).max() < TENTH:
             break
         R0, H0 = exp(move[:3]) @ R0, H0 + move[3:]

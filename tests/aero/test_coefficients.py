@@ -73,6 +73,7 @@ def test_a_law_that_leaves_something_out_claims_less(thrown):
     assert "hang together" in law.notes[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("draw", "law"), [
     (glider, {"lift": ["1", "alpha", "q"], "drag": ["1", "alpha", "alpha^2"], "side": ["beta"],
               "roll": ["beta", "p", "r"], "pitch": ["1", "alpha", "q"], "yaw": ["beta", "p", "r"]}),
@@ -127,6 +128,7 @@ def test_a_wind_that_no_flight_measured_is_missing(thrown):
         fit_flights([("ball", thrown[1])], LawSetting(law=BALL, aero=aero), "law")
 
 
+@pytest.mark.long
 def test_a_measured_wind_is_as_good_as_a_stated_one(thrown):
     drawn, _ = thrown
     stated, measured = ((4.0, -2.0, 0.5), "measured")
@@ -156,6 +158,7 @@ def test_bands_hold_every_line_once_and_lines_are_orthonormal():
     assert (np.bincount(band_of(20)) >= 4).all()
 
 
+@pytest.mark.long
 def test_the_command_writes_a_model_and_flies_it_again(tmp_path, capsys):
     drawn = ball(np.random.default_rng(12))
     motion, result, config = (tmp_path / n for n in ("ball.h5", "ball.result.h5", "aero.toml"))

@@ -12,6 +12,7 @@ from forceid.records import Finding, Verdict
 from forceid.report.page import render_page
 
 playwright = pytest.importorskip("playwright.sync_api")
+pytestmark = pytest.mark.long
 NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 360, "height": 800}  # px
 TITLE = "A boomerang with a marker on every mass"

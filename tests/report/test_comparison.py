@@ -40,6 +40,7 @@ def test_a_load_beyond_its_sigma_is_named_as_what_differs(pair):
     )
 
 
+@pytest.mark.long
 def test_recordings_that_share_no_time_are_drawn_from_their_own_start(pair):
     first, other = pair
     late = Named("late", replace(other.estimate, time=other.estimate.time + 100.0))

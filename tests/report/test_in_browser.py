@@ -16,6 +16,7 @@ from forceid.report.comparison import Named, render_comparison
 from forceid.report.page import render_page
 
 playwright = pytest.importorskip("playwright.sync_api")
+pytestmark = pytest.mark.long
 NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 PHONE, PAPER = {"width": 360, "height": 720}, {"width": 718, "height": 1000}  # px; A4 within margins
 FOCUSABLE = "a[href], button, input, select, textarea, summary, [tabindex]"

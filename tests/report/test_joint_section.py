@@ -119,6 +119,7 @@ def test_errors_within_their_claim_score_about_one(section, untold):
     assert len(untold.heads) == len(section.heads) - 1
 
 
+@pytest.mark.long
 def test_the_page_tells_verdict_sizes_and_consistency_of_the_joints(two):
     estimate, truth = two
     html = render_page(estimate, truth)
@@ -142,6 +143,7 @@ def test_the_null_space_is_named_and_no_figure_drawn_of_it(looped):
     assert "Not told: knee" not in said
 
 
+@pytest.mark.long
 def test_joints_that_are_refused_say_why_on_the_page(two):
     whole, _ = two
     nothing = {

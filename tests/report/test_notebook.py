@@ -49,6 +49,7 @@ def test_numbers_of_a_tree_are_those_of_its_file(result, tmp_path):
     assert from_tree["samples"] == len(result["estimate/time"])
 
 
+@pytest.mark.long
 def test_the_page_is_that_of_the_command_and_stands_in_a_frame(result, tmp_path):
     page = forceid.show_report(result)
     assert page.startswith("<!DOCTYPE html>")
@@ -87,6 +88,7 @@ def test_a_notebook_shows_the_verdict_of_a_result_before_what_it_holds(result, m
     assert type(result.copy(deep=True)) is type(result)
 
 
+@pytest.mark.long
 def test_every_plot_draws_in_axes_that_are_given(result):
     for plot, rows, columns in (
         (forceid.plot_wrench, 3, 2), (forceid.plot_motion, 2, 2), (forceid.plot_load, 1, 1),

@@ -210,6 +210,7 @@ def pushed():
     return parameters, seen(parameters, 2)
 
 
+@pytest.mark.long
 def test_a_push_that_nobody_states_is_noticed(pushed):
     parameters, recording = pushed
     found = joint_forces(recording, jointed(parameters), estimate_whole)
@@ -218,6 +219,7 @@ def test_a_push_that_nobody_states_is_noticed(pushed):
     assert found.consistency > 25
 
 
+@pytest.mark.long
 def test_a_push_on_a_part_named_external_leaves_the_joint_force_to_the_other(pushed):
     parameters, recording = pushed
     alone = {}

@@ -53,6 +53,7 @@ def test_a_longer_lag_errs_less():
     assert errors[0] > errors[1] > errors[2]
 
 
+@pytest.mark.long
 def test_the_same_frames_make_the_same_wrenches_tuned_anew_or_not():
     t, x = frames(900)
     one, other = (followed(t, x, on_file=False, retune=1.0) for _ in range(2))

@@ -150,6 +150,7 @@ def test_center_wrong_by_two_millimeters_costs_what_the_budget_says(rigid, along
     assert agrees(force, wrong_center(motion_of(solution), 2e-3 * along).force)
 
 
+@pytest.mark.long
 def test_center_moved_by_wrong_masses_costs_force_and_moment():
     recording = first(read_motion(DATA / "flexible_boomerang.h5"), 250)
     solution = solved(recording)

@@ -413,6 +413,7 @@ def test_markers_that_stick_to_the_edge_of_the_volume_are_left_out_and_said():
         assert not cleaned(recording.body, still)[1].stuck
 
 
+@pytest.mark.long
 def test_a_few_frames_at_an_edge_leave_force_and_moment_as_claimed():
     for seed in range(3):
         record = clipping(0.03, np.random.default_rng([seed, 5])).recording

@@ -91,6 +91,7 @@ def test_a_wheel_degrades_the_verdict_where_it_is_likelier_than_none():
     assert found.verdict.level == "degraded"
 
 
+@pytest.mark.long
 def test_a_wheel_that_a_larger_moment_hides_is_said_until_it_is_stated():
     slow = [Term(0.02 * np.eye(3)[k], wave(1.3 + 0.4 * k, 2.0 * k)) for k in range(3)]
     for size in (0.03, 0.1, 0.3):

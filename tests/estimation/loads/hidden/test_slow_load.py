@@ -38,6 +38,7 @@ def scored(channel, load):
     return np.sqrt([np.mean(error**2 / var / growth**2), np.mean(error**2 / var)])
 
 
+@pytest.mark.long
 def test_a_load_that_varies_unseen_in_a_short_record_lies_within_its_claim():
     sizes = np.geomspace(0.3, 30.0, 40)  # from what no record shows to what each does
     grown, alone = np.array([scored(*drawn(seed, swing)) for seed, swing in enumerate(sizes)]).T

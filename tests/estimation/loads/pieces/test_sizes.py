@@ -51,6 +51,7 @@ def test_a_flight_that_shows_no_load_claims_the_load_that_noise_hides_there(seed
     assert square < 4 * (var + more)[after].mean()
 
 
+@pytest.mark.long
 def test_no_size_in_a_piece_is_claimed_that_the_record_excludes():
     evidence, pieces = found_in(between_contacts(5, 0.03)[0])
     larger = as_large_as_may_be(evidence, pieces)
