@@ -1,6 +1,7 @@
 """Loads that vary more slowly than a short record shows, on tracks drawn from closed forms."""
 
 import numpy as np
+import pytest
 
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import growth_of
