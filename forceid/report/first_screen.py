@@ -88,7 +88,7 @@ def sentence(verdict: Verdict, estimate: Estimate) -> str:
     if verdict.level == "ok" and all(weak(estimate, name) for name in known):
         return f"You can rely on this: within the shaded bands nothing but weight acts on the body{unknown}."
     if verdict.level == "ok":
-        return f"You can rely on this: {told}, and the shaded bands hold the true values{unknown}."
+        return f"You can rely on this: {told}, and 19 of 20 true values lie within the shaded bands{unknown}."
     count = sum(finding.level == "degraded" for finding in verdict.findings)
     why = "one reason" if count == 1 else f"{count} reasons"
     return f"Use with care: {told}, but for {why} the error may be larger than the shaded bands{unknown}."

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from forceid.records import Estimate, Finding, Verdict
 from forceid.report.page import render_page
 
+NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 TRUE_STD = np.array([0.05, 0.04, 0.06, 0.002, 0.003, 0.002])
 
 
@@ -98,3 +101,16 @@ def page() -> str:
 @pytest.fixture
 def thrown() -> tuple[Estimate, dict[str, np.ndarray]]:
     return make_estimate()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium without a window."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    path = next(filter(None, map(shutil.which, NAMES)), None)
+    if path is None:
+        pytest.skip("no Chromium here")
+    with playwright.sync_playwright() as started:
+        running = started.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield running
+        running.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -11,26 +10,14 @@ import pytest
 from forceid.records import Finding, Verdict
 from forceid.report.page import render_page
 
-playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.long
-NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 360, "height": 800}  # px
 TITLE = "A boomerang with a marker on every mass"
 REASONS = tuple(
     Finding(code, "degraded", {}, "something is wrong; do something about it")
     for code in ("bodies-disagree", "markers-on-line", "innovations-large")
 )
-
-
-@pytest.fixture(scope="module")
-def browser():
-    path = next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
-        pytest.skip("no Chromium here")
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -15,25 +14,12 @@ from forceid.report.batch_page import render_batch
 from forceid.report.comparison import Named, render_comparison
 from forceid.report.page import render_page
 
-playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.long
-NAMES = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 PHONE, PAPER = {"width": 360, "height": 720}, {"width": 718, "height": 1000}  # px; A4 within margins
 FOCUSABLE = "a[href], button, input, select, textarea, summary, [tabindex]"
 UNFOLD = "document.querySelectorAll('details').forEach(e => { e.open = true; })"
 DESK = {"width": 1280, "height": 800}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium without a window."""
-    path = next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
-        pytest.skip("no Chromium here")
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield running
-        running.close()
 
 
 def joints(frames):
