@@ -174,9 +174,9 @@ def estimate_beside(
     rounded = judge_rounding(motion, solution.kinematics.noise)
     said = (*rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
-    witness = witness_of(
-        body, motion, solution.state, solution.kinematics.color, bool(len(solution.kinematics.shapes))
-    )
+    found = solution.kinematics
+    deforms = bool(len(found.shapes))
+    witness = witness_of(body, motion, solution.state, found.color, deforms, found.of_center)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     known = None

@@ -122,6 +122,39 @@ class LowPassed:
         return passed(self.density, gain, self.step)
 
 
+@dataclass(frozen=True)
+class SharedErrors:
+    """Errors of the place of a body that follow themselves: std m along each axis, rate 1/s; step s."""
+
+    std: float
+    rate: float
+    step: float
+
+    @property
+    def cov(self) -> Array:
+        """What they add to the covariance (6, 6) of a pose, center first."""
+        return np.diag([self.std**2] * 3 + [0.0] * 3)
+
+    def density(self, w: Array) -> Array:
+        """Spectral density m2 s at w (...) rad/s.
+
+        >>> SharedErrors(2.0, 5.0, 0.01).density(np.zeros(1)).round(9).tolist()
+        [1.6]
+        """
+        return np.asarray(self.std**2 * matern_density(1, 1.0, self.rate, w))
+
+    def beside(self, var: Array) -> Color:
+        """The color of the errors of a mass center of variances var (...) in all, white but for these."""
+        share = min(self.std**2 / max(float(np.nanmedian(var)), self.std**2), 1.0)
+        return Color(1, self.rate, share, self.step)
+
+    def colored(self, model: StateSpace, step: Array) -> StateSpace:
+        """A model whose channels begin with the mass center, with states of these errors."""
+        root = np.zeros((len(step) + 1, model.R.shape[-1], 3))
+        root[:, :3] = self.std * np.eye(3)
+        return Color(1, self.rate, 1.0, self.step).beside(model, root, step)
+
+
 Colored = Color | LowPassed
 
 

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.errors import EstimationError
 from forceid.flight.attitude import ReferenceTrajectory, between, cubics, turn_along
-from forceid.flight.color import Color, root_of
+from forceid.flight.color import Color, SharedErrors, root_of
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
@@ -45,7 +45,8 @@ class Flight:
     modes: in which it bends, None for none. With them center, rotation and pose_cov are those of the frames
     with the deformation taken out, inertia and h those along the path of the modes. known: what known loads
     bring beside those that are states; their path is no part of the center; color: of the errors of poses and
-    of what frames say of the modes, None for white ones.
+    of what frames say of the modes, None for white ones; shared: errors of the center beside those, None for
+    none.
     """
 
     time: Array
@@ -60,12 +61,15 @@ class Flight:
     modes: FlyingModes | None = None
     known: KnownPart | None = None
     color: Color | None = None
+    shared: SharedErrors | None = None
 
     def colored(self, model: StateSpace, errors: slice) -> StateSpace:
         """A model whose channels begin with some of (center, rotation), with the color of their errors.
 
         Behind the poses come channels of modes, with unit errors, and what is read otherwise.
         """
+        if self.shared is not None and errors.start == 0:
+            model = self.shared.colored(model, np.diff(self.time))
         if self.color is None:
             return model
         seen = np.isfinite(self.rotation).all((1, 2), keepdims=True)

@@ -118,6 +118,7 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
     if (
         flight.sensors is not None
         or flight.color is not None
+        or flight.shared is not None
         or force.body_axes is not None
         or moment.body_axes is not None
         or force.tuned.pieces is not None

@@ -23,7 +23,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.priors.stated import Stated
-from forceid.flight.spectral_start import Channels, Peak, first_sight, sight
+from forceid.flight.spectral_start import Box, Channels, Peak, first_sight, sight
 from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
@@ -72,14 +72,7 @@ def tune_loads(
     known = Stated() if stated is None else stated
     orders = orders if known.order is None else (known.order,)
     axes, likelihood, runs = z.shape[1], for_tuning(engine).log_likelihood, runs_of(time, z, noise_var)
-    edges = search_box(time, z, gain, 0)
-
-    def box(order: int) -> tuple[Array, Array]:
-        lower, upper = (np.tile([level + order * rate, rate], (axes, 1)) for level, rate in edges)
-        for at, value in ((0, known.std), (1, known.rate_at(order))):
-            if value is not None:  # what a coordinate that does not move stands for is taken from `known`
-                lower[:, at] = upper[:, at] = np.log(value)
-        return lower, upper
+    box = search_boxes(time, z, gain, axes, known)
 
     def numbers(points: Array, order: int) -> tuple[Array, Array]:
         return known.held(order, *natural(points, order))
@@ -187,6 +180,20 @@ def tune_loads(
         kernel = best.kernel.of(np.where(still, strong, np.arange(axes)))
         best = replace(best, kernel=kernel.scaled(np.where(still, LEAK, 1.0)))
     return best
+
+
+def search_boxes(time: Array, z: Array, gain: float, axes: int, known: Stated | None = None) -> Box:
+    """Lowest and highest search points (axis, 2) of an order, on channels z (time, axis)."""
+    edges, known = search_box(time, z, gain, 0), Stated() if known is None else known
+
+    def box(order: int) -> tuple[Array, Array]:
+        lower, upper = (np.tile([level + order * rate, rate], (axes, 1)) for level, rate in edges)
+        for at, value in ((0, known.std), (1, known.rate_at(order))):
+            if value is not None:  # what a coordinate that does not move stands for is taken from `known`
+                lower[:, at] = upper[:, at] = np.log(value)
+        return lower, upper
+
+    return box
 
 
 def by_axis(

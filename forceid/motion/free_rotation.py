@@ -9,6 +9,7 @@ Source: principal equations 4b, 4f.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from forceid.motion.pose import exp, log
 from forceid.principal import cross_matrix as skew
@@ -119,7 +120,8 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
 def largest_turn(time: Array, R: Array) -> float:
     """Largest rotation (rad) of R (time, 3, 3) between frames a usual step apart; zero where there is none.
 
-    Frames that are NaN are not there: the usual step is that of the frames which show a rotation.
+    Frames that are NaN are not there: the usual step is that of the frames which show a rotation. One pose
+    that is off turns two steps in a row: of five steps the median counts.
     """
     seen = np.isfinite(R).all((1, 2))
     step = np.diff(time[seen])
@@ -127,7 +129,7 @@ def largest_turn(time: Array, R: Array) -> float:
         return 0.0
     near = step < WIDE_STEP * np.median(step)
     turned = log((R[seen][1:] @ R[seen][:-1].swapaxes(1, 2))[near])
-    return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
+    return float(median_filter(np.linalg.norm(turned, axis=1), 5).max(initial=0.0))
 
 
 def rotation_vector_rate(phi: Array, omega: Array) -> Array:

@@ -17,7 +17,7 @@ from forceid.estimation.body.mass_center import affine_center, center_of_mass, w
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
-from forceid.flight.color import Color, Colored, LowPassed
+from forceid.flight.color import Color, Colored, LowPassed, SharedErrors
 from forceid.flight.elastic import Elastic
 from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
 from forceid.principal import summation_operator
@@ -42,7 +42,8 @@ class Kinematics:
     elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
     them; both None elsewhere; color: of the errors, None for white ones; loud (time,): variance of
     those of a frame over the usual one, None where all are as loud; late (time, 6) m, rad: what frames that
-    come early or late are off by, one standard deviation, None where none are.
+    come early or late are off by, one standard deviation, None where none are; shared: errors of the mass
+    center that all markers share, None for none.
     """
 
     time: Array
@@ -69,6 +70,7 @@ class Kinematics:
     color: Colored | None = None
     loud: Array | None = None
     late: Array | None = None
+    shared: SharedErrors | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -89,12 +91,20 @@ class Kinematics:
         """Covariance (time, 6, 6) that the pose of a frame counts with, of errors as they are there."""
         cov = self.pose.cov if self.loud is None else self.pose.cov * self.loud[:, None, None]
         cov = cov if self.late is None else cov + self.late[:, :, None] * self.late[:, None, :]
-        return cov * self.color.counted if isinstance(self.color, LowPassed) else cov
+        cov = cov * self.color.counted if isinstance(self.color, LowPassed) else cov
+        return cov if self.shared is None else cov + self.shared.cov
 
     @property
     def memory(self) -> Color | None:
         """The color of errors that have a memory of their own, None where they are white or low-passed."""
         return self.color if isinstance(self.color, Color) else None
+
+    @property
+    def of_center(self) -> Color | None:
+        """The color of the errors of the mass center, None where they are white or low-passed."""
+        if self.shared is None:
+            return self.memory
+        return self.shared.beside(np.einsum("taa->t", self.counted_cov[:, :3, :3]) / 3)
 
     @property
     def deforms(self) -> bool:

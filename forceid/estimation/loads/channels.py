@@ -45,7 +45,7 @@ def force_channel(kin: Kinematics, gravity: Array) -> Channel:
     z = center - 0.5 * (time - time[0])[:, None] ** 2 * gravity
     cov = np.where(np.isfinite(kin.counted_cov[:, :3, :3]), kin.counted_cov[:, :3, :3], np.eye(3))
     new = slice(None, None, kin.every)
-    return Channel(time[new], z[new], 1 / kin.inertia.mass, cov[new], np.zeros((3, 3)), kin.memory)
+    return Channel(time[new], z[new], 1 / kin.inertia.mass, cov[new], np.zeros((3, 3)), kin.of_center)
 
 
 def check_turns(kin: Kinematics) -> None:
@@ -166,6 +166,7 @@ def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measure
         modes=modes,
         known=kin.known,
         color=kin.memory,
+        shared=kin.shared,
     )
 
 

@@ -222,7 +222,7 @@ def solution_of(problem: Problem) -> Solution:
     alone = {name: problem.turned_at(name) if kin.attitude else None for name in problem.channels}
     misfit = shown_misfit(problem.channels, priors, flight.time, state.innovation, alone)
     swings = any(prior.lines for prior in priors.values())
-    filtered = judge_filter(kin, None if hidden is None else hidden.band, swings)
+    filtered = judge_filter(kin, swings)
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),

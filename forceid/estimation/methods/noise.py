@@ -29,7 +29,6 @@ from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.engines import Engine
 from forceid.kalman.tuning.calibration import slow_noise_cov
 from forceid.records import Array, Finding, Level, Motion
-from forceid.rounding import SINGLE
 from forceid.significance import PATIENCE
 
 CORRELATED = 0.5  # innovations, from frame to frame
@@ -100,18 +99,16 @@ def widened_by_slow_errors(
     return replace(state, wrench_cov=cov)
 
 
-def judge_filter(kin: Kinematics, band: Array | None = None, lines: bool = False) -> list[Finding]:
-    """Tracks that were low-passed: harmless where loads are not followed up to the cut; band (load,) Hz.
+def judge_filter(kin: Kinematics, lines: bool = True) -> list[Finding]:
+    """Tracks that were low-passed: they show loads up to the cut, and a claim is of no faster ones.
 
-    lines: whether loads hold any. One beyond half the rate of the frames that tell anything new shows as its
+    lines: whether loads may hold any. One beyond half the rate of the frames that tell anything new shows as its
     mirror image below, and which of both it is they do not say.
     """
     color = kin.color
     if not isinstance(color, LowPassed):
         return []
-    highest = 0.5 / (color.every * color.step)
-    below = band is not None and not lines and not (band > (1 - SINGLE) * highest).any()
-    return [note("smoothed-at-source", "ok" if below else "degraded", cut_hz=color.cut)]
+    return [note("smoothed-at-source", "degraded" if lines else "ok", cut_hz=color.cut)]
 
 
 def may_show(kin: Kinematics, motion: Motion) -> bool:

@@ -19,6 +19,7 @@ from forceid.estimation.loads.hidden.ringing_body import Ringing
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
+from forceid.flight.color import SharedErrors
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
@@ -36,7 +37,7 @@ class Problem:
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
     stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
     loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that come
-    early or late are off by; slow, the noise of tracks whose errors follow each other, None for none; near,
+    early or late are off by; shared, errors of all markers at once; slow, the noise of tracks whose errors follow each other, None for none; near,
     priors that those of the same lines are near to. Found: driven, the kinematics with the deformation taken
     out; noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is
     tells of the noise of markers; notes, findings of this pass; at_limit: by variable, whether the likelihood
@@ -59,6 +60,7 @@ class Problem:
     lines: Lines = NO_LINES
     errors: MarkerErrors | None = None
     late: Array | None = None
+    shared: SharedErrors | None = None
     slow: dict[str, Array] | None = None
     near: dict[str, LoadPrior] = field(default_factory=dict)
     driven: DrivenMotion = TO_COME
@@ -124,15 +126,14 @@ class Problem:
 
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""
-        if self.driven and kin is self.driven.looked:  # by the pass before
-            return self
-        driven = None if self.causal else self.shown
+        driven = self.driven or (None if self.causal else self.shown)  # by the pass before, or the look
         if driven is None or kin is not driven.looked:
             driven = driven_motion(kin, self.motion.gravity, self.engine, self.causal)
         color, loud = (None, None) if self.errors is None else (self.errors.color, self.errors.loud)
-        if color is not driven.kin.color or loud is not driven.kin.loud or self.late is not driven.kin.late:
-            driven = replace(driven, kin=replace(driven.kin, color=color, loud=loud, late=self.late))
-        return replace(self, driven=driven)
+        own = {"color": color, "loud": loud, "late": self.late, "shared": self.shared}
+        if any(getattr(driven.kin, name) is not one for name, one in own.items()):
+            driven = replace(driven, kin=replace(driven.kin, **own))
+        return self if driven is self.driven else replace(self, driven=driven)
 
     def turned_at(self, load: str) -> Array:
         """Rotation (sample, 3, 3) of the body at the samples of the channel of a load."""

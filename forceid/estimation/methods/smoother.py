@@ -33,6 +33,7 @@ from forceid.estimation.methods.problem import Problem, Solution
 from forceid.estimation.methods.tuning import (
     cut_force,
     cut_moment,
+    find_shared_errors,
     find_slow_errors,
     see_motion,
     settle_noise,
@@ -115,6 +116,7 @@ def beside_more_lines(problem: Problem, harmonics: Collection[str]) -> Problem:
 PASS: tuple[Stage, ...] = (
     see_motion,
     tune_force,
+    find_shared_errors,
     settle_noise,
     find_slow_errors,
     cut_force,

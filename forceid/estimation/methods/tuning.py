@@ -13,6 +13,7 @@ from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.body.tracks.late_frames import lateness
 from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.pieces.character import with_character
+from forceid.estimation.loads.shared_errors import may_be_shared, shared_errors
 from forceid.estimation.methods.noise import errors_shared, measured_errors, noise_beyond_motion
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
@@ -45,6 +46,8 @@ def see_motion(problem: Problem) -> Problem:
     errors, std, said = (None, None, ()) if slow else measured_errors(kin, problem.motion)
     if std is not None:
         kin, limits = problem.look({source: np.diag(std)}), STATED if followed else limits
+    if problem.shared is not None:
+        limits = 1.0, 1.0
     late, filtered = None, errors is not None and isinstance(errors.color, LowPassed)
     if kin.attitude and not kin.deforms and not filtered:
         found = lateness(kin.time, kin.pose)
@@ -142,6 +145,28 @@ def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
     weak = found < np.exp(-SIGMAS * UNEVEN) * like
     std, rates = np.where(weak, size, kernel.std), np.where(weak, rate, kernel.rate)
     return prior.with_kernel(Matern(kernel.order, std, rates)) if weak.any() else prior
+
+
+@stage("noise")
+def find_shared_errors(problem: Problem) -> Problem:
+    """Errors that all markers share, of a body whose markers tell all others, and the force beside them."""
+    kin, force = problem.kin, problem.priors["force"]
+    told = problem.source == "position" and kin.attitude and bool((kin.pose.dof > 0).any())
+    if problem.shared is not None or kin.deforms or not told or kin.every > 1 or kin.memory is not None:
+        return problem
+    alone = (1.0, 1.0)  # which what no motion makes has told
+    known = kin.stated[problem.source] or problem.errors is not None
+    if not known or stated_of(problem.settings, "force") is not None or not may_be_shared(force):
+        return problem
+    shared = shared_errors(problem.driven.force, problem.engine)
+    if shared is None:
+        return problem
+    found = replace(problem, shared=shared, noise_range=alone, near={})
+    found = tune_force(found.seeing(problem.driven.looked))
+    if found.priors["force"].tuned.log_likelihood < force.tuned.log_likelihood + PATIENCE:
+        return problem
+    held = 1 / shared.rate
+    return found.noting(note("errors-of-all", std_mm=1e3 * shared.std, memory_s=held))
 
 
 @stage("noise")

@@ -94,7 +94,9 @@ def judge_common(kin: Kinematics) -> list[Finding]:
     if not count:
         return []
     ratio = float(np.nansum(kin.pose.chi_square[dof])) / count
-    if ratio > min(AGREE, 1 - WILD * np.sqrt(2 / count)):
+    # the noise is that of the center where this showed another one: known by its readings alone
+    unsure = np.sqrt(2 / count + 2 / (3 * dof.sum()))
+    if ratio > min(AGREE, 1 - WILD * unsure):
         return []
     noise = 1e3 * kin.noise["position"]
     return [note("errors-shared", agree_mm=noise * np.sqrt(ratio), noise_mm=noise)]

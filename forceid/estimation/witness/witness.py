@@ -44,12 +44,17 @@ UNITS = {"force": "N", "moment": "N m"}
 
 @stage("witness")
 def witness_of(
-    body: Body, motion: Motion, state: FlightState, color: Colored | None = None, deforms: bool = False
+    body: Body,
+    motion: Motion,
+    state: FlightState,
+    color: Colored | None = None,
+    deforms: bool = False,
+    of_center: Colored | None = None,
 ) -> Witness | None:
     """The plain route of a motion beside a state; None where it shows neither mass center nor turn.
 
     color: of the errors of markers, None for white ones; deforms: whether the body is known to, which markers
-    may hardly show.
+    may hardly show; of_center: the color of the errors of the mass center, where it is another one.
     """
     time, shown = motion.time, motion
     if isinstance(color, LowPassed):
@@ -60,18 +65,18 @@ def witness_of(
         return None
     found: dict[str, Array] = {}
     given = np.full((len(time), 6), np.nan) if state.given is None else state.given
-    for name, channel, load, claim, momentum in (
-        ("force", route.force, state.force, std[:, :3], given[:, :3]),
-        ("moment", route.moment, state.moment, std[:, 3:], given[:, 3:]),
+    for name, channel, load, claim, momentum, own in (
+        ("force", route.force, state.force, std[:, :3], given[:, :3], of_center or color),
+        ("moment", route.moment, state.moment, std[:, 3:], given[:, 3:], color),
     ):
         values = deviations = np.full((len(time), 3), np.nan)
         numbers = {key: np.full(3, np.nan) for key in ("cutoff", *COMPARED)}
         if channel is not None:
             spectrum, cuts = spectrum_and_cuts(channel)
-            values, deviations = low_passed(time, channel, cuts, color)
+            values, deviations = low_passed(time, channel, cuts, own)
             numbers = {"cutoff": np.array([cut.frequency for cut in cuts])}
             path = integrated(time, momentum) if np.isfinite(momentum).all() else None
-            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim, color, path)
+            numbers |= apart_in_bands(channel, spectrum, cuts, time, load, claim, own, path)
         found |= {name: values, f"{name}_std": deviations}
         found |= {f"{key}_{name}": value for key, value in numbers.items()}
     return Witness(**found)

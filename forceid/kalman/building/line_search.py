@@ -56,6 +56,7 @@ def line_candidates(
     span, count = float(np.ptp(time)), len(time)
     step = span / (count - 1)
     frequency = np.fft.rfftfreq(2 * count, step)[1:-1]
+    highest = highest_shown(time, innovation)
     v = winsorized(innovation)
     power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
     share = power / local_level(v)[1:-1] / np.maximum((v**2).sum(0), 1.0)
@@ -65,8 +66,8 @@ def line_candidates(
     stands = np.maximum(share.max(1), joint - np.log1p(joint + 0.5 * joint**2))
     for f in looked:
         stands[np.abs(frequency - f) * span <= 1] = 0.0
-    stands[frequency * span < 2] = 0.0  # so slow is any smooth load
-    harmonics = [h for h in (spin, 2 * spin) if 0 < h < 0.5 / step]
+    stands[(frequency * span < 2) | (frequency >= highest)] = 0.0  # so slow is any smooth load
+    harmonics = [h for h in (spin, 2 * spin) if 0 < h < highest]
     found: list[tuple[float, Candidate]] = []
     for h in (*harmonics, *(line.frequency for line in lines)):
         near = np.abs(frequency - h) * span <= 1
@@ -78,6 +79,16 @@ def line_candidates(
         found.append((stands[k], Candidate(float(frequency[k]), named=False)))
         stands[np.abs(frequency - frequency[k]) * span <= 2] = 0.0
     return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
+
+
+def highest_shown(time: Array, innovation: Array) -> float:
+    """Half the rate, Hz, of the frames that innovations (time, channel) are of: beyond it lines are mirrored.
+
+    >>> highest_shown(np.arange(5) / 10, np.array([[0.1], [np.nan], [0.2], [np.nan], [0.1]])).__round__(9)
+    2.5
+    """
+    told = time[np.isfinite(innovation).any(1)]
+    return 0.5 / float(np.median(np.diff(told))) if len(told) > 1 else 0.0
 
 
 def local_level(v: Array) -> Array:
@@ -187,6 +198,7 @@ def find_line(
     have no line.
     """
     span, center = float(np.ptp(time)), candidate.frequency
+    highest = highest_shown(time, filtered.innovation)
     v = winsorized(filtered.innovation)
     level = local_level(v)[round(2 * center * span)]
     sets = [along for along in ALONG if {*along} <= {*open_axes}]
@@ -202,7 +214,7 @@ def find_line(
 
     def best_of(frequency: Array, decay: Array) -> tuple[float, float, int, float, Array, Array]:
         frequency, decay = (a.ravel() for a in np.meshgrid(frequency, decay))
-        possible = (frequency * span >= 1) & (frequency < 0.5 * (len(time) - 1) / span)
+        possible = (frequency * span >= 1) & (frequency < highest)
         frequency, decay = frequency[possible], decay[possible]
         parts = np.array_split(np.arange(len(frequency)), 1 + len(frequency) * len(time) // (ROOM // 18))
         gained, std = map(np.concatenate, zip(*(gains(frequency[p], decay[p]) for p in parts), strict=True))

@@ -105,16 +105,23 @@ def test_spin_well_below_half_a_turn_is_not_said():
 
 
 def test_largest_turn_skips_gaps_and_takes_rare_frames_as_they_come():
-    R = Rotation.from_rotvec(np.outer([0.0, 0.1, 0.3, 0.9, 1.1, 1.2], [0, 0, 1])).as_matrix()
-    time = np.arange(6.0)
+    turns = np.repeat([0.1, 0.6, 0.2], 5)
+    R = Rotation.from_rotvec(np.outer(np.cumsum([0.0, *turns]), [0, 0, 1])).as_matrix()
+    time = np.arange(16.0)
     assert largest_turn(time, R) == pytest.approx(0.6)
     gap = R.copy()
-    gap[3] = np.nan
+    gap[6:10] = np.nan
     assert largest_turn(time, gap) == pytest.approx(0.2)
-    R[[1, 3, 5]] = np.nan
-    assert largest_turn(time, R) == pytest.approx(0.8)
+    R[1::2] = np.nan
+    assert largest_turn(time, R) == pytest.approx(1.2)
     R[1:] = np.nan
     assert largest_turn(time, R) == 0.0
+
+
+def test_one_pose_that_is_off_is_no_fast_turn():
+    R = Rotation.from_rotvec(np.outer(0.1 * np.arange(20), [0, 0, 1])).as_matrix()
+    R[7] = R[7] @ Rotation.from_rotvec([3.0, 0, 0]).as_matrix()
+    assert largest_turn(np.arange(20.0), R) == pytest.approx(0.1)
 
 
 def test_lost_frames_are_counted_with_their_longest_run():

@@ -10,8 +10,8 @@ in the body, at one beside it, and at neither.
 A wheel that would take the moment beyond its claim is said, unless the record excludes it, and degrades the
 verdict where it is more likely than none; its moment is no part of the claim, which would say nothing of the
 rest then. A smaller one is in the claim. What flies without weight touches nothing, and turns by wheels as a
-rule: there any wheel that the record does not exclude degrades the verdict, and is in the claim. Source:
-principal equations 2.4.
+rule: there any wheel that the record does not exclude is said, and is in the claim. Source: principal
+equations 2.4.
 """
 
 from __future__ import annotations

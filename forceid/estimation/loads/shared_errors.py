@@ -1,0 +1,74 @@
+"""Errors that all markers share, as those of cameras that sway: they move the mass center, and leave the shape.
+
+No number that markers have beside the pose shows them. They show in the mass center alone, as errors that do
+not average out: a walk that is held, s^2 of variance and a rate 1/s at which it forgets. A load makes a
+motion that falls by w^-6 at the least, and errors by w^-2: the spectrum tells them apart, but where both are
+as slow as the record is long. Source: theory of one model, 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from forceid.flight.channels import Channel, load_axes, runs_of
+from forceid.flight.color import SharedErrors
+from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.spectral_start import FIRST_ORDER, Channels, Sight, first_sight
+from forceid.flight.tuning import FREE, ORDERS, search_boxes
+from forceid.kalman.engines import Engine
+from forceid.records import Array
+from forceid.significance import NUMBER, PATIENCE
+
+TRIED = 6  # sizes, and rates, of the first grid
+AROUND = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of a step, about the best, in a grid that is closer
+ROUNDS = 4  # grids: the last has steps of a quarter of the first one, in logarithm
+SIZES = (0.1, 300.0)  # variance over that of the mass center by its markers alone, from hardly seen on
+RAISED = 1.02  # factor on the noise of the mass center that 1e3 samples tell from one
+
+
+def may_be_shared(prior: LoadPrior) -> bool:
+    """Whether the prior of a force asks for errors that markers do not show, or for a force as rough as these."""
+    return bool(prior.tuned.noise.max() > RAISED or getattr(prior.kernel, "order", ORDERS[-1]) <= FIRST_ORDER)
+
+
+def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
+    """The likeliest errors of the mass center, beside those of its markers, that follow themselves.
+
+    channel: of the force, under the errors of markers alone. None where none are e^PATIENCE likelier.
+    """
+    seen = np.isfinite(channel.z).all(1)
+    time, axes = channel.time, load_axes(channel.time[seen], channel.z[seen])
+    z, var = channel.z @ axes, channel.var(axes)
+    boxes = search_boxes(time, z, channel.gain, z.shape[1])
+    looked = Channels(runs_of(time, z, var), channel.gain, np.zeros(3), (), None, boxes, engine)
+    if not looked.even:
+        return None
+    sight, step = first_sight(time, z, looked, (0.0, 0.0)), float(np.median(np.diff(time)))
+    alone = sight.spectrum.noise
+    without = value(sight, alone)
+    sizes = float(np.median(var[seen].mean(1))) * np.geomspace(*SIZES, TRIED)
+    rates = np.geomspace(2 * np.pi / np.ptp(time), 1 / step, TRIED)
+    closer = np.array([sizes[1] / sizes[0], rates[1] / rates[0]])
+    for turn in range(ROUNDS):
+        tried = [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
+        each = [value(sight, alone + one.density(sight.spectrum.w[0])) for one in tried]
+        best, found = tried[int(np.argmax(each))], max(each)
+        if turn == 0:
+            if found < without + PATIENCE + 2 * NUMBER:
+                return None
+            noisier = [(t, y, v + best.std**2) for t, y, v in looked.runs]
+            told = replace(looked, runs=noisier, color=best.beside(var + best.std**2))
+            sight = first_sight(time, z, told, (0.0, 0.0))
+        else:
+            closer = closer**0.5
+        sizes, rates = (at * by**AROUND for at, by in zip((best.std**2, best.rate), closer, strict=True))
+    return best
+
+
+def value(sight: Sight, noise: Array) -> float:
+    """Whittle's likelihood of the likeliest load under a noise of density (axis, group)."""
+    under = replace(sight, spectrum=replace(sight.spectrum, noise=noise))
+    level, together = np.zeros(len(noise)), np.ones((len(noise),) * 2, bool)
+    return float(under.peaks((FIRST_ORDER, FREE), (level, level), together)[2].sum(1).max())
