@@ -1,4 +1,4 @@
-"""Errors that all markers share, as those of cameras that sway: they move the mass center, and leave the shape.
+"""Errors that all markers share, as of cameras that sway: they move the mass center, and leave the shape.
 
 No number that markers have beside the pose shows them. They show in the mass center alone, as errors that do
 not average out: a walk that is held, s^2 of variance and a rate 1/s at which it forgets. A load makes a
@@ -29,7 +29,7 @@ RAISED = 1.02  # factor on the noise of the mass center that 1e3 samples tell fr
 
 
 def may_be_shared(prior: LoadPrior) -> bool:
-    """Whether the prior of a force asks for errors that markers do not show, or for a force as rough as these."""
+    """Whether the prior of a force asks for errors that markers do not show, or for a force as rough."""
     return bool(prior.tuned.noise.max() > RAISED or getattr(prior.kernel, "order", ORDERS[-1]) <= FIRST_ORDER)
 
 

@@ -11,7 +11,7 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.hidden import inner_wheel, ringing_body
+from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.left_out import (
     as_fast_as_on_modes,
@@ -145,13 +145,20 @@ def allow_for_priors(problem: Problem) -> Problem:
         clock = channels["moment"].time
         force = state.force[np.isin(problem.flight.time, clock)]
         beside["moment"] = inner_wheel.signals(clock, turned["moment"], force)
+    told = told_of_body(problem, channels, turned)
+    for name, (signals, _) in told.items():
+        beside[name] = np.concatenate([*([beside[name]] if name in beside else []), signals], 2)
     looks = {
         name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
         for name, channel in channels.items()
     }
-    told = {name: stated_of(problem.settings, name) for name in looks}
-    rivals = {name: look for name, look in looks.items() if (one := told[name]) is None or not one.whole}
+    known = {name: stated_of(problem.settings, name) for name in looks}
+    rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
     growth = growth_along_own(state, rivals)
+    for name, (signals, std) in told.items():
+        own = looks[name].beside(slice(-signals.shape[2], None))
+        growth, said = body_told.allow_for_told(own, std, state, growth, name)
+        problem = problem.noting(*said)
     shape = markers_beside_pose(kin, looks)
     problem = replace(problem, looks=looks)
     if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
@@ -163,6 +170,26 @@ def allow_for_priors(problem: Problem) -> Problem:
     weightless = not problem.motion.gravity.any()
     growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, arm, weightless)
     return replace(problem, growth=growth).noting(*said)
+
+
+def told_of_body(
+    problem: Problem, channels: Mapping[str, Channel], turned: Mapping[str, Array]
+) -> dict[str, tuple[Array, float]]:
+    """What a mass center and an inertia told as numbers may make of each channel, and how far off these are.
+
+    Not where settings say how well these are known, nor of mass told by its places.
+    """
+    kin, doubt, told = problem.kin, problem.settings.body_std, {}
+    if kin.inertia.nodal is not None or not kin.attitude or kin.deforms:
+        return {}
+    if "force" in channels and not doubt.mass_center:
+        told["force"] = turned["force"], body_told.balanced(kin.inertia)
+    if "moment" in channels and not doubt.inertia:
+        clock = channels["moment"].time
+        omega = problem.state.omega[np.isin(problem.flight.time, clock)]
+        wrong = body_told.by_inertia(clock, turned["moment"], omega, kin.inertia.tensor)
+        told["moment"] = wrong, body_told.SWUNG
+    return told
 
 
 def allow_for_modes(problem: Problem) -> Problem:

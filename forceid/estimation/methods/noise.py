@@ -102,8 +102,8 @@ def widened_by_slow_errors(
 def judge_filter(kin: Kinematics, lines: bool = True) -> list[Finding]:
     """Tracks that were low-passed: they show loads up to the cut, and a claim is of no faster ones.
 
-    lines: whether loads may hold any. One beyond half the rate of the frames that tell anything new shows as its
-    mirror image below, and which of both it is they do not say.
+    lines: whether loads may hold any. One beyond half the rate of the frames that tell anything new shows as
+    its mirror image below, and which of both it is they do not say.
     """
     color = kin.color
     if not isinstance(color, LowPassed):

@@ -37,8 +37,8 @@ class Problem:
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
     stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
     loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that come
-    early or late are off by; shared, errors of all markers at once; slow, the noise of tracks whose errors follow each other, None for none; near,
-    priors that those of the same lines are near to. Found: driven, the kinematics with the deformation taken
+    early or late are off by; shared, errors of all markers at once; slow, the noise of tracks whose errors
+    follow each other, None for none; near, priors that those of the same lines are near to. Found: driven, the kinematics with the deformation taken
     out; noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is
     tells of the noise of markers; notes, findings of this pass; at_limit: by variable, whether the likelihood
     wanted less noise than it was allowed; apiece, priors tuned on a channel each; priors, flight and state;

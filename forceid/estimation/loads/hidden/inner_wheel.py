@@ -74,7 +74,7 @@ def allow_for_wheels(
     wheel, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6))
     found = wheels(wheel, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
     without = (
-        1.0 if weightless else float(np.mean([1.0, *(np.exp(gained(point, arm)[0]) for point in points)]))
+        1.0 if weightless else float(np.mean([1.0, *(np.exp(point.gained(arm)[0]) for point in points)]))
     )
     total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
@@ -112,15 +112,7 @@ def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
     scale = float(np.sqrt(np.einsum("tah,tah->", made, made) / len(made)))
     count = 1 + max(int(np.log(max(most * scale / least, 1.0)) / SPACING), 0)
     for size in most * np.exp(-SPACING * np.arange(count)):
-        more, h, cov = gained(look, float(size))
+        more, h, cov = look.gained(float(size))
         off = np.mean((made @ h) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
         found.append(Wheel(float(size), float(np.exp(more)) / count, np.sqrt(off), h))
     return found
-
-
-def gained(look: Whitened, size: float) -> tuple[float, Array, Array]:
-    """Log-likelihood that signals gain of amounts normal with std size; the amounts, and their covariance."""
-    A, (h, cov) = look.signals.reshape(-1, look.signals.shape[2]), look.amounts(size)
-    more = look.evidence(h) - look.evidence() - 0.5 * h @ h / size**2
-    more -= 0.5 * np.linalg.slogdet(np.eye(len(h)) + size**2 * A.T @ A)[1]
-    return min(float(more), 500.0), h, cov

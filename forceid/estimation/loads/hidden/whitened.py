@@ -25,6 +25,7 @@ from forceid.significance import OUTLIER
 RATES_TRIED = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 FAINTEST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
+MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
 NONE_OF_SIX = 6.0 + 1  # odds that a component has no load, as none of six may: rule of succession (Laplace)
 
 
@@ -119,6 +120,13 @@ class Whitened:
         A = self.signals.reshape(-1, self.signals.shape[2])
         cov = np.asarray(np.linalg.inv(A.T @ A + np.eye(len(A.T)) / std**2), float)
         return cov @ (A.T @ self.innovation.ravel()), cov
+
+    def gained(self, std: float) -> tuple[float, Array, Array]:
+        """Log-likelihood that signals gain of amounts normal with std; the amounts, and their covariance."""
+        A, (amount, cov) = self.signals.reshape(-1, self.signals.shape[2]), self.amounts(std)
+        more = self.evidence(amount) - self.evidence() - 0.5 * amount @ amount / std**2
+        more -= 0.5 * np.linalg.slogdet(np.eye(len(amount)) + std**2 * A.T @ A)[1]
+        return min(float(more), MOST_GAINED), amount, cov
 
     def evidence(self, amounts: ArrayLike = ()) -> float:
         """Log-likelihood of the record over all candidates, beside amounts (column,) of the first signals."""

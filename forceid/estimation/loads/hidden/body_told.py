@@ -1,0 +1,71 @@
+"""A mass center or an inertia told a little wrong, which passes for a load that turns with the body.
+
+A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
+told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Both are
+patterns that the motion fixes, and the record is more or less likely with them: beforehand as likely as none,
+of the size that usual measurements leave. Who states how well the body is known (body_std) is believed.
+Source: principal equations 2.4, 2.6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from forceid.estimation.body.inertia import Inertia
+from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
+from forceid.estimation.loads.hidden.whitened import Whitened
+from forceid.estimation.verdict.body_errors import SYMMETRIC
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.sensitivity import length
+from forceid.flight.smoother import FlightState
+from forceid.records import Array, Finding
+from forceid.significance import SIGMAS
+
+BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
+SWUNG = 0.02  # of moments of inertia: as well they are known by swings of a body on wires
+
+
+def balanced(inertia: Inertia) -> float:
+    """How far off, m, the mass center of a body may well be told: of the length of a rod of its gyration."""
+    return BALANCED * float(np.sqrt(12 * 0.5 * np.trace(inertia.tensor) / inertia.mass))
+
+
+def by_inertia(time: Array, rotation: Array, omega: Array, inertia: Array) -> Array:
+    """What the channel of a moment (time, 3, 6) sees of entries of J told too large, over its diagonal.
+
+    omega (time, 3) rad/s, world axes; inertia (3, 3) kg m2, body axes.
+    """
+    spin, scale, H = np.einsum("tba,tb->ta", rotation, omega), np.sqrt(np.diagonal(inertia)), []
+    for i, j in SYMMETRIC:
+        wrong = np.zeros((3, 3))
+        wrong[i, j] = wrong[j, i] = scale[i] * scale[j]
+        H.append(np.einsum("tab,bc,tc->ta", rotation, wrong, spin, optimize=True))
+    return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
+
+
+def allow_for_told(
+    look: Whitened, std: float, state: FlightState, growth: Array, load: str
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; a finding if that matters.
+
+    look: at the channel of a load beside what a wrong body makes; std: of that, before the record is seen.
+    """
+    own, edge = slice(0, 3) if load == "force" else slice(3, 6), len(look.loads) // 8
+    axes, made = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
+    claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
+    more, wrong, cov = look.gained(std)
+    off = np.sqrt(
+        np.mean((made @ wrong) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
+    )
+    odds = np.exp(more)
+    further = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
+    further[..., own, own] = axes * np.sqrt(1 + odds / (1 + odds) * (off / claimed) ** 2) @ axes.mT
+    growth = np.asarray(further @ growth)
+    if not odds * (off / claimed).max() ** 2 > SIGMAS**2 * (1 + odds):
+        return growth, ()
+    size, unit = float(np.linalg.norm(off)), "N" if load == "force" else "N m"
+    code = "center-told" if load == "force" else "inertia-told"
+    amount = float(np.linalg.norm(wrong)) * (1e3 if load == "force" else 100.0)
+    found = length(state.force if load == "force" else state.moment)
+    return growth, (note(code, amount=amount, made=size, found=found, unit=unit),)
