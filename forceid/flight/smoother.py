@@ -169,6 +169,7 @@ def settled(
     seen = np.isfinite(flight.rotation).all((1, 2))
     attitude_seen = attitude_is_observed(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
+    swamped = TENTH * rest  # by less the errors of what is measured are no larger
     rest *= near if attitude_seen else TENTH
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
@@ -198,7 +199,7 @@ def settled(
         if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
             break
     assert found is not None
-    if size > SETTLED and attitude_seen:
+    if size > max(SETTLED, swamped) and attitude_seen:
         what = f"does not settle: its last step turned the path by {size:.1e} rad"
         raise EstimationError(what, *unsettled(flight))
     return *found[:3], reference

@@ -67,9 +67,14 @@ def choose_axes(problem: Problem) -> Problem:
     problem = replace(problem, gained=gained, between=between if between.any() else None)
     if not taken:
         return problem
-    solved, before = along(problem, taken), np.isfinite(problem.state.wrench_cov)
-    if np.isfinite(solved.state.wrench_cov)[before].all():
-        return solved
+    before = np.isfinite(problem.state.wrench_cov)
+    try:
+        solved = along(problem, taken)
+        if np.isfinite(solved.state.wrench_cov)[before].all():
+            return solved
+    except EstimationError:  # what does not settle along axes of the body stays along those of the world
+        if asked == "body":
+            raise
     if asked == "body":
         raise EstimationError(
             "loads along axes of the body leave covariances that rounding swamps",

@@ -34,19 +34,20 @@ TO_COME: Any = None  # a stage fills it before another reads it
 class Problem:
     """What is given of a recording, what passes so far have learned, and what this pass has found.
 
-    Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the noise
-    stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out; lines of the
-    loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that come
-    early or late are off by; shared, errors of all markers at once; slow, the noise of tracks whose errors
-    follow each other, None for none; near, priors that those of the same lines are near to. Found: driven, the kinematics with the deformation taken
-    out; noise_range, factors that the tuning may put on the noise; followed: whether how smooth a pose is
-    tells of the noise of markers; notes, findings of this pass; at_limit: by variable, whether the likelihood
-    wanted less noise than it was allowed; apiece, priors tuned on a channel each; priors, flight and state;
-    wild: what nothing explains. Claimed: plain (time, 6, 6), the covariance of the
-    wrench before allowances; gained: numbers of body axes; between (time, 6, 6): variance of the wrench
-    between axes of its loads that the record does not tell apart, None for none; growth: of the errors
-    claimed, moving: of those of affine modes; impulses: of loads that come in pieces; ringing: loads that may
-    ring with the body unseen; looks: channels as their priors whiten them.
+    Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the
+    noise stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out;
+    lines of the loads; errors, of the markers as what no motion makes shows them; late (time, 6), what
+    frames that come early or late are off by; shared, errors of all markers at once; slow, the noise of
+    tracks whose errors follow each other, None for none; near, priors that those of the same lines are
+    near to. Found: driven, the kinematics with the deformation taken out; noise_range, factors that the
+    tuning may put on the noise; followed: whether how smooth a pose is tells of the noise of markers;
+    notes, findings of this pass; at_limit: by variable, whether the likelihood wanted less noise than it
+    was allowed; apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing
+    explains. Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers
+    of body axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record
+    does not tell apart, None for none; growth: of the errors claimed, moving: of those of affine modes;
+    impulses: of loads that come in pieces; ringing: loads that may ring with the body unseen; looks:
+    channels as their priors whiten them.
     """
 
     body: Body
