@@ -23,6 +23,7 @@ from forceid.significance import NUMBER, PATIENCE
 
 TRIED = 6  # sizes, and rates, of the first grid
 AROUND = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of a step, about the best, in a grid that is closer
+SMALLER = np.geomspace(1.0, 0.1, 9)  # shares of the likeliest size, a third of an octave apart
 ROUNDS = 4  # grids: the last has steps of a quarter of the first one, in logarithm
 SIZES = (0.1, 300.0)  # variance over that of the mass center by its markers alone, from hardly seen on
 RAISED = 1.02  # factor on the noise of the mass center that 1e3 samples tell from one
@@ -34,37 +35,75 @@ def may_be_shared(prior: LoadPrior) -> bool:
 
 
 def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
-    """The likeliest errors of the mass center, beside those of its markers, that follow themselves.
+    """The least errors of the mass center, beside those of its markers, that follow themselves.
 
-    channel: of the force, under the errors of markers alone. None where none are e^PATIENCE likelier.
+    channel: of the force, under the errors of markers alone. None where none are e^PATIENCE likelier, or
+    where they come and go: then it is a load.
     """
     seen = np.isfinite(channel.z).all(1)
-    time, axes = channel.time, load_axes(channel.time[seen], channel.z[seen])
-    z, var = channel.z @ axes, channel.var(axes)
-    boxes = search_boxes(time, z, channel.gain, z.shape[1])
-    looked = Channels(runs_of(time, z, var), channel.gain, np.zeros(3), (), None, boxes, engine)
-    if not looked.even:
+    axes, step = load_axes(channel.time[seen], channel.z[seen]), float(np.median(np.diff(channel.time)))
+    sight = seen_alone(channel, axes, engine)
+    if sight is None:
         return None
-    sight, step = first_sight(time, z, looked, (0.0, 0.0)), float(np.median(np.diff(time)))
-    alone = sight.spectrum.noise
-    without = value(sight, alone)
-    sizes = float(np.median(var[seen].mean(1))) * np.geomspace(*SIZES, TRIED)
-    rates = np.geomspace(2 * np.pi / np.ptp(time), 1 / step, TRIED)
+    alone, without = sight.spectrum.noise, value(sight, sight.spectrum.noise)
+    sizes = float(np.median(channel.var(axes)[seen].mean(1))) * np.geomspace(*SIZES, TRIED)
+    rates = np.geomspace(2 * np.pi / np.ptp(channel.time), 1 / step, TRIED)
     closer = np.array([sizes[1] / sizes[0], rates[1] / rates[0]])
-    for turn in range(ROUNDS):
-        tried = [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
+
+    def likeliest(tried: list[SharedErrors]) -> tuple[SharedErrors, float]:
         each = [value(sight, alone + one.density(sight.spectrum.w[0])) for one in tried]
-        best, found = tried[int(np.argmax(each))], max(each)
+        return tried[int(np.argmax(each))], max(each)
+
+    for turn in range(ROUNDS):
+        best, found = likeliest(
+            [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
+        )
         if turn == 0:
             if found < without + PATIENCE + 2 * NUMBER:
                 return None
-            noisier = [(t, y, v + best.std**2) for t, y, v in looked.runs]
-            told = replace(looked, runs=noisier, color=best.beside(var + best.std**2))
-            sight = first_sight(time, z, told, (0.0, 0.0))
+            sight = seen_alone(channel, axes, engine, best)
         else:
             closer = closer**0.5
         sizes, rates = (at * by**AROUND for at, by in zip((best.std**2, best.rate), closer, strict=True))
-    return best
+    fast, least = best.std**2 * best.rate, best  # what is fast of them is what the record fixes
+    for std in best.std * SMALLER:  # slow errors that the record does not ask for stay loads
+        rates = fast / std**2 * np.geomspace(0.5, 2.0, TRIED)
+        smaller, likely = likeliest([SharedErrors(float(std), float(r), step) for r in rates])
+        if likely < found - PATIENCE:
+            break
+        least = smaller
+    return least if lasting(channel, axes, engine, least) else None
+
+
+def seen_alone(
+    channel: Channel, axes: Array, engine: Engine, shared: SharedErrors | None = None
+) -> Sight | None:
+    """The channel along axes as whitened by the likeliest load of one order; None of too few samples.
+
+    shared: errors that the noise of that has.
+    """
+    z, var = channel.z @ axes, channel.var(axes)
+    boxes = search_boxes(channel.time, z, channel.gain, z.shape[1])
+    color = None
+    if shared is not None:
+        var = var + shared.std**2
+        color = shared.beside(var)
+    looked = Channels(runs_of(channel.time, z, var), channel.gain, np.zeros(3), (), color, boxes, engine)
+    return first_sight(channel.time, z, looked, (0.0, 0.0)) if looked.even else None
+
+
+def lasting(channel: Channel, axes: Array, engine: Engine, shared: SharedErrors) -> bool:
+    """Whether each half of a record is likelier with the errors than without: cameras sway all the time."""
+    middle = len(channel.time) // 2
+    for half in (slice(0, middle), slice(middle, None)):
+        time, z, cov = (a[half] for a in (channel.time, channel.z, channel.noise_cov))
+        sight = seen_alone(replace(channel, time=time, z=z, noise_cov=cov), axes, engine)
+        if sight is None:
+            return False
+        alone = sight.spectrum.noise
+        if value(sight, alone + shared.density(sight.spectrum.w[0])) < value(sight, alone):
+            return False
+    return True
 
 
 def value(sight: Sight, noise: Array) -> float:

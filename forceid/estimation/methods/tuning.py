@@ -163,7 +163,10 @@ def find_shared_errors(problem: Problem) -> Problem:
         return problem
     found = replace(problem, shared=shared, noise_range=alone, near={})
     found = tune_force(found.seeing(problem.driven.looked))
-    if found.priors["force"].tuned.log_likelihood < force.tuned.log_likelihood + PATIENCE:
+    rival = in_pieces(settle_noise(problem), "force").priors[
+        "force"
+    ]  # a load may change its character instead
+    if found.priors["force"].tuned.log_likelihood < rival.tuned.log_likelihood:
         return problem
     held = 1 / shared.rate
     return found.noting(note("errors-of-all", std_mm=1e3 * shared.std, memory_s=held))

@@ -226,7 +226,7 @@ def test_a_load_that_kinks_is_said():
     assert judge_roughness({"force": cf.load_prior(2)}) == []
 
 
-@pytest.mark.parametrize(("size", "said"), [(0.1, False), (0.7, True), (1.0, True)])
+@pytest.mark.parametrize(("size", "said"), [(0.1, False), (1.0, True), (3.0, True)])
 def test_slow_errors_that_all_markers_share_are_said_and_counted(size, said):
     case = shared_errors(size, np.random.default_rng([2, 2026]))
     found = estimate_recording(case.recording, load_settings())
