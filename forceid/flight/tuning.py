@@ -163,6 +163,9 @@ def tune_loads(
         start = (peak[0], level)
         peak, same = by_axis(lambda same: search(order, limits, same, start), axes, pays_apart(order))
     at, level, value = peak
+    if seen is not None and limits[1] == limits[0]:
+        at = seen.spectrum.typical(at, order, level, box(order))
+        value = objective(at[None, :, None], level[None], order)[0, :, 0]
     if known.std is not None:  # then it varies
         return tuned(order, at, level, float(value.sum()), np.ones(axes, bool))
     none = box(order)[0]
