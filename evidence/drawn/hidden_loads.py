@@ -57,15 +57,16 @@ over claim: of force and moment within the band, the median, and the largest of 
 
 
 def slow_part(error: Array, band: float, rate: float) -> Array:
-    """What of an error (time,) lies below a frequency.
+    """What of an error (time,) lies below a frequency, its middle weighed more, so that no faster part leaks in.
 
-    Of less than three cycles: its mean, weighed so that no faster part of it leaks in.
+    Of less than three cycles: its mean.
     """
+    weight = np.sin(np.pi * np.linspace(0, 1, len(error))) ** 4
     if band * len(error) / rate < 3.0:
-        weight = np.sin(np.pi * np.linspace(0, 1, len(error))) ** 4
         return np.full(1, weight @ error / weight.sum())
     if band < 0.45 * rate:
-        error = sosfiltfilt(butter(4, 2 * band / rate, output="sos"), error)
+        error = sosfiltfilt(butter(4, 2 * band / rate, output="sos"), error * weight)
+        error = error / np.sqrt(np.mean(weight**2))
     return error
 
 
@@ -96,7 +97,7 @@ def judge_record(case: DrawnRecord, found: Estimate) -> dict[str, float]:
         slow, waves = error, case.kind == "oscillation" and case.facts["load"] == name
         if waves:
             slow = np.where(float(case.facts["frequency"]) > band, without_wave(error, case, t), error)
-        parts = [np.mean(judged_part(slow_part(e, b, rate)) ** 2) for e, b in zip(slow.T, band, strict=True)]
+        parts = [np.mean(slow_part(judged_part(e), b, rate) ** 2) for e, b in zip(slow.T, band, strict=True)]
         scores[name] = float(np.sqrt(np.mean(np.array(parts) / (std**2).mean(0))))
         scores[f"{name}_plain"] = float(np.sqrt(np.mean((judged_part(error) / std) ** 2)))
         if waves:
