@@ -57,7 +57,7 @@ over claim: of force and moment within the band, the median, and the largest of 
 
 
 def slow_part(error: Array, band: float, rate: float) -> Array:
-    """What of an error (time,) lies below a frequency, its middle weighed more, so that no faster part leaks in.
+    """What of an error (time,) lies below a frequency, its ends weighed least, so that no faster part leaks.
 
     Of less than three cycles: its mean.
     """
