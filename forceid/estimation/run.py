@@ -351,7 +351,7 @@ def assemble(
         shape_said = [*judge_reference(recording.body, kin), *shape_said]
     findings = [
         *findings,
-        *judge_leakage(leaks, kin),
+        *judge_leakage(leaks),
         *judge_overlap(kin, solution.deformation.amplitude, solution.priors, force_std),
         *judge_size(kin),
         *judge_haste(kin, state.force),

@@ -163,9 +163,6 @@ def tune_loads(
         start = (peak[0], level)
         peak, same = by_axis(lambda same: search(order, limits, same, start), axes, pays_apart(order))
     at, level, value = peak
-    if seen is not None and limits[1] == limits[0]:
-        at = seen.spectrum.typical(at, order, level, box(order))
-        value = objective(at[None, :, None], level[None], order)[0, :, 0]
     if known.std is not None:  # then it varies
         return tuned(order, at, level, float(value.sum()), np.ones(axes, bool))
     none = box(order)[0]
@@ -183,6 +180,40 @@ def tune_loads(
         kernel = best.kernel.of(np.where(still, strong, np.arange(axes)))
         best = replace(best, kernel=kernel.scaled(np.where(still, LEAK, 1.0)))
     return best
+
+
+def typical(
+    found: Tuned,
+    time: Array,
+    z: Array,
+    gain: float,
+    noise_var: Array,
+    drift: Array,
+    lines: tuple[Line, ...] = (),
+    engine: Engine | None = None,
+    color: Color | None = None,
+) -> Tuned:
+    """A prior as found by `tune_loads`, moved to a load that follows what half of the likely ones do.
+
+    The likeliest load may be one of many that a record hardly tells apart, from slow to so fast that it
+    follows noise. What varies on no axis, comes in pieces or has no ordinates stays as it was found.
+    """
+    kernel, axes = found.kernel, z.shape[1]
+    box = search_boxes(time, z, gain, axes)
+    channels = Channels(runs_of(time, z, noise_var), gain, drift, lines, color, box, for_tuning(engine))
+    if not isinstance(kernel, Matern) or found.pieces is not None or not channels.even:
+        return found
+    varies = kernel.std > 2 * LEAK * kernel.std.max()
+    order, level = kernel.order, np.log(found.noise)
+    lower, upper = box(order)
+    if not varies.any() or (varies.all() and (points_of(kernel)[:, 0] <= lower[:, 0]).all()):
+        return found
+    at = np.clip(points_of(kernel), lower, upper)
+    about = sight(channels, order, at, level)
+    likely = Matern(order, *natural(about.spectrum.typical(at, order, level, (lower, upper)), order))
+    strong = likely.of(np.where(varies, np.arange(axes), np.where(varies, kernel.std, 0.0).argmax()))
+    kernel = strong.scaled(np.where(varies, 1.0, LEAK))
+    return replace(found, kernel=kernel)
 
 
 def search_boxes(time: Array, z: Array, gain: float, axes: int, known: Stated | None = None) -> Box:

@@ -24,7 +24,7 @@ IN_OCTAVE = 8  # groups of ordinates: over one, a spectrum that falls by w^16 ch
 IMAGES = (0, -1)  # of a spectrum, that samples fold onto its own; at most a percent is in the next
 RATES_SEEN, CROSSINGS_SEEN, NOISES_SEEN = 8, 10, 7  # starts: about two to an octave of a thousand samples
 RATES_WEIGHED, SIZES_WEIGHED = 24, 96  # candidates, over a box: a third of an octave apart
-ALIKE = 0.1  # of a logarithm: ordinates that two loads follow
+NEAR_MIDDLE = 0.1  # of a logarithm: ordinates that two loads follow
 LONGEST_STEP = 1.0  # of a logarithm: about as far as a spectrum is known to bend as it does here
 
 
@@ -145,7 +145,7 @@ class Spectrum:
             weight = np.exp(value - value.max()).ravel()
             by = follows.ravel().argsort()
             middle = follows.ravel()[by][np.searchsorted(weight[by].cumsum(), 0.5 * weight.sum())]
-            near = np.abs(np.log(follows / middle)) < ALIKE
+            near = np.abs(np.log(follows / middle)) < NEAR_MIDDLE
             found[axis] = tried[np.unravel_index(np.where(near, value, -np.inf).argmax(), value.shape)]
         return found
 

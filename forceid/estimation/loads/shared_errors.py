@@ -21,11 +21,11 @@ from forceid.kalman.engines import Engine
 from forceid.records import Array
 from forceid.significance import NUMBER, PATIENCE
 
-TRIED = 6  # sizes, and rates, of the first grid
-AROUND = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of a step, about the best, in a grid that is closer
+SHARES_TRIED = 6  # sizes, and rates, of the first grid
+CLOSER_BY = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of a step, about the best, in a grid that is closer
 SMALLER = np.geomspace(1.0, 0.1, 9)  # shares of the likeliest size, a third of an octave apart
 ROUNDS = 4  # grids: the last has steps of a quarter of the first one, in logarithm
-SIZES = (0.1, 300.0)  # variance over that of the mass center by its markers alone, from hardly seen on
+SHARED_SIZES = (0.1, 300.0)  # variance over that of the mass center by its markers alone, from hardly seen on
 RAISED = 1.02  # factor on the noise of the mass center that 1e3 samples tell from one
 
 
@@ -45,30 +45,30 @@ def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
     sight = seen_alone(channel, axes, engine)
     if sight is None:
         return None
-    alone, without = sight.spectrum.noise, value(sight, sight.spectrum.noise)
-    sizes = float(np.median(channel.var(axes)[seen].mean(1))) * np.geomspace(*SIZES, TRIED)
-    rates = np.geomspace(2 * np.pi / np.ptp(channel.time), 1 / step, TRIED)
+    alone: Array = sight.spectrum.noise
+    without = value(sight, alone)
+    sizes = float(np.median(channel.var(axes)[seen].mean(1))) * np.geomspace(*SHARED_SIZES, SHARES_TRIED)
+    rates = np.geomspace(2 * np.pi / np.ptp(channel.time), 1 / step, SHARES_TRIED)
     closer = np.array([sizes[1] / sizes[0], rates[1] / rates[0]])
 
-    def likeliest(tried: list[SharedErrors]) -> tuple[SharedErrors, float]:
+    def likeliest(tried: list[SharedErrors], sight: Sight) -> tuple[SharedErrors, float]:
         each = [value(sight, alone + one.density(sight.spectrum.w[0])) for one in tried]
         return tried[int(np.argmax(each))], max(each)
 
     for turn in range(ROUNDS):
-        best, found = likeliest(
-            [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
-        )
+        grid = [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
+        best, found = likeliest(grid, sight)
         if turn == 0:
             if found < without + PATIENCE + 2 * NUMBER:
                 return None
-            sight = seen_alone(channel, axes, engine, best)
+            sight = seen_alone(channel, axes, engine, best) or sight
         else:
             closer = closer**0.5
-        sizes, rates = (at * by**AROUND for at, by in zip((best.std**2, best.rate), closer, strict=True))
+        sizes, rates = (at * by**CLOSER_BY for at, by in zip((best.std**2, best.rate), closer, strict=True))
     fast, least = best.std**2 * best.rate, best  # what is fast of them is what the record fixes
     for std in best.std * SMALLER:  # slow errors that the record does not ask for stay loads
-        rates = fast / std**2 * np.geomspace(0.5, 2.0, TRIED)
-        smaller, likely = likeliest([SharedErrors(float(std), float(r), step) for r in rates])
+        rates = fast / std**2 * np.geomspace(0.5, 2.0, SHARES_TRIED)
+        smaller, likely = likeliest([SharedErrors(float(std), float(r), step) for r in rates], sight)
         if likely < found - PATIENCE:
             break
         least = smaller

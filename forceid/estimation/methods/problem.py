@@ -131,9 +131,11 @@ class Problem:
         if driven is None or kin is not driven.looked:
             driven = driven_motion(kin, self.motion.gravity, self.engine, self.causal)
         color, loud = (None, None) if self.errors is None else (self.errors.color, self.errors.loud)
-        own = {"color": color, "loud": loud, "late": self.late, "shared": self.shared}
-        if any(getattr(driven.kin, name) is not one for name, one in own.items()):
-            driven = replace(driven, kin=replace(driven.kin, **own))
+        was, late, shared = driven.kin, self.late, self.shared
+        pairs = (color, was.color), (loud, was.loud), (late, was.late), (shared, was.shared)
+        if any(one is not other for one, other in pairs):
+            errors = replace(was, color=color, loud=loud, late=late, shared=shared)
+            driven = replace(driven, kin=errors)
         return self if driven is self.driven else replace(self, driven=driven)
 
     def turned_at(self, load: str) -> Array:

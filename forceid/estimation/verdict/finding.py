@@ -17,7 +17,6 @@ from forceid.flight.instruments import INSTRUMENTS
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
 from forceid.records import Finding, Level, Motion, Verdict
-from forceid.significance import TENTH
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
@@ -131,19 +130,11 @@ def judge_tuning(kin: Kinematics, noise_at_limit: dict[str, bool]) -> list[Findi
     return found
 
 
-def judge_leakage(found: Leakage | None, kin: Kinematics) -> list[Finding]:
-    """Markers nearly on a line, whose noise turns the body farther than a claim is linear; shapes that look
-    like rigid motion from where the markers are.
-    """
+def judge_leakage(found: Leakage | None) -> list[Finding]:
+    """Shapes that look like rigid motion from where the markers are."""
     if found is None:
         return []
     said = []
-    turned = kin.pose.cov[np.isfinite(kin.pose.cov).all((1, 2)), 3:, 3:]
-    turn = np.sqrt(np.linalg.eigvalsh(turned)[:, -1].mean()) if len(turned) else 0.0
-    if np.isfinite(found.condition) and turn > TENTH:
-        said.append(
-            note("markers-nearly-on-line", condition=found.condition, turn_deg=float(np.degrees(turn)))
-        )
     for k in np.flatnonzero(found.sine < NEARLY_RIGID):
         part = found.to_rigid[k]
         said.append(note("shape-looks-rigid", shape=found.name[k], sine=found.sine[k], percent=part))

@@ -7,7 +7,7 @@ from scipy.special import ndtri
 
 from forceid.estimation.verdict.catalogue import note
 from forceid.records import Array, Finding, Level
-from forceid.significance import CHANCE, PATIENCE, SIGMAS
+from forceid.significance import DENIED, PATIENCE, SIGMAS
 
 NIS_BAND = (0.6, 1.3)  # mean squared innovation over its covariance
 AMISS = 1.5  # errors over those claimed, from which on a claim is too small to be called right
@@ -59,11 +59,11 @@ CHANNELS = ("center x", "center y", "center z", "rotation x", "rotation y", "rot
 def wild_innovation(time: Array, innovation: Array, nis: Array) -> tuple[float, float] | None:
     """Largest whitened innovation, in standard deviations, and its time s; None where that may be chance.
 
-    Chance is what the largest of so many exceeds in one record of a hundred.
+    Chance is what the largest of so many exceeds in one record of ten thousand.
     """
     size = np.abs(np.nan_to_num(innovation)).max(1)
     k = int(size.argmax())
-    limit = float(ndtri(1 - 0.5 * CHANCE / max(np.isfinite(innovation).sum(), 1)))
+    limit = float(ndtri(1 - 0.5 * DENIED / max(np.isfinite(innovation).sum(), 1)))
     return (float(size[k]), float(time[k])) if size[k] > limit * max(np.sqrt(np.nanmean(nis)), 1.0) else None
 
 

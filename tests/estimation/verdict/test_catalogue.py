@@ -96,9 +96,9 @@ def test_a_file_without_codes_keeps_its_sentences():
 
 
 def test_what_is_not_finite_is_no_number_of_a_file():
-    found = note("markers-nearly-on-line", condition=float("inf"), turn_deg=1.0)
-    assert found.values == {"condition": None, "turn_deg": 1.0}
-    assert "condition inf" in found.text
+    found = note("errors-shared", agree_mm=float("inf"), noise_mm=1.0)
+    assert found.values == {"agree_mm": None, "noise_mm": 1.0}
+    assert "to inf mm" in found.text
 
 
 def test_a_code_that_the_catalogue_lacks_is_an_error():

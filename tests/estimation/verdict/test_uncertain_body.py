@@ -33,7 +33,8 @@ def wrong_body(body, rng):
 
 
 def of_one_sample(recording, body_std, k):
-    found = estimate_recording(recording, load_settings(model="rigid", body_std=body_std))
+    settings = load_settings(model="rigid", body_std=body_std, internal_momentum=(0, 0, 0))
+    found = estimate_recording(recording, settings)
     return found.force[k], found.moment[k], found.wrench_cov[k], found.center[k]
 
 

@@ -309,19 +309,6 @@ def test_loads_without_a_number_are_left_to_what_made_them_so():
     assert judge_loads(replace(found)) == []
 
 
-def test_markers_almost_on_a_line_are_said_where_their_noise_turns_the_body_farther_than_a_claim_is_linear():
-    body = cf.points([-0.1, 0, 0, 0.1], [0.1, 0, 0, 0.05], [0, 0.002, 0, 0.05])  # a millimeter: 35 degrees
-    whole = {"total_mass": 0.2, "mass_center": np.zeros(3), "inertia": 1e-3 * np.eye(3)}
-    body = replace(body, mass=None, **whole)
-    for noise in (5e-5, 5e-4):
-        recording = cf.toss(body=body, noise=noise)
-        kin = seen(recording)
-        found = judge_leakage(leakage(recording.body, kin), kin)
-        assert len(found) == (noise > 1e-4)
-    assert "their noise turns the body by 1" in found[0].text
-    assert "; add a marker" in found[0].text
-
-
 def test_mode_that_looks_rigid_from_the_markers_is_named():
     # heavy tips that no marker shows bend against the middle, which moves almost as one
     mass = np.array([0.02] * 6 + [0.05, 0.05])
@@ -336,7 +323,7 @@ def test_mode_that_looks_rigid_from_the_markers_is_named():
     x[:, 6:] = np.nan
     kin = seen(cf.seen_as(recording, x), model="rigid")
     found = leakage(body, kin)
-    (text,) = [f.text for f in judge_leakage(found, kin)]
+    (text,) = [f.text for f in judge_leakage(found)]
     assert text.startswith("mode 1 (8 Hz) moves the markers almost as a rigid motion does")
     assert "strain gauges" in text
     assert found.to_rigid[0] > 50
@@ -345,8 +332,8 @@ def test_mode_that_looks_rigid_from_the_markers_is_named():
 def test_good_markers_and_no_markers_are_not_remarked_on():
     recording = cf.toss()
     kin = seen(recording)
-    assert judge_leakage(leakage(recording.body, kin), kin) == []
-    assert judge_leakage(None, kin) == []
+    assert judge_leakage(leakage(recording.body, kin)) == []
+    assert judge_leakage(None) == []
 
 
 def overlapping(claimed, rate=30.0, std=1.0):
@@ -386,9 +373,9 @@ def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over(
 def test_an_innovation_that_chance_does_not_make_is_said_once():
     v = white()
     assert innovations_judged(v) == []
-    v[200, 1] = 5.2
+    v[200, 1] = 6.2
     (text,) = innovations_judged(v)
-    assert "5.2 sigma" in text
+    assert "6.2 sigma" in text
     again = judge_innovations(TIME, v, (v**2).mean(1), np.ones(6), wild_said=True)
     assert again == []
 
@@ -397,7 +384,9 @@ def test_as_few_records_are_called_wild_by_chance_as_stated():
     rng = np.random.default_rng(1)
     drawn, right = rng.standard_normal((2000, 400, 6)), np.ones(400)
     called = [wild_innovation(TIME, v, right) is not None for v in drawn]
-    assert 8 <= sum(called) <= 33  # of 2000, one in a hundred
+    assert sum(called) <= 3  # of 2000, one in ten thousand
+    called = [wild_innovation(TIME, 1.25 * v, right) is not None for v in drawn]
+    assert sum(called) >= 20  # of normal samples of unit variance a quarter too large
 
 
 @pytest.mark.parametrize(("step", "said"), [(1e-6, False), (5e-5, False), (3e-3, True)])

@@ -7,10 +7,9 @@ acts at a point which stands still, in the body or beside it: the foot of a top 
 takes its momentum away. Beforehand a wheel is as likely as none, and where there is none, a force at a point
 in the body, at one beside it, and at neither.
 
-A wheel that would take the moment beyond its claim is said, unless the record excludes it, and degrades the
-verdict where it is more likely than none; its moment is no part of the claim, which would say nothing of the
-rest then. A smaller one is in the claim. What flies without weight touches nothing, and turns by wheels as a
-rule: there any wheel that the record does not exclude is said, and is in the claim. Source: principal
+Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
+record excludes it, and is in the claim as if it were there; the verdict is degraded where it is likelier than
+none. What flies without weight touches nothing: there no force at a point is a rival. Source: principal
 equations 2.4.
 """
 
@@ -80,17 +79,18 @@ def allow_for_wheels(
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     odds = sum(wheel.odds for wheel in beyond)
     excluded = STRONG * odds <= total - odds
-    allowed = found if weightless and not excluded else [wheel for wheel in found if wheel not in beyond]
+    weights = [(w, 0.0 if excluded else w.odds / odds) for w in beyond]
+    weights += [(w, w.odds / total) for w in found if w not in beyond]
     own = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
-    more = np.sqrt(1 + sum(w.odds / total * (w.off / claimed) ** 2 for w in allowed))
+    more = np.sqrt(1 + sum(weight * (w.off / claimed) ** 2 for w, weight in weights))
     own[..., 3:, 3:] = axes * more @ axes.mT
     growth = np.asarray(own @ growth)
     if excluded:
         return growth, ()
     first = max(beyond, key=lambda wheel: wheel.odds)
-    likelier = "inner-wheel" if odds > total - odds else "inner-wheel-possible"
     said = note(
-        "inner-wheel-weightless" if weightless else likelier,
+        "inner-wheel",
+        "degraded" if odds > total - odds else "ok",
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],

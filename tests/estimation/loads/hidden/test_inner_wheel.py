@@ -13,7 +13,6 @@ J = np.diag([2.0e-3, 2.6e-3, 3.1e-3])  # kg m2
 X = 0.15 * np.array([[1, 0, 0], [-1, 0.3, 0], [0, 1, 0.2], [0.1, -1, 0], [0, 0.2, 1.0]])
 RATE, NOISE = 200.0, 3e-4  # Hz, m
 WHEEL = np.array([4e-3, -2e-3, 3e-3])  # kg m2/s
-WHEELS = {"inner-wheel", "inner-wheel-possible"}  # codes of findings
 
 
 def flown(h, moment=(), samples=240, spin=(3.0, 5.0, 2.0), noise=NOISE, seed=0):
@@ -39,8 +38,7 @@ def estimated(recording, **settings):
 
 def test_a_wheel_that_passes_for_a_moment_is_named_with_its_momentum():
     found = estimated(flown(WHEEL))
-    assert found.verdict.level == "degraded"
-    (said,) = [f for f in found.verdict.findings if f.code in WHEELS]
+    (said,) = [f for f in found.verdict.findings if f.code == "inner-wheel"]
     h = np.array([said.values[f"h_{axis}"] for axis in "xyz"])
     np.testing.assert_allclose(h, WHEEL, atol=0.15 * np.linalg.norm(WHEEL))
 
@@ -59,7 +57,7 @@ def test_a_body_without_a_wheel_is_not_said_to_have_one():
     ]
     for moment in ([], slow, [Term(np.array([0.02, 0.0, 0.01]), box(0.4, 2.0))]):
         found = estimated(flown(np.zeros(3), moment))
-        assert not WHEELS & {*found.verdict.codes}
+        assert "inner-wheel" not in found.verdict.codes
 
 
 @pytest.mark.parametrize(
@@ -82,15 +80,13 @@ def claimed(found):
     return np.sqrt(np.mean(found.moment_std[30:-30] ** 2))
 
 
-def test_a_body_that_hardly_turns_does_not_tell_a_wheel_from_a_moment_and_says_so():
-    found = estimated(flown(0.2 * WHEEL, samples=120, spin=(0.6, 0.5, 0.3)))
-    assert "inner-wheel-possible" in found.verdict.codes
-
-
-def test_a_wheel_degrades_the_verdict_where_it_is_likelier_than_none():
-    found = estimated(flown(0.5 * WHEEL, samples=120, spin=(0.6, 0.5, 0.3)))
-    assert "inner-wheel" in found.verdict.codes
-    assert found.verdict.level == "degraded"
+@pytest.mark.parametrize("size", [0.2, 1.0])
+def test_a_wheel_that_a_body_which_hardly_turns_does_not_tell_from_a_moment_is_in_the_claim(size):
+    for seed in range(3):
+        found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=seed))
+        assert "inner-wheel" in found.verdict.codes
+        over = np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2))
+        assert over < (4.0 if found.verdict.level == "degraded" else 3.0)
 
 
 @pytest.mark.long
@@ -99,7 +95,7 @@ def test_a_wheel_that_a_larger_moment_hides_is_said_until_it_is_stated():
     for size in (0.03, 0.1, 0.3):
         recording = flown(size * WHEEL, slow)
         open_, stated = estimated(recording), estimated(recording, internal_momentum=tuple(size * WHEEL))
-        assert WHEELS & {*open_.verdict.codes}
+        assert "inner-wheel" in open_.verdict.codes
         assert stated.verdict.level == "ok"
         error = stated.moment - sum_terms(slow, 0, recording.motion.time)
         assert np.sqrt(np.mean((error / stated.moment_std)[30:-30] ** 2)) < 2.0
@@ -119,20 +115,11 @@ def spun(weight):
     return recording, np.cross(spin, np.einsum("tab,bc,tdc,d->ta", R, J, R, spin))
 
 
-def test_a_wheel_that_is_said_leaves_the_claim_as_it_is_without_one():
-    recording, true = spun(np.array([0.0, 0.0, -9.81]))
+@pytest.mark.parametrize("weight", [9.81, 0.0])
+def test_a_moment_and_a_wheel_that_explain_a_record_as_well_are_both_in_the_claim(weight):
+    recording, true = spun(np.array([0.0, 0.0, -weight]))
     open_, stated = estimated(recording), estimated(recording, internal_momentum=(0, 0, 0))
-    assert WHEELS & {*open_.verdict.codes}
-    assert claimed(open_) < 2 * claimed(stated)
-    error = (open_.moment - true) / open_.moment_std
-    assert 0.3 < np.sqrt(np.mean(error[30:-30] ** 2)) < 2.0
-
-
-def test_without_weight_a_wheel_that_the_record_does_not_exclude_is_in_the_claim():
-    recording, true = spun(np.zeros(3))
-    open_, stated = estimated(recording), estimated(recording, internal_momentum=(0, 0, 0))
-    assert "inner-wheel-weightless" in open_.verdict.codes
-    assert open_.verdict.level == "ok"
+    assert "inner-wheel" in open_.verdict.codes
     for outside in (true, 0 * true):
         error = (open_.moment - outside) / open_.moment_std
         assert np.sqrt(np.mean(error[30:-30] ** 2)) < 2.0
