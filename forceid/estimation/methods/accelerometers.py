@@ -1,0 +1,308 @@
+"""Recordings of accelerometers alone: force and moment in the axes of the body, sample by sample.
+
+Their field of specific force gives m f and J alpha + w x (J w + h), the resultants of all forces but weight,
+by least squares: no prior of the loads, and no attitude, which gravity would need. A body that hardly turns
+leaves W at zero; where the record says otherwise, w follows from its rate and from W itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtri
+
+from forceid.config import Settings
+from forceid.estimation.body.deformation import Deformation
+from forceid.estimation.body.deforming.modes import split_rigid
+from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.instruments.acceleration_field import (
+    FORCE,
+    PULL,
+    SHOWN,
+    TURN,
+    Fit,
+    Level,
+    Sites,
+    fit_field,
+    level_shown,
+)
+from forceid.estimation.instruments.gyro_free import (
+    Turning,
+    integral,
+    pull,
+    pull_slope,
+    sense_shown,
+    symmetric,
+    turning_of,
+)
+from forceid.estimation.instruments.on_flight import mounted, sensor_noise
+from forceid.estimation.methods.problem import Solution
+from forceid.estimation.verdict.catalogue import note
+from forceid.estimation.verdict.innovations import COLOR, NIS_BAND
+from forceid.flight.smoother import FlightState
+from forceid.kalman.engines import Engine
+from forceid.motion import Pose
+from forceid.principal import axial, cross_matrix
+from forceid.records import Array, Body, Finding, Flags, Motion
+from forceid.significance import DENIED, SIGMAS
+from forceid.timing import stage
+
+COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+READ = "specific_force"
+
+
+@dataclass(frozen=True)
+class Field:
+    """What accelerometers show: readings y (time, channel) at sites, with modes where shapes are told.
+
+    still, turned: fits without and with W; level: of noise and offset of a channel, stated (white) or not;
+    turns: whether the record says that the body turns.
+    """
+
+    y: Array
+    sites: Sites
+    inertia: Inertia
+    inside: Array
+    still: Fit
+    turned: Fit
+    level: Level
+    stated: bool
+    turns: bool
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of what the body does."""
+        return self.turned if self.turns else self.still
+
+    @property
+    def followed(self) -> bool:
+        """Whether the readings tell alpha, w given, so that w can be followed by it."""
+        return bool(self.still.told(np.eye(self.still.number.shape[1])[TURN]).any(0).all())
+
+    @property
+    def told(self) -> Flags:
+        """Which components of the wrench (time, 6) the readings tell, where w is found if it can be."""
+        if self.followed or not self.turns:
+            return self.still.told(self.to_wrench(False))
+        return self.told_at_once
+
+    @property
+    def told_at_once(self) -> Flags:
+        """Which components of the wrench (time, 6) a sample tells by itself of a body that turns."""
+        return (
+            self.turned.told(self.to_wrench(True))
+            & np.r_[np.ones(3, bool), np.full(3, not self.inside.any())]
+        )
+
+    def to_wrench(self, pull: bool) -> Array:
+        """The wrench of a unit of f, alpha and the numbers behind them (6, number), W among these if `pull`.
+
+        w x J w is linear in W: its component i sums e_ijk J_kl W_jl.
+        """
+        rows = np.zeros((6, (self.turned if pull else self.still).number.shape[1]))
+        rows[:3, FORCE], rows[3:, TURN] = self.inertia.mass * np.eye(3), self.inertia.tensor
+        if pull:
+            rows[3:, PULL] = axial(symmetric(np.eye(6)) @ self.inertia.tensor).T
+        return rows
+
+
+def field_of(body: Body, motion: Motion, settings: Settings) -> Field | None:
+    """The field of specific force of a recording; None where no accelerometer reads."""
+    if motion.specific_force is None or not np.isfinite(motion.specific_force).any():
+        return None
+    inertia, known = inertia_of(body), motion.noise_std | settings.noise_std
+    y = motion.specific_force.reshape(len(motion.time), -1)
+    sites = sites_of(body, inertia, motion.specific_force.shape[1], settings)
+    while len(sites.shape) and not determined(y, sites):  # the stiffest move least
+        sites = replace(sites, shape=sites.shape[:-1])
+    still, turned = (fit_field(y, sites.columns(pull), sites.sizes(pull)) for pull in (False, True))
+    shown = level_shown(turned)
+    if shown is None or READ in known:
+        differences = float(np.sqrt(np.nanmean([sensor_noise(motion.time, z) ** 2 for z in each(motion)])))
+        shown = Level(known.get(READ, differences), 0.0 if shown is None else shown.offset)
+    shown = Level(shown.white, known.get(f"{READ}_bias", shown.offset))
+    turns = shows_turn(still, turned, shown)
+    found = level_shown(turned if turns else still)
+    if found is not None and READ not in known:
+        shown = Level(found.white, known.get(f"{READ}_bias", found.offset))
+    return Field(
+        y, sites, inertia, momentum_inside(body), still, turned, shown, READ in known, turns
+    )  # fmt: skip
+
+
+def each(motion: Motion) -> list[Array]:
+    """Readings (time, 3) sensor by sensor, of those that read."""
+    assert motion.specific_force is not None
+    every = np.moveaxis(motion.specific_force, 1, 0)
+    return [z for z in every if np.isfinite(z).any()]
+
+
+def sites_of(body: Body, inertia: Inertia, count: int, settings: Settings) -> Sites:
+    """Where the sensors of a body stand, and what its modes, in the mass gauge, move them by."""
+    assert body.sensor_position is not None
+    rotation = np.tile(np.eye(3), (count, 1, 1))
+    if body.sensor_rotation is not None:
+        rotation = Rotation.from_quat(body.sensor_rotation).as_matrix()
+    shape = np.zeros((0, count, 3))
+    if body.mode_shape is not None and body.position is not None and settings.model in ("auto", "modal"):
+        X = body.position - inertia.center
+        gauge = np.ones(len(X)) if inertia.nodal is None else inertia.nodal
+        own = split_rigid(body.mode_shape, X, gauge)[1]
+        shape = mounted(X, own, body.sensor_position - inertia.center)[0].swapaxes(0, 1)
+    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass)))
+    return Sites(body.sensor_position - inertia.center, rotation, shape[: settings.modes], gyration or 1.0)
+
+
+def determined(y: Array, sites: Sites) -> bool:
+    """Whether the channels that read tell f, alpha and the modes, and leave something to check them by."""
+    columns = sites.columns(False)[np.isfinite(y).any(0)] * sites.sizes(False)
+    return len(columns) > columns.shape[1] == np.linalg.matrix_rank(columns, rtol=SHOWN)
+
+
+def shows_turn(still: Fit, turned: Fit, level: Level) -> bool:
+    """Whether W explains more of the readings than chance does: its changes, and its mean beside offsets."""
+    more = still.dof - turned.dof
+    if not more.any():
+        return False
+    gained = still.residual - turned.residual
+    read = np.isfinite(gained)
+    steady = np.nansum(gained, 0) / np.maximum(read.sum(0), 1)
+    changes = float(np.nansum((gained - steady) ** 2)) / level.white**2
+    of_mean = level.white**2 / len(more) + level.offset**2
+    held = bool(changes > chdtri(more.sum(), DENIED))
+    return held or float(steady @ steady) / of_mean > chdtri(more.mean(), DENIED)
+
+
+def judge_field(field: Field | None) -> list[Finding]:
+    """What accelerometers alone do not allow."""
+    if field is None:
+        return [note("no-gyro")]
+    read = int(np.isfinite(field.y).any(0).reshape(-1, 3).any(1).sum())
+    told = field.told.any(0)
+    if not told.any():
+        return [note("array-too-small", count=read)]
+    found = [note("body-axes")]
+    if not told.all():
+        names = ", ".join(name for name, ok in zip(COMPONENTS, told, strict=True) if not ok)
+        found.append(note("array-open", names=names, count=read))
+    if not field.still.dof.any():
+        return [*found, note("array-unchecked", count=read)]
+    if field.stated and (times := misfit(field)) > np.sqrt(NIS_BAND[1]):
+        found.append(note("array-misfit", times=times))
+    if field.fit.dof.any() and (correlation := color(field.fit.residual)):
+        found.append(note("array-colored", correlation=correlation))
+    return found
+
+
+def misfit(field: Field) -> float:
+    """Residuals beside offsets over the noise that is stated, rms."""
+    shown = level_shown(field.fit)
+    return 0.0 if shown is None else shown.white / field.level.white
+
+
+def color(residual: Array) -> float:
+    """Largest autocorrelation of residuals (time, channel), one or two samples apart, if it is not chance."""
+    e = np.nan_to_num(residual - np.nansum(residual, 0) / np.maximum(np.isfinite(residual).sum(0), 1))
+    power = float((e**2).sum())
+    if len(e) < 20 or not power > 0:
+        return 0.0
+    found = max((float((e[k:] * e[:-k]).sum()) / power for k in (1, 2)), key=abs)
+    return found if abs(found) > max(COLOR, SIGMAS / np.sqrt(len(e))) else 0.0
+
+
+@stage("flight")
+def estimate_field(body: Body, motion: Motion, field: Field, engine: Engine) -> Solution:
+    """Wrench of a recording of accelerometers, in body axes, about the mass center."""
+    time, inertia = motion.time, field.inertia
+    findings: tuple[Finding, ...] = ()
+    followed = turned_in(time, field, engine) if field.turns and field.followed else None
+    told = field.told_at_once if field.turns and followed is None else field.told
+    if followed is not None:
+        turning, field = followed
+        wrench, cov = wrench_of_turn(field, turning)
+        omega = turning.omega
+        findings = () if sense_shown(turning) else (note("turn-sense-open"),)
+    else:
+        rows = field.to_wrench(field.turns)
+        wrench = field.fit.number @ rows.T
+        cov = field.level.var * (rows @ field.fit.cov @ rows.T)[field.fit.which]
+        omega = np.full_like(wrench[:, :3], np.nan)
+        findings = (note("turn-not-followed"),)
+    if not field.turns:
+        findings = ()
+        omega = integral(
+            time, field.still.number[:, TURN]
+        )  # in place: what it does not come back from is drift
+        omega -= np.outer(time - time.mean(), np.polyfit(time - time.mean(), omega, 1)[0])
+        omega -= omega.mean(0)
+    wrench = np.where(told, wrench, np.nan)
+    cov = np.where(told[:, :, None] & told[:, None], cov, np.nan)
+    T = len(time)
+    J, h = np.tile(inertia.tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
+    lost = np.full((T, 3), np.nan)
+    nis = np.where(field.fit.dof > 0, field.fit.misfit / np.maximum(field.fit.dof, 1), np.nan)
+    state = FlightState(
+        lost, lost, np.tile(np.eye(3), (T, 1, 1)), omega @ inertia.tensor + h, omega, wrench[:, :3],
+        wrench[:, 3:], cov, np.full((T, 6, 6), np.nan), np.zeros((T, 0)), nis / field.level.var, np.nan,
+    )  # fmt: skip
+    kin, empty = kinematics_of(field, body, time), np.zeros((T, 0))
+    tuned = {
+        f"noise_std_{READ}": float(field.level.white),
+        f"noise_std_{READ}_bias": float(field.level.offset),
+    }
+    return Solution(kin, Deformation(empty, empty, J, h), state, engine.name, tuned, {}, findings)
+
+
+def turned_in(time: Array, field: Field, engine: Engine) -> tuple[Turning, Field] | None:
+    """How the body turns, and the field with the noise that this leaves, where nothing else shows it.
+
+    None where no turn was found that explains the readings.
+    """
+    columns, level = field.sites.columns(True), field.level
+    shown = level_shown(field.turned)  # what no turn explains is no sign of a wrong one
+    limit = NIS_BAND[1] * max(1.0, 0.0 if shown is None else (shown.white / level.white) ** 2)
+    turning = turning_of(time, field.y, columns, level.white, level.offset, limit, engine)
+    if turning is None or field.stated or field.turned.dof.any():
+        return None if turning is None else (turning, field)
+    level = replace(level, white=level.white * np.sqrt(turning.misfit))
+    field = replace(field, level=level)
+    turning = turning_of(time, field.y, columns, level.white, level.offset, limit, engine)
+    return None if turning is None else (turning, field)
+
+
+def kinematics_of(field: Field, body: Body, time: Array) -> Kinematics:
+    """Kinematics of a recording that shows no pose: mass, shape and the noise of its accelerometers."""
+    T, nodes, inertia = len(time), len(body.node), field.inertia
+    empty, lost = np.zeros((T, 0)), np.full((T, 3), np.nan)
+    pose = Pose(
+        lost, np.full((T, 3, 3), np.nan), np.tile(np.eye(6), (T, 1, 1)), np.full((T, nodes, 3), np.nan),
+        np.full(T, np.nan), np.zeros(T),
+    )  # fmt: skip
+    X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    return Kinematics(
+        time, inertia, X, np.zeros(nodes, bool), pose, np.zeros((0, nodes, 3)), empty, empty, "rigid",
+        {READ: field.level.white * np.eye(3)}, {READ: field.stated}, True,
+    )  # fmt: skip
+
+
+def wrench_of_turn(field: Field, turning: Turning) -> tuple[Array, Array]:
+    """Wrench (time, 6) and covariance (time, 6, 6) of a body that turns, body axes."""
+    y, columns = field.y, field.sites.columns(True)
+    m, J = field.inertia.mass, field.inertia.tensor
+    omega, alpha, T = turning.omega, turning.alpha, len(y)
+    by = np.r_[TURN, PULL]
+    read = np.concatenate([alpha, pull(omega)], 1) @ columns[:, by].T
+    free = fit_field(y - read, np.delete(columns, by, 1), np.delete(field.sites.sizes(True), by))
+    slope = np.zeros((T, 9, 6))
+    slope[:, :3, 3:], slope[:, 3:, :3] = np.eye(3), pull_slope(omega)
+    carried = np.zeros((T, 6, 6))
+    carried[:, :3] = (-m * free.back[:, :3] @ columns[:, by])[free.which] @ slope
+    H = omega @ J + field.inside
+    carried[:, 3:, :3] = cross_matrix(omega) @ J - cross_matrix(H)
+    carried[:, 3:, 3:] = J
+    cov = carried @ turning.cov @ carried.mT
+    cov[:, :3, :3] += m**2 * field.level.var * free.cov[free.which][:, :3, :3]
+    return np.concatenate([m * free.number[:, :3], alpha @ J + np.cross(omega, H)], 1), cov
