@@ -33,7 +33,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
-from forceid.records import Body, Finding, Motion, Recording, Verdict
+from forceid.records import Body, Finding, Flags, Motion, Recording, Verdict
 from forceid.rounding import SOLVED, solvable
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
 def inspect_field(recording: Recording, field: Field) -> Inspection:
     """The same of a recording of accelerometers alone: what they tell is told at every sample."""
     kin, findings = kinematics_of(field, recording.body, recording.motion.time), judge_field(field)
-    told = field.told.any(0)
+    told: Flags = np.asarray(field.told.any(0))
     rate = 0.5 / float(np.median(np.diff(kin.time)))
     return Inspection(
         **contents(recording, kin), seen_nodes=0, missing_percent=float(100 * np.isnan(field.y).mean()),

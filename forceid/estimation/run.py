@@ -327,7 +327,7 @@ def assemble(
         settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
     )
     wrench = np.concatenate([state.force, state.moment], 1)
-    modal = modal_forces(kin, state, solution.deformation)
+    modal = solution.modal or modal_forces(kin, state, solution.deformation)
     loads, same = applied_loads(
         settings,
         recording.body,

@@ -20,6 +20,7 @@ from forceid.principal import cross_matrix
 from forceid.records import Array, Flags, Indices
 
 FORCE, TURN, PULL = slice(0, 3), slice(3, 6), slice(6, 12)  # columns of f, alpha, W; modes stand behind
+MODES = slice(6, None)  # without W
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # entries of W, in order
 SHOWN = 1e-6  # of a combination of numbers: what less than that shows of it is rounding of the places
 

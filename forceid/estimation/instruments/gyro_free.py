@@ -23,11 +23,11 @@ from forceid.records import Array
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import TENTH, THOUSANDTH, WILD
 
-OPEN = 30.0  # times the rms of alpha, within which a sample of it lies: a thousandth of its claim
+ANY_RATE = 30.0  # times the rms of alpha, within which a sample of it lies: a thousandth of its claim
 # of the spin, in which searches start, and none
 SENSES = [np.array(v) / max(float(np.linalg.norm(v)), 1.0) for v in product((-1.0, 0.0, 1.0), repeat=3)]
-TRIED = 6  # of these: as a rule the first does, and what none of them finds no other did either
-FEWEST = 10  # samples, on either side, from which a start is guessed
+STARTS = 6  # of these: as a rule the first does, and what none of them finds no other did either
+BESIDE = 10  # samples, on either side, from which a start is guessed
 ROUNDS = 4  # in which alpha and the pull of the w that it makes are brought together, to start with
 RESTS = 12  # smoothings in which a path that is near settles: it takes four
 LOOKED_AT = 2000  # samples by which starts are judged
@@ -111,7 +111,7 @@ def started(time: Array, shown: Shown) -> Iterator[Array]:
     square = np.abs(np.linalg.eigvalsh(symmetric(guess))).max(1)
     k = int(square.argmax())
     fastest = float(np.sqrt(square[k]))
-    reach = max(int((np.abs(time - time[k]) * fastest < 1).sum()) // 2, FEWEST)
+    reach = max(int((np.abs(time - time[k]) * fastest < 1).sum()) // 2, BESIDE)
     first = window(k, reach, len(time))
     spins = [np.r_[fastest * v, np.zeros(3)] for v in SENSES]
     flat = np.zeros((first.stop - first.start, 3))
@@ -179,7 +179,7 @@ def turning_of(
     none is found whose misfit is below a limit.
     """
     shown = projected(y, columns)
-    for omega in islice(started(time, shown), TRIED):
+    for omega in islice(started(time, shown), STARTS):
         found = settled(time, shown, omega, white, offset, engine)
         if found is not None and found.misfit < limit:
             return found
@@ -202,7 +202,7 @@ def settled(
     dt, T = np.diff(time), len(time)
     rate = np.gradient(omega, time, axis=0)
     least = white / max(float(np.abs(shown.root[..., :3]).max()), SINGLE)
-    spread = OPEN * max(float(np.sqrt(np.mean(rate**2))), least)
+    spread = ANY_RATE * max(float(np.sqrt(np.mean(rate**2))), least)
     bend = np.diff(rate, 2, axis=0)  # of alpha between samples, which the trapezoid rule leaves out
     missed = np.sqrt(np.mean(bend**2)) / 12 if len(bend) else 0.0
     steady = np.full(9, max(offset / white, THOUSANDTH) ** 2)
@@ -212,7 +212,7 @@ def settled(
     carry = np.concatenate([half, np.tile(np.eye(3), (T - 1, 1, 1))], 1)
     Q[:, :6, :6] = spread**2 * carry @ carry.mT
     Q[:, :3, :3] += (missed * dt[:, None, None]) ** 2 * np.eye(3)
-    fastest = OPEN * float(np.abs(omega).max() + np.ptp(time) * least)
+    fastest = ANY_RATE * float(np.abs(omega).max() + np.ptp(time) * least)
     P0 = np.diag(np.r_[np.full(3, fastest**2), np.full(3, spread**2), steady])
     H = np.zeros((T, 9, 15))
     H[:, :, 3:6], H[:, :, 6:] = root[..., :3], np.eye(9)

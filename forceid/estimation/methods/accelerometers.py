@@ -20,6 +20,7 @@ from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.acceleration_field import (
     FORCE,
+    MODES,
     PULL,
     SHOWN,
     TURN,
@@ -38,6 +39,7 @@ from forceid.estimation.instruments.gyro_free import (
     symmetric,
     turning_of,
 )
+from forceid.estimation.instruments.mode_loads import loads_on_modes
 from forceid.estimation.instruments.on_flight import mounted, sensor_noise
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
@@ -46,7 +48,7 @@ from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
 from forceid.principal import axial, cross_matrix
-from forceid.records import Array, Body, Finding, Flags, Motion
+from forceid.records import Array, Body, Finding, Flags, ModalForces, Motion
 from forceid.significance import DENIED, SIGMAS
 from forceid.timing import stage
 
@@ -92,10 +94,9 @@ class Field:
     @property
     def told_at_once(self) -> Flags:
         """Which components of the wrench (time, 6) a sample tells by itself of a body that turns."""
-        return (
-            self.turned.told(self.to_wrench(True))
-            & np.r_[np.ones(3, bool), np.full(3, not self.inside.any())]
-        )
+        told = self.turned.told(self.to_wrench(True))
+        told[:, 3:] &= not self.inside.any()
+        return told
 
     def to_wrench(self, pull: bool) -> Array:
         """The wrench of a unit of f, alpha and the numbers behind them (6, number), W among these if `pull`.
@@ -159,7 +160,7 @@ def sites_of(body: Body, inertia: Inertia, count: int, settings: Settings) -> Si
 def determined(y: Array, sites: Sites) -> bool:
     """Whether the channels that read tell f, alpha and the modes, and leave something to check them by."""
     columns = sites.columns(False)[np.isfinite(y).any(0)] * sites.sizes(False)
-    return len(columns) > columns.shape[1] == np.linalg.matrix_rank(columns, rtol=SHOWN)
+    return bool(len(columns) > columns.shape[1] == np.linalg.matrix_rank(columns, rtol=SHOWN))
 
 
 def shows_turn(still: Fit, turned: Fit, level: Level) -> bool:
@@ -172,8 +173,9 @@ def shows_turn(still: Fit, turned: Fit, level: Level) -> bool:
     steady = np.nansum(gained, 0) / np.maximum(read.sum(0), 1)
     changes = float(np.nansum((gained - steady) ** 2)) / level.white**2
     of_mean = level.white**2 / len(more) + level.offset**2
-    held = bool(changes > chdtri(more.sum(), DENIED))
-    return held or float(steady @ steady) / of_mean > chdtri(more.mean(), DENIED)
+    stays = float(steady @ steady) / of_mean
+    limits = np.asarray(chdtri(np.array([more.sum(), more.mean()]), DENIED))
+    return bool((np.array([changes, stays]) > limits).any())
 
 
 def judge_field(field: Field | None) -> list[Finding]:
@@ -181,7 +183,7 @@ def judge_field(field: Field | None) -> list[Finding]:
     if field is None:
         return [note("no-gyro")]
     read = int(np.isfinite(field.y).any(0).reshape(-1, 3).any(1).sum())
-    told = field.told.any(0)
+    told: Flags = np.asarray(field.told.any(0))
     if not told.any():
         return [note("array-too-small", count=read)]
     found = [note("body-axes")]
@@ -216,44 +218,88 @@ def color(residual: Array) -> float:
 @stage("flight")
 def estimate_field(body: Body, motion: Motion, field: Field, engine: Engine) -> Solution:
     """Wrench of a recording of accelerometers, in body axes, about the mass center."""
-    time, inertia = motion.time, field.inertia
-    findings: tuple[Finding, ...] = ()
-    followed = turned_in(time, field, engine) if field.turns and field.followed else None
-    told = field.told_at_once if field.turns and followed is None else field.told
-    if followed is not None:
-        turning, field = followed
-        wrench, cov = wrench_of_turn(field, turning)
-        omega = turning.omega
+    time, tensor = motion.time, field.inertia.tensor
+    turned = turned_in(time, field, engine) if field.turns and field.followed else None
+    if turned is not None:
+        turning, field = turned
+        found = along(field, turning)
         findings = () if sense_shown(turning) else (note("turn-sense-open"),)
     else:
-        rows = field.to_wrench(field.turns)
-        wrench = field.fit.number @ rows.T
-        cov = field.level.var * (rows @ field.fit.cov @ rows.T)[field.fit.which]
-        omega = np.full_like(wrench[:, :3], np.nan)
-        findings = (note("turn-not-followed"),)
-    if not field.turns:
-        findings = ()
-        omega = integral(
-            time, field.still.number[:, TURN]
-        )  # in place: what it does not come back from is drift
-        omega -= np.outer(time - time.mean(), np.polyfit(time - time.mean(), omega, 1)[0])
-        omega -= omega.mean(0)
-    wrench = np.where(told, wrench, np.nan)
-    cov = np.where(told[:, :, None] & told[:, None], cov, np.nan)
+        found = at_once(time, field)
+        findings = (note("turn-not-followed"),) if field.turns else ()
+    modal = modal_of(time, body, field, found, engine)
+    if modal is not None:
+        findings = (*findings, note("modal-force-varying"))
     T = len(time)
-    J, h = np.tile(inertia.tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
-    lost = np.full((T, 3), np.nan)
+    J, h = np.tile(tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
+    lost, empty = np.full((T, 3), np.nan), np.zeros((T, 0))
     nis = np.where(field.fit.dof > 0, field.fit.misfit / np.maximum(field.fit.dof, 1), np.nan)
     state = FlightState(
-        lost, lost, np.tile(np.eye(3), (T, 1, 1)), omega @ inertia.tensor + h, omega, wrench[:, :3],
-        wrench[:, 3:], cov, np.full((T, 6, 6), np.nan), np.zeros((T, 0)), nis / field.level.var, np.nan,
+        lost, lost, np.tile(np.eye(3), (T, 1, 1)), found.omega @ tensor + h, found.omega,
+        found.wrench[:, :3], found.wrench[:, 3:], found.cov, np.full((T, 6, 6), np.nan), empty,
+        nis / field.level.var, np.nan,
     )  # fmt: skip
-    kin, empty = kinematics_of(field, body, time), np.zeros((T, 0))
-    tuned = {
-        f"noise_std_{READ}": float(field.level.white),
-        f"noise_std_{READ}_bias": float(field.level.offset),
-    }
-    return Solution(kin, Deformation(empty, empty, J, h), state, engine.name, tuned, {}, findings)
+    level = {"": field.level.white, "_bias": field.level.offset}
+    tuned = {f"noise_std_{READ}{name}": float(std) for name, std in level.items()}
+    still = Deformation(empty, empty, J, h)
+    kin = kinematics_of(field, body, time)
+    return Solution(kin, still, state, engine.name, tuned, {}, findings, modal=modal)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Wrench (time, 6) with covariance, NaN where not told, and omega (time, 3) rad/s, body axes.
+
+    swing (time, mode): accelerations of modes, swing_cov (time, mode, mode): of their noise.
+    """
+
+    wrench: Array
+    cov: Array
+    omega: Array
+    swing: Array
+    swing_cov: Array
+
+
+def at_once(time: Array, field: Field) -> Found:
+    """What samples tell each by itself; w of a body in place, as far as it comes back, else NaN."""
+    rows, fit = field.to_wrench(field.turns), field.fit
+    modes = slice(PULL.stop, None) if field.turns else MODES
+    told, cov = field.told_at_once if field.turns else field.told, (rows @ fit.cov @ rows.T)[fit.which]
+    omega = np.full((len(time), 3), np.nan)
+    if not field.turns:
+        since = time - time.mean()
+        omega = integral(time, fit.number[:, TURN])
+        omega = omega - omega.mean(0) - np.outer(since, np.polyfit(since, omega, 1)[0])
+    swing_cov = field.level.white**2 * fit.cov[:, modes, modes][fit.which]
+    wrench, cov = where_told(told, fit.number @ rows.T, field.level.var * cov)
+    return Found(wrench, cov, omega, fit.number[:, modes], swing_cov)
+
+
+def along(field: Field, turning: Turning) -> Found:
+    """What a body does that turns so."""
+    y, columns, omega, alpha = field.y, field.sites.columns(True), turning.omega, turning.alpha
+    mass, J, T, by = field.inertia.mass, field.inertia.tensor, len(field.y), np.r_[TURN, PULL]
+    read = np.concatenate([alpha, pull(omega)], 1) @ columns[:, by].T
+    free = fit_field(y - read, np.delete(columns, by, 1), np.delete(field.sites.sizes(True), by))
+    slope = np.zeros((T, 9, 6))
+    slope[:, :3, 3:], slope[:, 3:, :3] = np.eye(3), pull_slope(omega)
+    moved = -(free.back @ columns[:, by])[free.which] @ slope
+    H = omega @ J + field.inside
+    carried = np.concatenate([mass * moved[:, :3], np.zeros((T, 3, 6))], 1)
+    carried[:, 3:, :3], carried[:, 3:, 3:] = cross_matrix(omega) @ J - cross_matrix(H), J
+    own = free.cov[free.which]
+    cov = carried @ turning.cov @ carried.mT
+    cov[:, :3, :3] += mass**2 * field.level.var * own[:, :3, :3]
+    wrench = np.concatenate([mass * free.number[:, :3], alpha @ J + np.cross(omega, H)], 1)
+    swing = moved[:, 3:]
+    swing_cov = field.level.white**2 * own[:, 3:, 3:] + swing @ turning.cov @ swing.mT
+    return Found(*where_told(field.told, wrench, cov), omega, free.number[:, 3:], swing_cov)
+
+
+def where_told(told: Flags, wrench: Array, cov: Array) -> tuple[Array, Array]:
+    """A wrench (time, 6) and its covariance (time, 6, 6), NaN for components that are not told."""
+    both = told[:, :, None] & told[:, None]
+    return np.where(told, wrench, np.nan), np.where(both, cov, np.nan)
 
 
 def turned_in(time: Array, field: Field, engine: Engine) -> tuple[Turning, Field] | None:
@@ -273,6 +319,34 @@ def turned_in(time: Array, field: Field, engine: Engine) -> tuple[Turning, Field
     return None if turning is None else (turning, field)
 
 
+def modal_of(time: Array, body: Body, field: Field, found: Found, engine: Engine) -> ModalForces | None:
+    """Forces on the modes, about their means; None where nothing tells mass and stiffness.
+
+    With what the pull of w moves them by; what their rates do to it is left out.
+    """
+    count, nodal = len(field.sites.shape), field.inertia.nodal
+    if not count or body.mode_frequency is None or nodal is None or body.position is None:
+        return None
+    assert body.mode_shape is not None
+    X, frequency = body.position - field.inertia.center, 2 * np.pi * body.mode_frequency[:count]
+    flat = split_rigid(body.mode_shape[:count], X, nodal)[1].reshape(count, -1)
+    weighed = flat * np.repeat(nodal, 3) if nodal.ndim == 1 else flat @ nodal
+    mass, size = np.einsum("ki,ki->k", flat, weighed), np.linalg.norm(flat, axis=1)
+    if not ((mass > 0) & (frequency > 0)).all():
+        return None
+    told = field.still.told(np.eye(field.still.number.shape[1])[MODES])
+    a = np.where(told, found.swing, np.nan)
+    damping = None if body.mode_damping is None else body.mode_damping[:count]
+    load, cov = loads_on_modes(time, a, found.swing_cov, frequency, damping, engine)
+    force = mass * load
+    if field.turns and np.isfinite(found.omega).all():
+        along_X = np.einsum("kna,nb->kab", weighed.reshape(count, -1, 3), X)
+        by_pull = np.einsum("tab,kab->tk", symmetric(pull(found.omega)), along_X)
+        force += by_pull - by_pull.mean(0)
+    shape = (flat / size[:, None]).reshape(count, -1, 3)
+    return ModalForces(shape, force / size, np.outer(mass / size, mass / size) * cov)
+
+
 def kinematics_of(field: Field, body: Body, time: Array) -> Kinematics:
     """Kinematics of a recording that shows no pose: mass, shape and the noise of its accelerometers."""
     T, nodes, inertia = len(time), len(body.node), field.inertia
@@ -286,23 +360,3 @@ def kinematics_of(field: Field, body: Body, time: Array) -> Kinematics:
         time, inertia, X, np.zeros(nodes, bool), pose, np.zeros((0, nodes, 3)), empty, empty, "rigid",
         {READ: field.level.white * np.eye(3)}, {READ: field.stated}, True,
     )  # fmt: skip
-
-
-def wrench_of_turn(field: Field, turning: Turning) -> tuple[Array, Array]:
-    """Wrench (time, 6) and covariance (time, 6, 6) of a body that turns, body axes."""
-    y, columns = field.y, field.sites.columns(True)
-    m, J = field.inertia.mass, field.inertia.tensor
-    omega, alpha, T = turning.omega, turning.alpha, len(y)
-    by = np.r_[TURN, PULL]
-    read = np.concatenate([alpha, pull(omega)], 1) @ columns[:, by].T
-    free = fit_field(y - read, np.delete(columns, by, 1), np.delete(field.sites.sizes(True), by))
-    slope = np.zeros((T, 9, 6))
-    slope[:, :3, 3:], slope[:, 3:, :3] = np.eye(3), pull_slope(omega)
-    carried = np.zeros((T, 6, 6))
-    carried[:, :3] = (-m * free.back[:, :3] @ columns[:, by])[free.which] @ slope
-    H = omega @ J + field.inside
-    carried[:, 3:, :3] = cross_matrix(omega) @ J - cross_matrix(H)
-    carried[:, 3:, 3:] = J
-    cov = carried @ turning.cov @ carried.mT
-    cov[:, :3, :3] += m**2 * field.level.var * free.cov[free.which][:, :3, :3]
-    return np.concatenate([m * free.number[:, :3], alpha @ J + np.cross(omega, H)], 1), cov

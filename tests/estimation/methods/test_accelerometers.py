@@ -85,7 +85,12 @@ def shaken_panel(seed, duration=0.5, noise=0.02, offset=0.0):
         tuple(f"n{k}" for k in range(25)), X, mass, mode_shape=2.0 * shape, mode_frequency=w / (2 * np.pi),
         mode_damping=damping, sensor_position=X[at], sensor_rotation=angles,
     )  # fmt: skip
-    truth = {"wrench": on[:, :6], "support": np.array([held(*pair) for pair in zip(time, s, strict=True)])}
+    pushed = on[:, 6:] / np.linalg.norm(shape, axis=(1, 2))
+    truth = {
+        "wrench": on[:, :6],
+        "modes": pushed,
+        "support": np.array([held(*pair) for pair in zip(time, s, strict=True)]),
+    }
     return Recording(body, Motion(time, specific_force=y, gravity=DOWN)), truth
 
 
@@ -140,6 +145,19 @@ def test_nine_accelerometers_give_the_wrench_and_the_interface_force_of_a_panel_
     _, relative, over = judged(recording, truth["support"], moment_about=f"n{SUPPORT}")
     assert (relative < 0.01).all(), relative
     assert ((over > 0.8) & (over < 1.3)).all(), over
+
+
+def test_forces_on_modes_come_out_from_half_their_frequency_on_and_are_within_claims_below():
+    recording, truth = shaken_panel(4)
+    modal = estimate_recording(recording, load_settings()).modal
+    error = modal.force - truth["modes"] + truth["modes"].mean(0)
+    over = np.sqrt((error**2 / np.diagonal(modal.cov, axis1=1, axis2=2)).mean(0))
+    assert (over < 1.3).all(), over
+    found, true = (np.fft.rfft(np.hanning(500)[:, None] * f, axis=0) for f in (modal.force, truth["modes"]))
+    at = np.fft.rfftfreq(500, 1e-3)
+    for k, mode in enumerate((43.0, 71.0)):
+        band = (at > 0.5 * mode) & (at < 130)
+        assert np.linalg.norm((found - true)[band, k]) < 0.15 * np.linalg.norm(true[band, k])
 
 
 @pytest.mark.long
