@@ -26,7 +26,7 @@ from forceid.significance import TENTH, THOUSANDTH, WILD
 ANY_RATE = 30.0  # times the rms of alpha, within which a sample of it lies: a thousandth of its claim
 # of the spin, in which searches start, and none
 SENSES = [np.array(v) / max(float(np.linalg.norm(v)), 1.0) for v in product((-1.0, 0.0, 1.0), repeat=3)]
-STARTS = 6  # of these: as a rule the first does, and what none of them finds no other did either
+SPINS_TRIED = 6  # of these: as a rule the first does, and what none of them finds no other did either
 BESIDE = 10  # samples, on either side, from which a start is guessed
 ROUNDS = 4  # in which alpha and the pull of the w that it makes are brought together, to start with
 RESTS = 12  # smoothings in which a path that is near settles: it takes four
@@ -179,7 +179,7 @@ def turning_of(
     none is found whose misfit is below a limit.
     """
     shown = projected(y, columns)
-    for omega in islice(started(time, shown), STARTS):
+    for omega in islice(started(time, shown), SPINS_TRIED):
         found = settled(time, shown, omega, white, offset, engine)
         if found is not None and found.misfit < limit:
             return found
