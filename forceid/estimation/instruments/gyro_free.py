@@ -1,7 +1,7 @@
 """How a body turns, as accelerometers on it show: the angular velocity whose rate and pull they read.
 
 The angular acceleration is read at first hand; its integral is w, and w w^T is read beside. A smoother over
-(w, alpha) joins both: w_k+1 = w_k + (alpha_k + alpha_k+1) dt / 2 with alpha open, linearized in W(w) about
+w joins both: w_k+1 = w_k + (alpha_k + alpha_k+1) dt / 2 with alpha as it is read, linearized in W(w) about
 its path until that rests. Whatever f and modes may do is projected out, offsets that stay are states. The
 sense of a steady spin leaves no trace. Source: principal equations 4d, 4f.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice, product
 
 import numpy as np
@@ -30,7 +31,7 @@ SPINS_TRIED = 6  # of these: as a rule the first does, and what none of them fin
 BESIDE = 10  # samples, on either side, from which a start is guessed
 ROUNDS = 4  # in which alpha and the pull of the w that it makes are brought together, to start with
 RESTS = 12  # smoothings in which a path that is near settles: it takes four
-LOOKED_AT = 2000  # samples by which starts are judged
+LOOSE = 0.01  # of the square of a spin: the variance that a fit to a radian of it has at most
 
 
 @dataclass(frozen=True)
@@ -89,70 +90,66 @@ def projected(y: Array, columns: Array) -> Shown:
     return Shown(root, value)
 
 
-@dataclass(frozen=True)
-class Guess:
-    """A path of w over the samples `at`: spin (6,), w where it starts from and a drift of its rate, and omega
-    (sample, 3); cost: of what it leaves of the readings.
-    """
+def started(time: Array, shown: Shown, white: float) -> Iterator[Array]:
+    """Paths (time, 3) of w to begin with, from spins in many senses at the sample of most pull.
 
-    spin: Array
-    omega: Array
-    at: slice
-    cost: float = np.inf
-
-
-def started(time: Array, shown: Shown) -> Iterator[Array]:
-    """Paths (time, 3) of w to begin with: such as the readings of alpha leave, near to those of W.
-
-    From a spin in many senses at the sample of most pull, over as long as it turns by a radian, and on from
-    there over twice as long at a time. Those that fit best as they are come first.
+    A spin is fitted to the samples around it, over as long as it turns by a radian, and followed from there.
+    Those that fit best as they are come first.
     """
     guess = np.einsum("tab,tb->ta", np.linalg.pinv(shown.root), shown.value)[:, 3:]
     square = np.abs(np.linalg.eigvalsh(symmetric(guess))).max(1)
     k = int(square.argmax())
     fastest = float(np.sqrt(square[k]))
     reach = max(int((np.abs(time - time[k]) * fastest < 1).sum()) // 2, BESIDE)
-    first = window(k, reach, len(time))
-    spins = [np.r_[fastest * v, np.zeros(3)] for v in SENSES]
-    flat = np.zeros((first.stop - first.start, 3))
-    tried = [fitted(time, shown, k, Guess(p, flat + p[:3], first), first, 1) for p in spins]
-    for found in sorted(tried, key=lambda one: one.cost):
-        size = reach
-        found = fitted(time, shown, k, found, first)
-        while found.at.stop - found.at.start < len(time):
-            size *= 2
-            found = fitted(time, shown, k, found, window(k, size, len(time)))
-        yield found.omega
-
-
-def window(middle: int, reach: int, count: int) -> slice:
-    """Samples at most `reach` from one in the middle, of so many."""
-    return slice(max(middle - reach, 0), min(middle + reach + 1, count))
-
-
-def fitted(time: Array, shown: Shown, middle: int, guess: Guess, at: slice, most: int = ITERATIONS) -> Guess:
-    """A guess fitted to the readings of the samples `at`, which hold those of it, in `most` steps."""
-    root, value, since = shown.root[at], shown.value[at], time[at] - time[middle]
-    by_turn, by_pull = root[..., :3], root[..., 3:]
-    back = np.linalg.pinv(by_turn)
-    held = np.pad(guess.omega, ((guess.at.start - at.start, at.stop - guess.at.stop), (0, 0)), "edge")
-    thin = slice(None, None, max(len(since) // LOOKED_AT, 1))
-    far = float(np.abs(value).max()) / SINGLE
-
-    def path(p: Array) -> tuple[Array, Array]:
-        omega = held
-        for _ in range(ROUNDS):
-            left = value - np.einsum("tab,tb->ta", by_pull, pull(omega))
-            alpha = np.einsum("tab,tb->ta", back, left)
-            omega = p[:3] + since[:, None] * p[3:] + integral(time[at], alpha, middle - at.start)
-        return omega, left - np.einsum("tab,tb->ta", by_turn, alpha)
-
-    def off(p: Array) -> Array:
-        return np.clip(np.nan_to_num(path(p)[1][thin].ravel(), nan=far), -far, far)
-
+    at = slice(max(k - reach, 0), k + reach + 1)
+    near = Shown(shown.root[at], shown.value[at])
+    off = partial(left_by, time[at], near, k - at.start)
     with np.errstate(over="ignore", invalid="ignore"):
-        found = least_squares(off, guess.spin, max_nfev=most)
-        return Guess(found.x, path(found.x)[0], at, float(found.cost))
+        for w in sorted((fastest * v for v in SENSES), key=lambda w: float((off(w) ** 2).sum())):
+            found = least_squares(off, w, max_nfev=ITERATIONS).x
+            ahead = followed(time[k:], Shown(shown.root[k:], shown.value[k:]), found, white)
+            past = slice(k, None, -1)
+            behind = followed(time[past], Shown(shown.root[past], shown.value[past]), found, white)
+            yield np.concatenate([behind[:0:-1], ahead])
+
+
+def left_by(time: Array, shown: Shown, middle: int, spin: Array) -> Array:
+    """What a spin (3,) at a sample in the middle leaves of the readings around it, one after the other."""
+    by_turn, by_pull = shown.root[..., :3], shown.root[..., 3:]
+    back = np.linalg.pinv(by_turn)
+    omega = np.tile(spin, (len(time), 1))
+    for _ in range(ROUNDS):
+        left = shown.value - np.einsum("tab,tb->ta", by_pull, pull(omega))
+        alpha = np.einsum("tab,tb->ta", back, left)
+        omega = spin + integral(time, alpha, middle)
+    left = left - np.einsum("tab,tb->ta", by_turn, alpha)
+    far = float(np.abs(shown.value).max()) / SINGLE
+    return np.asarray(np.clip(np.nan_to_num(left.ravel(), nan=far), -far, far))
+
+
+def followed(time: Array, shown: Shown, spin: Array, white: float) -> Array:
+    """A path (time, 3) of w from a spin (3,) at its first sample on: from sample to sample by alpha, and
+    corrected by what W says, as an extended Kalman filter does.
+    """
+    back = np.linalg.pinv(shown.root[:, :3, :3])
+    by_pull, value = shown.root[:, :3, 3:], shown.value[:, :3]
+    rows, read = shown.root[:, 3:, 3:], shown.value[:, 3:]  # of W alone
+    noise = white**2 * np.eye(6)
+    path, w, alpha = np.empty((len(time), 3)), spin, np.zeros(3)
+    P = (LOOSE * float(spin @ spin) + white**2) * np.eye(3)
+    for k in range(len(time)):
+        if k:
+            step = time[k] - time[k - 1]
+            half = w + step * alpha
+            w = w + 0.5 * step * (alpha + back[k] @ (value[k] - by_pull[k] @ pull(half)))
+            P = P + (white * step) ** 2 * back[k] @ back[k].T
+        H = rows[k] @ pull_slope(w)
+        gain = np.linalg.solve(H @ P @ H.T + noise, H @ P).T
+        w = w + gain @ (read[k] - rows[k] @ pull(w))
+        P = P - gain @ H @ P
+        alpha = back[k] @ (value[k] - by_pull[k] @ pull(w))
+        path[k] = w
+    return path
 
 
 def symmetric(entries: Array) -> Array:
@@ -179,7 +176,7 @@ def turning_of(
     none is found whose misfit is below a limit.
     """
     shown = projected(y, columns)
-    for omega in islice(started(time, shown), SPINS_TRIED):
+    for omega in islice(started(time, shown, white), SPINS_TRIED):
         found = settled(time, shown, omega, white, offset, engine)
         if found is not None and found.misfit < limit:
             return found
@@ -199,38 +196,49 @@ def settled(
     if not np.isfinite(omega).all():
         return None
     root, value = shown.root / white, shown.value / white
-    dt, T = np.diff(time), len(time)
+    by_turn, by_pull, alone = root[:, :3, :3], root[:, :3, 3:], root[:, 3:, 3:]
+    told = alone.any(2)
+    half, T, one = 0.5 * np.diff(time)[:, None, None], len(time), np.eye(3)
     rate = np.gradient(omega, time, axis=0)
-    least = white / max(float(np.abs(shown.root[..., :3]).max()), SINGLE)
-    spread = ANY_RATE * max(float(np.sqrt(np.mean(rate**2))), least)
     bend = np.diff(rate, 2, axis=0)  # of alpha between samples, which the trapezoid rule leaves out
-    missed = np.sqrt(np.mean(bend**2)) / 12 if len(bend) else 0.0
-    steady = np.full(9, max(offset / white, THOUSANDTH) ** 2)
-    half = 0.5 * dt[:, None, None] * np.eye(3)
-    F, Q = np.tile(np.diag(np.r_[1.0, 1, 1, 0, 0, 0, np.ones(9)]), (T - 1, 1, 1)), np.zeros((T - 1, 15, 15))
-    F[:, :3, 3:6] = half
-    carry = np.concatenate([half, np.tile(np.eye(3), (T - 1, 1, 1))], 1)
-    Q[:, :6, :6] = spread**2 * carry @ carry.mT
-    Q[:, :3, :3] += (missed * dt[:, None, None]) ** 2 * np.eye(3)
-    fastest = ANY_RATE * float(np.abs(omega).max() + np.ptp(time) * least)
-    P0 = np.diag(np.r_[np.full(3, fastest**2), np.full(3, spread**2), steady])
-    H = np.zeros((T, 9, 15))
-    H[:, :, 3:6], H[:, :, 6:] = root[..., :3], np.eye(9)
-    dof = float(root.any(2).sum() - 3 * T)
+    missed = np.sqrt(np.mean(bend**2)) / 6 if len(bend) else 0.0
+    back = np.linalg.pinv(by_turn)
+    open_var = ANY_RATE**2 * float(np.mean(rate**2)) + 1.0
+    read_cov = back @ back.mT + open_var * (one - back @ by_turn)  # of alpha as it is read, w given
+    F, Q = np.tile(np.eye(15), (T - 1, 1, 1)), np.zeros((T - 1, 15, 15))
+    u, H = np.zeros((T - 1, 15)), np.zeros((T, 6, 15))
+    F[:, TURN, TURN] = 0.0
+    H[:, :, 9:] = np.eye(6)
+    fastest, steady = ANY_RATE * float(np.abs(omega).max()) + 1.0, max(offset / white, THOUSANDTH)
+    P0 = np.diag(np.r_[np.full(3, fastest**2), np.zeros(3), np.full(9, steady**2)])
+    P0[TURN, TURN] = read_cov[0]
+    to_alpha = np.concatenate([np.zeros((T, 3, 3)), np.tile(-one, (T, 1, 1)), -back, np.zeros((T, 3, 6))], 2)
     for _ in range(RESTS):
         slope = pull_slope(omega)
-        H[:, :, :3] = root[..., 3:] @ slope
         about = pull(omega) - np.einsum("tab,tb->ta", slope, omega)
-        z = value - np.einsum("tab,tb->ta", root[..., 3:], about)
+        alpha = np.einsum("tab,tb->ta", back, value[:, :3] - np.einsum("tab,tb->ta", by_pull, about))
+        by_omega = -back @ by_pull @ slope
+        ahead = np.linalg.inv(one - half * by_omega[1:]) @ np.tile(one, (T - 1, 1, 1))
+        F[:, :3, :3], F[:, :3, TURN] = ahead @ (one + half * by_omega[:-1]), -half * ahead
+        F[:, :3, 6:9] = -half * ahead @ (back[1:] + back[:-1])
+        u[:, :3] = np.einsum("tab,tb->ta", half * ahead, alpha[1:] + alpha[:-1])
+        enters = np.concatenate([-half * ahead, np.tile(one, (T - 1, 1, 1))], 1)
+        Q[:, :6, :6] = enters @ read_cov[1:] @ enters.mT
+        Q[:, :3, :3] += (missed * half) ** 2 * one
+        H[:, :, :3] = alone @ slope
+        z = np.where(told, value[:, 3:] - np.einsum("tab,tb->ta", alone, about), np.nan)
         try:
-            path = engine.smooth(StateSpace(F, Q, H, np.eye(9), np.zeros(15), P0), z)
+            path = engine.smooth(StateSpace(F, Q, H, np.eye(6), np.zeros(15), P0, u), z)
         except EstimationError:  # so far off that doubles do not hold it
             return None
         moved = np.abs(path.x[:, :3] - omega)
-        omega, cov = path.x[:, :3], path.P[:, :6, :6]
+        omega, std = path.x[:, :3], np.sqrt(np.diagonal(path.P, axis1=1, axis2=2)[:, :3])
         if not np.isfinite(omega).all():
             return None
-        if (moved <= TENTH * np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, :3])).all():
-            left = z - np.einsum("tab,tb->ta", H, path.x)
-            return Turning(omega, path.x[:, 3:6], cov, float((left**2).sum()) / max(dof, 1.0))
+        if (moved <= TENTH * std).all():
+            to_alpha[:, :, :3] = by_omega
+            alpha = alpha + np.einsum("tab,tb->ta", to_alpha, path.x)
+            rows = np.concatenate([np.tile(np.eye(3, 15), (T, 1, 1)), to_alpha], 1)
+            left = float(np.nansum((z - np.einsum("tab,tb->ta", H, path.x)) ** 2))
+            return Turning(omega, alpha, rows @ path.P @ rows.mT, left / max(float(told.sum()), 1.0))
     return None
