@@ -11,10 +11,11 @@ from forceid.config import Settings, load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.instruments.accelerometer_array import Field, field_of
 from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.joints.prospects import JointProspects
 from forceid.estimation.loads.rough_look import RESOLVED, bandwidths, sensed_bandwidths
-from forceid.estimation.methods.accelerometers import Field, field_of, judge_field, kinematics_of
+from forceid.estimation.methods.accelerometers import judge_field, kinematics_of
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import (
     is_unmarked,

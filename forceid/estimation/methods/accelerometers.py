@@ -10,26 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
 
-from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deforming.modes import split_rigid
-from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.acceleration_field import (
-    FORCE,
     MODES,
     PULL,
-    SHOWN,
     TURN,
-    Fit,
-    Level,
-    Sites,
     fit_field,
     level_shown,
 )
+from forceid.estimation.instruments.accelerometer_array import READ, Field
 from forceid.estimation.instruments.gyro_free import (
     Turning,
     integral,
@@ -40,142 +32,18 @@ from forceid.estimation.instruments.gyro_free import (
     turning_of,
 )
 from forceid.estimation.instruments.mode_loads import loads_on_modes
-from forceid.estimation.instruments.on_flight import mounted, sensor_noise
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import COLOR, NIS_BAND
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
-from forceid.principal import axial, cross_matrix
+from forceid.principal import cross_matrix
 from forceid.records import Array, Body, Finding, Flags, ModalForces, Motion
-from forceid.significance import DENIED, SIGMAS
+from forceid.significance import SIGMAS
 from forceid.timing import stage
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-READ = "specific_force"
-
-
-@dataclass(frozen=True)
-class Field:
-    """What accelerometers show: readings y (time, channel) at sites, with modes where shapes are told.
-
-    still, turned: fits without and with W; level: of noise and offset of a channel, stated (white) or not;
-    turns: whether the record says that the body turns.
-    """
-
-    y: Array
-    sites: Sites
-    inertia: Inertia
-    inside: Array
-    still: Fit
-    turned: Fit
-    level: Level
-    stated: bool
-    turns: bool
-
-    @property
-    def fit(self) -> Fit:
-        """The fit of what the body does."""
-        return self.turned if self.turns else self.still
-
-    @property
-    def followed(self) -> bool:
-        """Whether the readings tell alpha, w given, so that w can be followed by it."""
-        return bool(self.still.told(np.eye(self.still.number.shape[1])[TURN]).any(0).all())
-
-    @property
-    def told(self) -> Flags:
-        """Which components of the wrench (time, 6) the readings tell, where w is found if it can be."""
-        if self.followed or not self.turns:
-            return self.still.told(self.to_wrench(False))
-        return self.told_at_once
-
-    @property
-    def told_at_once(self) -> Flags:
-        """Which components of the wrench (time, 6) a sample tells by itself of a body that turns."""
-        told = self.turned.told(self.to_wrench(True))
-        told[:, 3:] &= not self.inside.any()
-        return told
-
-    def to_wrench(self, pull: bool) -> Array:
-        """The wrench of a unit of f, alpha and the numbers behind them (6, number), W among these if `pull`.
-
-        w x J w is linear in W: its component i sums e_ijk J_kl W_jl.
-        """
-        rows = np.zeros((6, (self.turned if pull else self.still).number.shape[1]))
-        rows[:3, FORCE], rows[3:, TURN] = self.inertia.mass * np.eye(3), self.inertia.tensor
-        if pull:
-            rows[3:, PULL] = axial(symmetric(np.eye(6)) @ self.inertia.tensor).T
-        return rows
-
-
-def field_of(body: Body, motion: Motion, settings: Settings) -> Field | None:
-    """The field of specific force of a recording; None where no accelerometer reads."""
-    if motion.specific_force is None or not np.isfinite(motion.specific_force).any():
-        return None
-    inertia, known = inertia_of(body), motion.noise_std | settings.noise_std
-    y = motion.specific_force.reshape(len(motion.time), -1)
-    sites = sites_of(body, inertia, motion.specific_force.shape[1], settings)
-    while len(sites.shape) and not determined(y, sites):  # the stiffest move least
-        sites = replace(sites, shape=sites.shape[:-1])
-    still, turned = (fit_field(y, sites.columns(pull), sites.sizes(pull)) for pull in (False, True))
-    shown = level_shown(turned)
-    if shown is None or READ in known:
-        differences = float(np.sqrt(np.nanmean([sensor_noise(motion.time, z) ** 2 for z in each(motion)])))
-        shown = Level(known.get(READ, differences), 0.0 if shown is None else shown.offset)
-    shown = Level(shown.white, known.get(f"{READ}_bias", shown.offset))
-    turns = shows_turn(still, turned, shown)
-    found = level_shown(turned if turns else still)
-    if found is not None and READ not in known:
-        shown = Level(found.white, known.get(f"{READ}_bias", found.offset))
-    return Field(
-        y, sites, inertia, momentum_inside(body), still, turned, shown, READ in known, turns
-    )  # fmt: skip
-
-
-def each(motion: Motion) -> list[Array]:
-    """Readings (time, 3) sensor by sensor, of those that read."""
-    assert motion.specific_force is not None
-    every = np.moveaxis(motion.specific_force, 1, 0)
-    return [z for z in every if np.isfinite(z).any()]
-
-
-def sites_of(body: Body, inertia: Inertia, count: int, settings: Settings) -> Sites:
-    """Where the sensors of a body stand, and what its modes, in the mass gauge, move them by."""
-    assert body.sensor_position is not None
-    rotation = np.tile(np.eye(3), (count, 1, 1))
-    if body.sensor_rotation is not None:
-        rotation = Rotation.from_quat(body.sensor_rotation).as_matrix()
-    shape = np.zeros((0, count, 3))
-    if body.mode_shape is not None and body.position is not None and settings.model in ("auto", "modal"):
-        X = body.position - inertia.center
-        gauge = np.ones(len(X)) if inertia.nodal is None else inertia.nodal
-        own = split_rigid(body.mode_shape, X, gauge)[1]
-        shape = mounted(X, own, body.sensor_position - inertia.center)[0].swapaxes(0, 1)
-    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass)))
-    return Sites(body.sensor_position - inertia.center, rotation, shape[: settings.modes], gyration or 1.0)
-
-
-def determined(y: Array, sites: Sites) -> bool:
-    """Whether the channels that read tell f, alpha and the modes, and leave something to check them by."""
-    columns = sites.columns(False)[np.isfinite(y).any(0)] * sites.sizes(False)
-    return bool(len(columns) > columns.shape[1] == np.linalg.matrix_rank(columns, rtol=SHOWN))
-
-
-def shows_turn(still: Fit, turned: Fit, level: Level) -> bool:
-    """Whether W explains more of the readings than chance does: its changes, and its mean beside offsets."""
-    more = still.dof - turned.dof
-    if not more.any():
-        return False
-    gained = still.residual - turned.residual
-    read = np.isfinite(gained)
-    steady = np.nansum(gained, 0) / np.maximum(read.sum(0), 1)
-    changes = float(np.nansum((gained - steady) ** 2)) / level.white**2
-    of_mean = level.white**2 / len(more) + level.offset**2
-    stays = float(steady @ steady) / of_mean
-    limits = np.asarray(chdtri(np.array([more.sum(), more.mean()]), DENIED))
-    return bool((np.array([changes, stays]) > limits).any())
 
 
 def judge_field(field: Field | None) -> list[Finding]:

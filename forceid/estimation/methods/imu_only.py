@@ -19,6 +19,7 @@ from forceid.estimation.body.inertia import inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_own_tensor
 from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
+from forceid.estimation.instruments.accelerometer_array import field_of
 from forceid.estimation.instruments.clocks import (
     TURN,
     at_samples,
@@ -28,7 +29,7 @@ from forceid.estimation.instruments.clocks import (
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
 from forceid.estimation.loads.rough_look import rough_priors
-from forceid.estimation.methods.accelerometers import estimate_field, field_of, judge_field
+from forceid.estimation.methods.accelerometers import estimate_field, judge_field
 from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note

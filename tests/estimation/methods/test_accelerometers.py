@@ -260,3 +260,13 @@ def test_a_moment_about_a_point_in_space_is_refused_and_inspection_tells_what_wi
     seen = inspect_recording(read_motion(tmp_path / "panel.h5"), load_settings())
     assert (seen.force, seen.moment, seen.rank, seen.shapes) == (True, True, 6, 2)
     assert "accelerometers alone show no pose" in str(seen)
+
+
+@pytest.mark.long
+def test_a_long_and_fast_tumble_is_followed_to_its_end():
+    recording, truth = tumbling(5, duration=20.0)
+    assert np.abs(truth["omega"]).max() > 20
+    found, relative, over = judged(recording, truth["wrench"])
+    assert found.verdict.level == "ok"
+    assert (relative < 0.01).all(), relative
+    assert ((over > 0.8) & (over < 1.3)).all(), over
