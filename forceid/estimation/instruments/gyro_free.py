@@ -31,7 +31,6 @@ SPINS_TRIED = 6  # of these: as a rule the first does, and what none of them fin
 BESIDE = 10  # samples, on either side, from which a start is guessed
 ROUNDS = 4  # in which alpha and the pull of the w that it makes are brought together, to start with
 RESTS = 12  # smoothings in which a path that is near settles: it takes four
-LOOSE = 0.01  # of the square of a spin: the variance that a fit to a radian of it has at most
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ def followed(time: Array, shown: Shown, spin: Array, white: float) -> Array:
     rows, read = shown.root[:, 3:, 3:], shown.value[:, 3:]  # of W alone
     noise = white**2 * np.eye(6)
     path, w, alpha = np.empty((len(time), 3)), spin, np.zeros(3)
-    P = (LOOSE * float(spin @ spin) + white**2) * np.eye(3)
+    P = (TENTH**2 * float(spin @ spin) + white**2) * np.eye(3)
     for k in range(len(time)):
         if k:
             step = time[k] - time[k - 1]
