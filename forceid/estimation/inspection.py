@@ -244,7 +244,8 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
 
 def inspect_field(recording: Recording, field: Field) -> Inspection:
     """The same of a recording of accelerometers alone: what they tell is told at every sample."""
-    kin, findings = kinematics_of(field, recording.body, recording.motion.time), judge_field(field)
+    kin = kinematics_of(field, recording.body, recording.motion.time)
+    findings = judge_field(field, recording.motion.gravity)
     told: Flags = np.asarray(field.told.any(0))
     rate = 0.5 / float(np.median(np.diff(kin.time)))
     return Inspection(

@@ -15,6 +15,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.acceleration_field import (
+    FORCE,
     MODES,
     PULL,
     TURN,
@@ -43,11 +44,12 @@ from forceid.records import Array, Body, Finding, Flags, ModalForces, Motion
 from forceid.significance import SIGMAS
 from forceid.timing import stage
 
+UNHELD = 0.5  # of gravity: less is read on the mean of no body that is held up, whatever way it is turned
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
-def judge_field(field: Field | None) -> list[Finding]:
-    """What accelerometers alone do not allow."""
+def judge_field(field: Field | None, gravity: Array) -> list[Finding]:
+    """What accelerometers alone do not allow; gravity (3,) m/s2, of which the size counts."""
     if field is None:
         return [note("no-gyro")]
     read = int(np.isfinite(field.y).any(0).reshape(-1, 3).any(1).sum())
@@ -58,6 +60,9 @@ def judge_field(field: Field | None) -> list[Finding]:
     if not told.all():
         names = ", ".join(name for name, ok in zip(COMPONENTS, told, strict=True) if not ok)
         found.append(note("array-open", names=names, count=read))
+    mean = float(np.linalg.norm(np.nanmean(field.still.number[:, FORCE], 0)))
+    if not field.turns and told[:3].all() and mean < UNHELD * np.linalg.norm(gravity):
+        found.append(note("no-weight-read", mean=mean, gravity=float(np.linalg.norm(gravity))))
     if not field.still.dof.any():
         return [*found, note("array-unchecked", count=read)]
     if field.stated and (times := misfit(field)) > np.sqrt(NIS_BAND[1]):

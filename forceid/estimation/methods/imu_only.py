@@ -61,7 +61,7 @@ def reads_turn(motion: Motion) -> bool:
 def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Finding]:
     """What sensors alone do not allow."""
     if not reads_turn(motion):
-        return judge_field(field_of(body, motion, settings))
+        return judge_field(field_of(body, motion, settings), motion.gravity)
     inertia = inertia_of(body)
     sensors = sensors_of(body, motion, settings, inertia.center)
     if not np.isfinite(inertia.tensor).all():

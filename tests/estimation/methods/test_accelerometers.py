@@ -250,6 +250,16 @@ def test_a_panel_whose_modes_are_not_told_and_a_sensor_out_of_place_are_said():
     assert found.verdict.level == "degraded"
 
 
+def test_accelerometers_that_pass_no_steady_reading_are_said():
+    recording, truth = shaken_panel(3)
+    motion = recording.motion
+    coupled = replace(motion, specific_force=motion.specific_force - motion.specific_force.mean(0))
+    found, _, _ = judged(replace(recording, motion=coupled), truth["wrench"] - truth["wrench"].mean(0))
+    assert "no-weight-read" in found.verdict.codes
+    assert found.verdict.level == "ok"
+    assert np.abs(found.force - (truth["wrench"] - truth["wrench"].mean(0))[:, :3]).max() < 0.2
+
+
 def test_a_moment_about_a_point_in_space_is_refused_and_inspection_tells_what_will_come(tmp_path):
     recording, _ = shaken_panel(0, duration=0.2)
     with pytest.raises(
