@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.special import chdtri
 from forceid.config import Settings
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.markers import ROUNDOFF
 from forceid.estimation.instruments.acceleration_field import (
     FORCE,
     PULL,
@@ -58,7 +60,8 @@ class Field:
     @property
     def followed(self) -> bool:
         """Whether the readings tell alpha, w given, so that w can be followed by it."""
-        return bool(self.still.told(np.eye(self.still.number.shape[1])[TURN]).any(0).all())
+        told = self.still.told(np.eye(self.still.number.shape[1])[TURN]).all(1)
+        return bool(told.sum() > 2)
 
     @property
     def told(self) -> Flags:
@@ -96,18 +99,22 @@ def field_of(body: Body, motion: Motion, settings: Settings) -> Field | None:
     while len(sites.shape) and not determined(y, sites):  # the stiffest move least
         sites = replace(sites, shape=sites.shape[:-1])
     still, turned = (fit_field(y, sites.columns(pull), sites.sizes(pull)) for pull in (False, True))
-    shown = level_shown(turned)
-    if shown is None or READ in known:
-        differences = float(np.sqrt(np.nanmean([sensor_noise(motion.time, z) ** 2 for z in each(motion)])))
-        shown = Level(known.get(READ, differences), 0.0 if shown is None else shown.offset)
-    shown = Level(shown.white, known.get(f"{READ}_bias", shown.offset))
-    turns = shows_turn(still, turned, shown)
-    found = level_shown(turned if turns else still)
-    if found is not None and READ not in known:
-        shown = Level(found.white, known.get(f"{READ}_bias", found.offset))
+    shown, stated = level_shown(turned), known.get(READ)
+    if shown is None:
+        differences = np.nanmean([sensor_noise(motion.time, z) ** 2 for z in each(motion)])
+        shown = Level(float(np.sqrt(differences)), 0.0)
+    turns = shows_turn(still, turned, told_level(shown, y, known))
+    shown = told_level(level_shown(turned if turns else still) or shown, y, known)
     return Field(
-        y, sites, inertia, momentum_inside(body), still, turned, shown, READ in known, turns
+        y, sites, inertia, momentum_inside(body), still, turned, shown, stated is not None, turns
     )  # fmt: skip
+
+
+def told_level(shown: Level, y: Array, known: Mapping[str, float]) -> Level:
+    """A level shown in readings y, or what is stated of it; no less than what they are rounded to."""
+    least = ROUNDOFF * float(np.nanmax(np.abs(y))) or ROUNDOFF
+    white = max(known.get(READ, shown.white), least)
+    return Level(white, known.get(f"{READ}_bias", shown.offset))
 
 
 def each(motion: Motion) -> list[Array]:

@@ -105,10 +105,13 @@ def started(time: Array, shown: Shown, white: float) -> Iterator[Array]:
     off = partial(left_by, time[at], near, k - at.start)
     with np.errstate(over="ignore", invalid="ignore"):
         for w in sorted((fastest * v for v in SENSES), key=lambda w: float((off(w) ** 2).sum())):
-            found = least_squares(off, w, max_nfev=ITERATIONS).x
-            ahead = followed(time[k:], Shown(shown.root[k:], shown.value[k:]), found, white)
-            past = slice(k, None, -1)
-            behind = followed(time[past], Shown(shown.root[past], shown.value[past]), found, white)
+            try:
+                found = least_squares(off, w, max_nfev=ITERATIONS).x
+                ahead = followed(time[k:], Shown(shown.root[k:], shown.value[k:]), found, white)
+                past = slice(k, None, -1)
+                behind = followed(time[past], Shown(shown.root[past], shown.value[past]), found, white)
+            except np.linalg.LinAlgError:  # led off beyond what doubles hold
+                continue
             yield np.concatenate([behind[:0:-1], ahead])
 
 

@@ -73,7 +73,7 @@ def tuned(
         value = engine.log_likelihood(model_of(time, var[:, None, None], prior(p)), a[:, None])
         return -float(value) if np.isfinite(value) else np.inf
 
-    size = float(np.sqrt(np.nanmean(a**2)))
+    size = float(np.sqrt(max(np.nanmean(a**2), np.nanmean(var))))
     starts = [np.log([size, rate, DAMPING]) for rate in FIRST_RATES]
     first = min(starts, key=off)
     return prior(minimize(off, first, method="Nelder-Mead", options={"xatol": TENTH, "fatol": TENTH}).x)

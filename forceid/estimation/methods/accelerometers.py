@@ -14,6 +14,7 @@ import numpy as np
 from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.thin_mass import as_sphere
 from forceid.estimation.instruments.acceleration_field import (
     FORCE,
     MODES,
@@ -41,6 +42,7 @@ from forceid.kalman.engines import Engine
 from forceid.motion import Pose
 from forceid.principal import cross_matrix
 from forceid.records import Array, Body, Finding, Flags, ModalForces, Motion
+from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
 from forceid.timing import stage
 
@@ -67,7 +69,9 @@ def judge_field(field: Field | None, gravity: Array) -> list[Finding]:
         return [*found, note("array-unchecked", count=read)]
     if field.stated and (times := misfit(field)) > np.sqrt(NIS_BAND[1]):
         found.append(note("array-misfit", times=times))
-    if field.fit.dof.any() and (correlation := color(field.fit.residual)):
+    shown = level_shown(field.fit)
+    rounded = shown is None or (not field.stated and shown.white < field.level.white * (1 - SINGLE))
+    if not rounded and (correlation := color(field.fit.residual)):
         found.append(note("array-colored", correlation=correlation))
     return found
 
@@ -104,7 +108,8 @@ def estimate_field(body: Body, motion: Motion, field: Field, engine: Engine) -> 
     if modal is not None:
         findings = (*findings, note("modal-force-varying"))
     T = len(time)
-    J, h = np.tile(tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
+    kin = kinematics_of(field, body, time)
+    J, h = np.tile(kin.inertia.tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
     lost, empty = np.full((T, 3), np.nan), np.zeros((T, 0))
     nis = np.where(field.fit.dof > 0, field.fit.misfit / np.maximum(field.fit.dof, 1), np.nan)
     state = FlightState(
@@ -115,7 +120,6 @@ def estimate_field(body: Body, motion: Motion, field: Field, engine: Engine) -> 
     level = {"": field.level.white, "_bias": field.level.offset}
     tuned = {f"noise_std_{READ}{name}": float(std) for name, std in level.items()}
     still = Deformation(empty, empty, J, h)
-    kin = kinematics_of(field, body, time)
     return Solution(kin, still, state, engine.name, tuned, {}, findings, modal=modal)
 
 
@@ -142,7 +146,8 @@ def at_once(time: Array, field: Field) -> Found:
     if not field.turns:
         since = time - time.mean()
         omega = integral(time, fit.number[:, TURN])
-        omega = omega - omega.mean(0) - np.outer(since, np.polyfit(since, omega, 1)[0])
+        drift = since @ omega / max(float(since @ since), np.finfo(float).tiny)
+        omega = omega - omega.mean(0) - np.outer(since, drift)
     swing_cov = field.level.white**2 * fit.cov[:, modes, modes][fit.which]
     wrench, cov = where_told(told, fit.number @ rows.T, field.level.var * cov)
     return Found(wrench, cov, omega, fit.number[:, modes], swing_cov)
@@ -229,6 +234,7 @@ def kinematics_of(field: Field, body: Body, time: Array) -> Kinematics:
         np.full(T, np.nan), np.zeros(T),
     )  # fmt: skip
     X = np.zeros((nodes, 3)) if body.position is None else body.position - inertia.center
+    inertia = as_sphere(inertia, X)
     return Kinematics(
         time, inertia, X, np.zeros(nodes, bool), pose, np.zeros((0, nodes, 3)), empty, empty, "rigid",
         {READ: field.level.white * np.eye(3)}, {READ: field.stated}, True,

@@ -260,6 +260,18 @@ def test_accelerometers_that_pass_no_steady_reading_are_said():
     assert np.abs(found.force - (truth["wrench"] - truth["wrench"].mean(0))[:, :3]).max() < 0.2
 
 
+@pytest.mark.parametrize("samples", [1, 2, 100])
+@pytest.mark.parametrize("factor", [0.0, 1.0])
+def test_records_without_noise_without_motion_or_of_a_sample_are_estimated(samples, factor):
+    for recording, _ in (shaken_panel(0, 0.1, noise=0.0), tumbling(1, noise=0.0, duration=0.2)):
+        motion = recording.motion
+        read = factor * motion.specific_force[:samples]
+        short = replace(motion, time=motion.time[:samples], specific_force=read)
+        found = estimate_recording(replace(recording, motion=short), load_settings())
+        assert found.verdict.level != "refused"
+        assert np.isfinite(found.force).all()
+
+
 def test_a_moment_about_a_point_in_space_is_refused_and_inspection_tells_what_will_come(tmp_path):
     recording, _ = shaken_panel(0, duration=0.2)
     with pytest.raises(

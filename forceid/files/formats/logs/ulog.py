@@ -37,8 +37,9 @@ def read_ulog(path: Path) -> Channels:
     values: dict[str, Array] = {}
     unit: dict[str, str] = {}
     time: dict[str, Array] = {}
-    with reading(path, "ULog"), redirect_stdout(StringIO()):  # what it repairs it says there
-        log = pyulog.ULog(str(path))
+    # opened here: pyulog leaves a damaged file open; what it repairs it says on stdout
+    with reading(path, "ULog"), open(path, "rb") as stream, redirect_stdout(StringIO()):
+        log = pyulog.ULog(stream)
         for topic in log.data_list:
             prefix = topic.name + (f".{topic.multi_id}" if topic.multi_id else "")
             stamp = topic.data["timestamp"].astype(np.int64) - int(log.start_timestamp)
