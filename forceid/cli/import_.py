@@ -18,7 +18,7 @@ def run(
         typer.Argument(
             metavar="SOURCE...",
             help="Vicon or Motive csv, Qualisys tsv, poses of ROS as csv, trc or c3d, with mot or sto of "
-            "force plates; any csv, sto, mat, uff, tdms.",
+            "force plates; ULog, Blackbox csv; any csv, sto, mat, uff, tdms.",
         ),
     ],
     output: Annotated[

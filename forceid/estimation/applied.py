@@ -44,7 +44,7 @@ def about_point(
     """The wrench (time, 6) and its covariance (time, 6, 6) about the point that the settings name."""
     if settings.moment_about == "mass_center":
         return wrench, state.wrench_cov
-    arm = state.center - place(settings.moment_about, body, state, shape)
+    arm = -lever(settings.moment_about, body, state, shape)
     cov = transport_cov(state.wrench_cov, arm)
     cov[:, :3, :3] = state.wrench_cov[:, :3, :3]  # the force is known where the moment is not
     return transport(wrench, arm), cov
@@ -134,12 +134,12 @@ def column(load: LoadSetting, body: Body, origin: Array, state: FlightState, sha
     if load.kind == "moment":
         return np.concatenate([none, turned], 1)
     if isinstance(load.point, str):
-        point = place(load.point, body, state, shape)
+        arm = lever(load.point, body, state, shape)
     elif load.axes == "body":
-        point = state.center + np.einsum("tab,b->ta", state.rotation, np.array(load.point) - origin)
+        arm = np.einsum("tab,b->ta", state.rotation, np.array(load.point) - origin)
     else:
-        point = np.tile(np.array(load.point), (len(turned), 1))
-    return transport(np.concatenate([turned, none], 1), point - state.center)
+        arm = np.array(load.point) - state.center
+    return transport(np.concatenate([turned, none], 1), arm)
 
 
 def nodal_forces(load: LoadSetting, body: Body, state: FlightState) -> Array | None:
@@ -159,13 +159,14 @@ def nodal_forces(load: LoadSetting, body: Body, state: FlightState) -> Array | N
     return np.asarray(np.einsum("tba,nb->tna", state.rotation, f))
 
 
-def place(point: str | Vector, body: Body, state: FlightState, shape: Array) -> Array:
-    """World position (time, 3) of a node, of the mass center, or of a point fixed in space."""
+def lever(point: str | Vector, body: Body, state: FlightState, shape: Array) -> Array:
+    """From the mass center to a node, to itself, or to a point fixed in space (time, 3), world axes.
+
+    Of a node it is known where the place of the body is not.
+    """
     if not isinstance(point, str):
-        return np.tile(np.array(point), (len(state.center), 1))
-    if point == "mass_center":
-        return state.center
-    node = shape[:, body.node.index(point)]
+        return np.array(point) - state.center
+    node = np.zeros_like(state.center) if point == "mass_center" else shape[:, body.node.index(point)]
     if not node.any():  # at the mass center, however the body turns
-        return state.center
-    return np.asarray(state.center + np.einsum("tab,tb->ta", state.rotation, node))
+        return np.zeros_like(state.center)
+    return np.asarray(np.einsum("tab,tb->ta", state.rotation, node))

@@ -11,13 +11,16 @@ from forceid.config import Settings, load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.body.kinematics import Kinematics, kinematics
+from forceid.estimation.instruments.accelerometer_array import Field, field_of
 from forceid.estimation.joints.inspection import inspect_linkage
 from forceid.estimation.joints.prospects import JointProspects
 from forceid.estimation.loads.rough_look import RESOLVED, bandwidths, sensed_bandwidths
+from forceid.estimation.methods.accelerometers import judge_field, kinematics_of
 from forceid.estimation.methods.classic import estimate_classic
 from forceid.estimation.methods.imu_only import (
     is_unmarked,
     judge_unmarked,
+    reads_turn,
     unmarked_flight,
     unmarked_kinematics,
 )
@@ -31,7 +34,7 @@ from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.kalman.engines import engine
 from forceid.motion import largest_turn, pose_rank
 from forceid.principal import summation_operator
-from forceid.records import Body, Finding, Motion, Recording, Verdict
+from forceid.records import Body, Finding, Flags, Motion, Recording, Verdict
 from forceid.rounding import SOLVED, solvable
 
 if TYPE_CHECKING:
@@ -220,6 +223,8 @@ def contents(recording: Recording, kin: Kinematics) -> dict[str, Any]:
 def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
     """The same of a recording of sensors alone."""
     body, motion = recording.body, recording.motion
+    if not reads_turn(motion) and (field := field_of(body, motion, settings)) is not None:
+        return inspect_field(recording, field)
     kin, findings = unmarked_kinematics(body, motion, settings), judge_unmarked(body, motion, settings)
     flight = unmarked_flight(body, motion, settings, kin)
     moment = not refusing(findings)
@@ -234,6 +239,20 @@ def inspect_unmarked(recording: Recording, settings: Settings) -> Inspection:
         turn_deg_per_frame=float(np.degrees(turn)), shapes=0, force=force, moment=moment,
         force_bandwidth_hz=bands[0] if force else None, moment_bandwidth_hz=bands[1],
         leakage=None, sensitivity=None, linkage=None, findings=tuple(findings),
+    )  # fmt: skip
+
+
+def inspect_field(recording: Recording, field: Field) -> Inspection:
+    """The same of a recording of accelerometers alone: what they tell is told at every sample."""
+    kin = kinematics_of(field, recording.body, recording.motion.time)
+    findings = judge_field(field, recording.motion.gravity)
+    told: Flags = np.asarray(field.told.any(0))
+    rate = 0.5 / float(np.median(np.diff(kin.time)))
+    return Inspection(
+        **contents(recording, kin), seen_nodes=0, missing_percent=float(100 * np.isnan(field.y).mean()),
+        rank=int(told.sum()), turn_deg_per_frame=0.0, shapes=len(field.sites.shape),
+        force=bool(told[:3].all()), moment=bool(told[3:].all()), force_bandwidth_hz=rate,
+        moment_bandwidth_hz=rate, leakage=None, sensitivity=None, linkage=None, findings=tuple(findings),
     )  # fmt: skip
 
 

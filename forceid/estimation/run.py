@@ -11,7 +11,7 @@ import numpy as np
 from forceid.config import Settings, load_settings, to_toml
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.estimation.affine.first_moments import given_stress, observed_first_moments, polar_motion
-from forceid.estimation.applied import about_point, applied_loads, check_points, place
+from forceid.estimation.applied import about_point, applied_loads, check_points, lever
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.inertia import without_node_rotations
@@ -327,7 +327,7 @@ def assemble(
         settings.gauge, kin, shape, state.rotation, turning.pop("rotation", None)
     )
     wrench = np.concatenate([state.force, state.moment], 1)
-    modal = modal_forces(kin, state, solution.deformation)
+    modal = solution.modal or modal_forces(kin, state, solution.deformation)
     loads, same = applied_loads(
         settings,
         recording.body,
@@ -339,7 +339,7 @@ def assemble(
     )
     wrench, cov = about_point(settings, recording.body, state, shape, wrench)
     leaks, point = leakage(recording.body, kin), settings.moment_about
-    arm = None if point == "mass_center" else state.center - place(point, recording.body, state, shape)
+    arm = None if point == "mass_center" else -lever(point, recording.body, state, shape)
     costs = body_sensitivity(
         kin, solution.deformation, of_all.state, recording.body.node, motion.gravity, arm
     )

@@ -89,13 +89,13 @@ def drawings(
 ) -> dict[str, tuple[Figure, Chart | dict[str, Any]]]:
     """Every figure of the page by name, with the chart that a script draws; none where nothing is known."""
     e = estimate
-    if not np.isfinite(e.center).any():
+    if not (np.isfinite(e.force).any() or np.isfinite(e.moment).any() or np.isfinite(e.center).any()):
         return {}
     found: dict[str, tuple[Figure, Chart | dict[str, Any]]] = {
-        "wrench": (draw_wrench(e, truth), wrench_chart(e, truth)),
-        "path": (draw_path(e), path_chart(e)),
-        "motion": (draw_motion(e), motion_chart(e)),
+        "wrench": (draw_wrench(e, truth), wrench_chart(e, truth))
     }
+    if np.isfinite(e.center).any():  # sensors alone show no place
+        found |= {"path": (draw_path(e), path_chart(e)), "motion": (draw_motion(e), motion_chart(e))}
     if deforms(e):
         found["deformation"] = draw_deformation(e), deformation_chart(e)
     if e.loads is not None:

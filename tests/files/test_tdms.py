@@ -5,6 +5,7 @@ import h5py
 import numpy as np
 import pytest
 from laboratory import (
+    MASS,
     NAMES,
     POSITION,
     RATE,
@@ -55,6 +56,21 @@ def test_accelerometer_channels_become_a_sensor_and_g_is_standard_gravity(tmp_pa
     table = {"specific_force": {"imu": [f"daq/a{d}" for d in range(3)]}}
     motion = brought(path, table, body=WHOLE).motion
     assert np.allclose(motion.specific_force[:, 0], 9.80665 * SPECIFIC_FORCE, rtol=1e-14)
+
+
+def test_sensors_at_rates_of_their_own_share_a_clock_on_which_they_are_read_now_and_then(tmp_path):
+    fast = np.arange(5 * len(TIME)) / (5 * RATE)
+    pulled = np.sin(np.outer(fast, [1.0, 2.0, 3.0]))
+    channels = tracks() | {
+        f"a{d}": (pulled[:, d], {"unit_string": "m/s^2", "wf_increment": 1 / (5 * RATE)}) for d in range(3)
+    }
+    path = write_tdms(tmp_path / "a.tdms", channels)
+    table = PATTERN | {"specific_force": {"imu": [f"capture/a{d}" for d in range(3)]}}
+    motion = brought(path, table, body={"mass": MASS, "sensor_position": {"imu": [0, 0, 0]}}).motion
+    assert np.allclose(motion.time, fast, atol=1e-12)
+    assert np.allclose(motion.specific_force[:, 0], pulled)
+    assert np.allclose(motion.position[::5], POSITION)
+    assert np.isnan(motion.position[1::5]).all()
 
 
 def test_settings_state_g_of_an_accelerometer_as_the_file_does(tmp_path):

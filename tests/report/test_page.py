@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from forceid.records import Finding, Verdict
-from forceid.report.page import render_page
+from forceid.report.page import drawings, render_page
 
 
 def test_page_refers_to_no_host_and_no_other_file(page):
@@ -41,6 +41,14 @@ def test_page_tells_verdict_settings_and_provenance(page):
 def test_page_of_a_long_record_stays_small(throw):
     estimate, truth = throw(40_000)
     assert len(render_page(estimate, truth)) < 2e6
+
+
+def test_page_of_sensors_alone_draws_force_and_moment_and_no_path(throw):
+    estimate, truth = throw(50)
+    lost = np.full((50, 3), np.nan)
+    drawn = drawings(replace(estimate, center=lost, velocity=lost), truth)
+    assert "wrench" in drawn
+    assert not {"path", "motion"} & set(drawn)
 
 
 def test_page_of_a_refused_estimate_says_why_and_draws_nothing(throw):

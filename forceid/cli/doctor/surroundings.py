@@ -16,7 +16,7 @@ from forceid.memory import memory_limit
 from forceid.threads import blas_libraries
 
 NEEDED = ("numpy", "scipy", "h5py", "xarray", "matplotlib", "pydantic", "typer")
-OPTIONAL = ("ezc3d", "pyuff", "npTDMS", "distributed", "forceid-evidence")
+OPTIONAL = ("ezc3d", "pyuff", "npTDMS", "pyulog", "distributed", "forceid-evidence")
 ASKED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "FORCEID_ENGINE_ARCH")
 COMPILERS = ("c++", "g++", "clang++", "cl")
 

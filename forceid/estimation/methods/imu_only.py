@@ -19,6 +19,7 @@ from forceid.estimation.body.inertia import inertia_of, momentum_inside
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_own_tensor
 from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
+from forceid.estimation.instruments.accelerometer_array import field_of
 from forceid.estimation.instruments.clocks import (
     TURN,
     at_samples,
@@ -28,6 +29,7 @@ from forceid.estimation.instruments.clocks import (
 )
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors, sensors_of
 from forceid.estimation.loads.rough_look import rough_priors
+from forceid.estimation.methods.accelerometers import estimate_field, judge_field
 from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.turning_loads import Search, alternatives
 from forceid.estimation.verdict.catalogue import note
@@ -50,12 +52,18 @@ def is_unmarked(motion: Motion) -> bool:
     return motion.position is None and motion.center is None
 
 
+def reads_turn(motion: Motion) -> bool:
+    """Whether a gyro reads all three axes at once."""
+    rate = motion.angular_velocity
+    return rate is not None and bool(np.isfinite(rate).all(2).any())
+
+
 def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Finding]:
     """What sensors alone do not allow."""
+    if not reads_turn(motion):
+        return judge_field(field_of(body, motion, settings), motion.gravity)
     inertia = inertia_of(body)
     sensors = sensors_of(body, motion, settings, inertia.center)
-    if gyro_rate(motion.time, sensors) is None:
-        return [note("no-gyro")]
     if not np.isfinite(inertia.tensor).all():
         return [note("no-inertia-for-sensors")]
     clean = cleaned(body, motion)[0]
@@ -79,13 +87,21 @@ def known(motion: Motion, settings: Settings) -> dict[str, float]:
 
 @stage("flight")
 def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: Engine) -> Solution:
-    """Wrench of a recording of gyros and accelerometers, in the axes of the body at the first sample."""
+    """Wrench of a recording of gyros and accelerometers, in the axes of the body at the first sample.
+
+    Of accelerometers alone, in those of the body at each.
+    """
     if settings.load_prior != "matern":
         what = f"the load prior '{settings.load_prior}' is tuned on poses, which sensors alone do not show"
         raise ConfigError(what, "load_prior", 'use load_prior = "matern", or add markers')
     if settings.prior != PriorsSetting():
         what = "the numbers of a prior are for poses, which sensors alone do not show"
         raise ConfigError(what, "prior", "leave it out, or add markers")
+    if not isinstance(settings.moment_about, str):
+        what = "is a point fixed in space, and sensors alone do not show where the body is"
+        raise ConfigError(what, "moment_about", "name a node of the body, or mass_center")
+    if not reads_turn(motion) and (field := field_of(body, motion, settings)) is not None:
+        return estimate_field(body, motion, field, engine)
     kin = unmarked_kinematics(body, motion, settings)
     stated = set(known(motion, settings))
     flight = unmarked_flight(body, motion, settings, kin)

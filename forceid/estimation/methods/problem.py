@@ -24,7 +24,7 @@ from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Impulses, Motion
+from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Impulses, ModalForces, Motion
 from forceid.rounding import SINGLE
 
 TO_COME: Any = None  # a stage fills it before another reads it
@@ -191,7 +191,7 @@ class Solution:
     acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
     of them. impulses: of loads that come in pieces; shown (6,): variance of the wrench that its innovations
     show at least, NaN where they do not; ringing: loads that may ring with the body unseen;
-    looks: channels as their priors whiten them.
+    looks: channels as their priors whiten them; modal: forces on modes, where the method tells them itself.
     """
 
     kinematics: Kinematics
@@ -210,6 +210,7 @@ class Solution:
     shown: Array | None = None
     ringing: Ringing | None = None
     looks: Mapping[str, Whitened] = field(default_factory=dict)
+    modal: ModalForces | None = None
 
     @property
     def grown(self) -> Array | None:

@@ -88,10 +88,13 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
 
 def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
     """Turns that a moment as large as no other would have to make: what an aliased spin reads as."""
-    turn, step = largest_turn(kin.time, kin.pose.rotation), float(np.median(np.diff(kin.time)))
+    turn = largest_turn(kin.time, kin.pose.rotation)
+    if turn < COARSE:
+        return []
+    step = float(np.median(np.diff(kin.time)))
     size, kick = (np.linalg.norm(v, axis=1) for v in (H, moment * step))
     known = np.isfinite(size) & np.isfinite(kick)
-    if turn < COARSE or not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
+    if not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
         return []
     part = np.median(kick[known]) / np.median(size[known])
     return [note("turn-by-moment", degrees=np.degrees(turn), part=part)]

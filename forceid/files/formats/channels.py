@@ -25,6 +25,7 @@ class Channels:
     unit: what the file says of a channel, None where its format has no place for units. time: the clock
     (time,) s of a channel, where the format has clocks. geometry: places (3,) of nodes in geometry_unit.
     label: lists of names. noun: what the format calls a channel; table: where the settings name them.
+    sensor: by variable of /motion and by sensor, the three channels that the format itself says read it.
     """
 
     where: str
@@ -36,6 +37,7 @@ class Channels:
     geometry_unit: str = ""
     label: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     table: str = "import.channels"
+    sensor: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.formats.captures.capture import Capture, Plates, check_count, number_rows, text_lines
-from forceid.files.formats.channels import optional
+from forceid.files.formats.channels import Channels, optional
 from forceid.files.units import si_factor
 from forceid.import_settings import PlateSetting
 from forceid.records import Array
@@ -92,12 +92,29 @@ def read_c3d(path: str | Path) -> Capture:
     factor = si_factor(str(first_of(point, "UNITS", path)), "m", f"{path}:POINT:UNITS")
     frame = np.arange(len(data)) + c3d["header"]["points"]["first_frame"]
     time = frame / float(first_of(point, "RATE", path))
-    analog, left = c3d["data"]["analogs"].shape[1], []
-    plates, said = c3d_plates(ezc3d, c3d, path, time[0] if len(time) else 0.0)
+    start = time[0] if len(time) else 0.0
+    analog = c3d_analog(c3d, path, start)
+    plates, said = c3d_plates(ezc3d, c3d, path, start)
     taken = 0 if plates is None else int(np.size(c3d["parameters"]["FORCE_PLATFORM"]["CHANNEL"]["value"]))
-    left = [f"{analog - taken} analog channels"] if analog > taken else []
+    count = 0 if analog is None else len(analog.values)
+    left = [f"{count - taken} analog channels"] if count > taken else []
     position = np.where(lost[..., None], np.nan, factor * data)
-    return Capture(names, time, position, left_out=(*left, *said), plates=plates)
+    return Capture(names, time, position, left_out=(*left, *said), plates=plates, analog=analog)
+
+
+def c3d_analog(c3d: Any, path: str | Path, start: float) -> Channels | None:
+    """The analog channels of a C3D file by their labels, in their units; None where there are none."""
+    read = np.asarray(c3d["data"]["analogs"], float)[0]
+    if not read.size:
+        return None
+    group = c3d["parameters"]["ANALOG"]
+    labels = [str(name) for name in group["LABELS"]["value"]][: len(read)]
+    units = [str(name) for name in group["UNITS"]["value"]] if "UNITS" in group else []
+    clock = start + np.arange(read.shape[1]) / float(first_of(group, "RATE", path))
+    return Channels(
+        str(path), "analog channel", dict(zip(labels, read, strict=False)),
+        dict(zip(labels, units, strict=False)), dict.fromkeys(labels, clock),
+    )  # fmt: skip
 
 
 def first_of(group: Any, name: str, path: str | Path) -> Any:

@@ -14,6 +14,7 @@ from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
 from forceid.files.formats.csv import CsvTable, read_csv
+from forceid.files.formats.logs.table import LOGS, log_of
 
 POINT = re.compile(r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])")
 TURN = re.compile(r"(?:.*[ _.:\-/])?(?:q|quat_?|rot_?|orientation[_.]?)(?P<axis>[xyzwXYZW])")
@@ -34,6 +35,10 @@ def proposal(path: str | Path, tables: Mapping[str, Callable[[Path], Channels]])
         said = [f"# {path.name}: {form.name}, {held(capture)}"]
         said += [f"# left out: {what}" for what in capture.left_out]
         lines = of_capture(capture, form)
+    elif (log := log_of(path)) is not None:
+        channels = log.read(path)
+        said = [f"# {path.name}: {log.name}, {len(channels.values)} channels"]
+        lines = of_log(channels)
     elif path.suffix.lower() in tables:
         channels = tables[path.suffix.lower()](path)
         said = [f"# {path.name}: {len(channels.values)} channels; the settings say which is what"]
@@ -46,7 +51,7 @@ def proposal(path: str | Path, tables: Mapping[str, Callable[[Path], Channels]])
         lines = of_channels(channels, "csv")
         lines[3:3] = [] if delimiter == "," else [f"delimiter = {json.dumps(delimiter)}"]
     else:
-        known = ", ".join([*(one.name for one in FORMATS), "csv", *(key[1:] for key in tables)])
+        known = ", ".join([*(one.name for one in (*FORMATS, *LOGS)), "csv", *(key[1:] for key in tables)])
         raise ConfigError(f"begins as no known format, expected {known}", str(path), "convert it first")
     use = f"#   forceid import {path.name} -o {path.stem}.h5 -c {path.stem}.toml"
     return "\n".join([*said, "# Fill in what is nan, then", use, "", *lines]) + "\n"
@@ -79,6 +84,19 @@ def of_capture(capture: Capture, form: Format) -> list[str]:
         names = ", ".join(capture.pose)
         lines += ["[import.capture]", f"body = {json.dumps(next(iter(capture.pose)))}  # of {names}", ""]
     return lines + rigid()
+
+
+def of_log(channels: Channels) -> list[str]:
+    """The settings of a log, which says itself what reads force and turn."""
+    lines = ["[import]", gravity("z"), "", "[import.channels]  # what it takes, without this table too"]
+    for variable, sensors in channels.sensor.items():
+        for name, columns in sensors.items():
+            stated = (channels.unit or {}).get(columns[0])
+            lines.append(f"{variable}.{name} = {json.dumps(list(columns))}")
+            lines += [] if stated else [f"units.{variable} = nan  # counts, in a log without units"]
+    names = dict.fromkeys(name for sensors in channels.sensor.values() for name in sensors)
+    places = [f"{name} = [0.0, 0.0, 0.0]" for name in names]
+    return [*lines, "", *rigid(), f"sensor_position = {{ {', '.join(places)} }}  # m, in the same axes"]
 
 
 def gravity(up: str) -> str:

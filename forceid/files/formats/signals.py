@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.captures.capture import listed
 from forceid.files.formats.channels import Channels, base_of, nearest_names, raw, shape_of
+from forceid.files.formats.clocks import agree, joined, spread
 from forceid.files.schema import MOTION
 from forceid.files.units import si_factor
 from forceid.import_settings import ON_SENSORS, ChannelSetting
@@ -18,7 +19,6 @@ from forceid.records import Array
 
 Spec = str | tuple[str, ...]
 _UNITS = {name: variable.units for name, variable in MOTION.items()} | {"displacement": "m"}
-_CLOCK = 1e-3  # of a sampling interval, by which clocks may differ: UFF keeps six digits of a time
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,10 @@ def motion_signals(
     where = f"[{channels.table}]"
     if not channels.values:
         raise DataError(f"holds no {channels.noun} of numbers", channels.where, "export it again, with data")
-    read, found, names = Reader(channels, setting), dict[str, Array](), dict[str, tuple[str, ...]]()
-    for variable in ("position", "displacement", *ON_SENSORS):
-        if spec := getattr(setting, variable):
-            names[variable], found[variable] = read.points(variable, spec)
-    for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
-        if spec := getattr(setting, variable):
-            found[variable] = read.vector(variable, spec, width)
+    look = Reader(channels, setting, looking=True)
+    look.all()
+    read = replace(look, used={}, looking=False, common=look.common_clock())
+    found, names = read.all()
     if not found:
         what = f"names no {channels.noun}, expected position, center and orientation, or sensors"
         raise ConfigError(what, where, f"{channels.where} has {', '.join(list(channels.values)[:6])}")
@@ -74,32 +71,58 @@ def motion_signals(
 
 @dataclass(frozen=True)
 class Reader:
-    """Channels as settings name them, in SI; used: how many samples each of those that were read has."""
+    """Channels as settings name them, in SI; used: how many samples each of those that were read has.
+
+    looking: whether this only notes what is read, and together: the name of what has one clock of its own,
+    with its channels. common: the clock (time,) s of all, on which what is not read then is NaN; None where
+    all are read at once.
+    """
 
     channels: Channels
     setting: ChannelSetting
     used: dict[str, int] = field(default_factory=dict)
+    looking: bool = False
+    together: dict[str, list[str]] = field(default_factory=dict)
+    common: Array | None = None
+
+    def all(self) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
+        """The variables that the settings name, and the names of the nodes or sensors of each."""
+        found, names = dict[str, Array](), dict[str, tuple[str, ...]]()
+        for variable in ("position", "displacement", *ON_SENSORS):
+            if spec := getattr(self.setting, variable):
+                names[variable], found[variable] = self.points(variable, spec)
+        for variable, width in (("center", 3), ("orientation", 4), ("strain", len(self.setting.strain))):
+            if spec := getattr(self.setting, variable):
+                found[variable] = self.vector(variable, variable, spec, width)
+        return found, names
 
     def points(self, variable: str, spec: Mapping[str, Spec] | str) -> tuple[tuple[str, ...], Array]:
         """Vectors of nodes or sensors: their names, and (time, name, 3)."""
         if isinstance(spec, str) and "{name}" not in spec:
             return self.whole(variable, spec)
         table = matches(self.channels, spec) if isinstance(spec, str) else spec
-        vectors = [self.vector(variable, entry, 3) for entry in table.values()]
+        own = variable in ON_SENSORS
+        vectors = [
+            self.vector(variable, f"{variable} {name}" if own else variable, entry, 3)
+            for name, entry in table.items()
+        ]
         return tuple(table), np.stack(vectors, 1)
 
-    def vector(self, variable: str, spec: Spec, width: int) -> Array:
-        """One vector (time, width): each column a channel, or all of them in one channel, either way up."""
+    def vector(self, variable: str, together: str, spec: Spec, width: int) -> Array:
+        """One vector (time, width): each column a channel, or all of them in one channel, either way up.
+
+        together: the name of what has one clock with it.
+        """
         if isinstance(spec, str):
             values = self.si(variable, spec)
             self.require(spec, values.ndim == 2 and width in values.shape, values, f"{width} columns")
             values = values if values.shape[1] == width else values.T
-            return self.counted(spec, values)
+            return self.counted(spec, values, together)
         columns = []
         for name in spec:
             column = self.si(variable, name)
             self.require(name, column.ndim == 1, column, "one number a sample")
-            columns.append(self.counted(name, column))
+            columns.append(self.counted(name, column, together))
         return np.stack(columns, -1)
 
     def whole(self, variable: str, name: str) -> tuple[tuple[str, ...], Array]:
@@ -120,7 +143,7 @@ class Reader:
         if len(node) != values.shape[1]:
             what = f"holds {values.shape[1]} nodes, expected {len(node)} as `nodes` names"
             raise DataError(what, f"{channels.where}:{name}", "correct nodes, or the order in dims")
-        return node, self.counted(name, values)[..., :3]
+        return node, self.counted(name, values, variable)[..., :3]
 
     def si(self, variable: str, name: str) -> Array:
         """A channel in SI: by the unit of the settings, else of the file; as it is where that has none."""
@@ -138,7 +161,7 @@ class Reader:
             raise DataError(e.what, where, f"correct it, or {next_step}") from e
 
     def clock(self) -> Array:
-        """The times (time,) s: of a channel, by a rate, or of the clock that all channels used share."""
+        """The times (time,) s: of a channel, by a rate, or of the clocks that the channels used have."""
         channels, setting, (first, count) = self.channels, self.setting, next(iter(self.used.items()))
         if setting.time is not None:
             time = self.si("time", setting.time)
@@ -146,28 +169,52 @@ class Reader:
             return self.counted(setting.time, time)
         if setting.rate is not None:
             return np.asarray(np.arange(count) / stated_rate(channels, setting.rate))
-        common = channels.time.get(base_of(first))
-        if common is None:
-            next_step = f'add {channels.table}.time = "NAME", or rate = HZ'
-            raise DataError("says no times of the samples", f"{channels.where}:{first}", next_step)
-        slack = _CLOCK * np.ptp(common) / max(count - 1, 1)
-        for name in self.used:
-            own = channels.time.get(base_of(name))
-            if own is None or len(own) != len(common) or not np.allclose(own, common, rtol=0, atol=slack):
-                what = f"has another clock than {first!r}, expected one for all"
-                raise DataError(
-                    what, f"{channels.where}:{name}", "resample them to one clock, or leave it out"
-                )
-        return common
+        return self.own_clock(first) if self.common is None else self.common
 
-    def counted(self, name: str, values: Array) -> Array:
-        """The values (time, ...) of a channel. DataError: not as many samples as those before."""
+    def own_clock(self, name: str) -> Array:
+        """The times (time,) s of a channel. DataError: the file says none."""
+        clock = self.channels.time.get(base_of(name))
+        if clock is None:
+            next_step = f'add {self.channels.table}.time = "NAME", or rate = HZ'
+            raise DataError("says no times of the samples", f"{self.channels.where}:{name}", next_step)
+        return clock
+
+    def common_clock(self) -> Array | None:
+        """One clock for all that was looked at, None where the settings state it or all have the same.
+
+        DataError: the channels of one sensor, or of all nodes, have different ones.
+        """
+        if self.setting.time is not None or self.setting.rate is not None or not self.used:
+            return None
+        clocks: list[Array] = []
+        for first, *others in self.together.values():
+            clock = self.own_clock(first)
+            for name in others:
+                self.require_count(name, first)
+                if not agree(clock, self.channels.time.get(base_of(name))):
+                    what = f"has another clock than {first!r}, expected one for all"
+                    next_step = "resample them to one clock, or leave it out"
+                    raise DataError(what, f"{self.channels.where}:{name}", next_step)
+            if not any(agree(known, clock) for known in clocks):
+                clocks.append(clock)
+        return joined(clocks) if len(clocks) > 1 else None
+
+    def counted(self, name: str, values: Array, together: str = "") -> Array:
+        """The values (time, ...) of a channel on the common clock. DataError: not as many as before."""
         self.used[name] = len(values)
-        first, expected = next(iter(self.used.items()))
-        if len(values) != expected:
-            what = f"has {len(values)} samples, expected {expected} as {first!r} has"
-            raise DataError(what, f"{self.channels.where}:{name}", "export both on one clock")
+        if self.looking:
+            self.together.setdefault(together, []).append(name)
+            return values[:0]
+        if self.common is not None:
+            return spread(values, self.own_clock(name), self.common)
+        self.require_count(name, next(iter(self.used)))
         return values
+
+    def require_count(self, name: str, first: str) -> None:
+        """DataError unless a channel has as many samples as another."""
+        if self.used[name] != self.used[first]:
+            what = f"has {self.used[name]} samples, expected {self.used[first]} as {first!r} has"
+            raise DataError(what, f"{self.channels.where}:{name}", "export both on one clock")
 
     def require(self, name: str, fits: bool, values: Array, expected: str) -> None:
         """DataError unless the shape of a channel fits."""

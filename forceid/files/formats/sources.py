@@ -15,11 +15,13 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.checks.numbers import check_quaternions
-from forceid.files.formats.captures.capture import Plates
+from forceid.files.formats.captures.capture import Capture, Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
 from forceid.files.formats.channels import Channels
+from forceid.files.formats.clocks import agree, joined, spread
 from forceid.files.formats.csv import CsvTable, part, read_csv
+from forceid.files.formats.logs.table import LOGS, log_of
 from forceid.files.formats.mat import read_mat
 from forceid.files.formats.mocap import read_mot
 from forceid.files.formats.plates import pair_plates, plate_truth, split_plates, window
@@ -38,7 +40,7 @@ from forceid.files.formats.uff import read_uff
 from forceid.files.parse import canonical
 from forceid.files.schema import hash_arrays, motion_groups
 from forceid.files.validate import check_recording
-from forceid.import_settings import ImportSettings, PlateSetting, UntilSetting
+from forceid.import_settings import ChannelSetting, ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
 from forceid.records import Array, Body, Motion, Recording
 
@@ -124,6 +126,8 @@ def read_signals(path: Path, settings: ImportSettings) -> tuple[list[tuple[str, 
         return read_tables(path, settings), None
     capture = form.read(path)
     signals = chosen(capture, settings, str(path))
+    if settings.channels is not None:
+        signals = with_analog(signals, capture, settings.channels, str(path))
     plates, asked = capture.plates, settings.plates
     if plates is not None and asked is None:
         signals = without_plates(signals, plates, "which the table [import.plates] asks for")
@@ -136,6 +140,27 @@ def read_signals(path: Path, settings: ImportSettings) -> tuple[list[tuple[str, 
     return [(path.stem, signals)], plates
 
 
+def with_analog(signals: Signals, capture: Capture, setting: ChannelSetting, where: str) -> Signals:
+    """Signals of a capture with the sensors that its analog channels are, on one clock."""
+    if capture.analog is None:
+        raise ConfigError("holds no analog channels", f"{where}: [import.channels]", "drop the table")
+    other = motion_signals(capture.analog, setting, {})
+    if both := set(other.variables) & set(signals.variables) - {"time"}:
+        what = f"names {min(both)}, which the capture has itself, expected sensors"
+        raise ConfigError(what, f"{where}: [import.channels]", "leave it out")
+    own, further = signals.variables["time"], other.variables["time"]
+    time = own if agree(own, further) else joined([own, further])
+    variables = {
+        name: spread(value, clock, time)
+        for part, clock in ((signals, own), (other, further))
+        for name, value in part.variables.items()
+        if name != "time"
+    }
+    left = [what for what in signals.left_out if not what.endswith("analog channels")]
+    left_out = (*left, *other.left_out)
+    return replace(signals, variables={"time": time, **variables}, sensor=other.sensor, left_out=left_out)
+
+
 def without_plates(signals: Signals, plates: Plates, why: str) -> Signals:
     """Signals that say which plates are left out, and why."""
     return replace(signals, left_out=(*signals.left_out, f"force plates {', '.join(plates.name)}, {why}"))
@@ -144,6 +169,10 @@ def without_plates(signals: Signals, plates: Plates, why: str) -> Signals:
 def read_tables(path: Path, settings: ImportSettings) -> list[tuple[str, Signals]]:
     """The same of a file of named columns or channels, which the settings tell the meaning of."""
     ending, reference = path.suffix.lower(), settings.body.position
+    if settings.csv is None and (log := log_of(path)) is not None:
+        channels = log.read(path)
+        said = settings.channels or ChannelSetting.model_validate(channels.sensor)
+        return [(path.stem, motion_signals(channels, said, reference))]
     if ending in TEXTS:
         if settings.csv is None:
             what = "needs the table [import.csv], which names its columns"
@@ -155,7 +184,7 @@ def read_tables(path: Path, settings: ImportSettings) -> list[tuple[str, Signals
             found_in.append((f"{path.stem}-{name}" if name else path.stem, signals))
         return found_in
     if ending not in TABLES:
-        known = ", ".join([*(one.name for one in FORMATS), *(key[1:] for key in (".csv", *TABLES))])
+        known = ", ".join([*(one.name for one in (*FORMATS, *LOGS)), *(key[1:] for key in (".csv", *TABLES))])
         what = f"begins as no known format and ends in {path.suffix!r}, expected {known}"
         raise ConfigError(what, str(path), "convert it first")
     if settings.channels is None:

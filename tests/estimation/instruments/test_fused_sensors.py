@@ -155,11 +155,12 @@ def test_without_markers_force_and_moment_in_body_axes_are_right_and_the_rest_is
     assert "attitude-drifts" in [finding.code for finding in solution.findings]
 
 
-def test_sensors_that_cannot_say_how_the_body_turns_are_refused():
+def test_sensors_that_say_nothing_of_force_or_turn_are_refused():
     recording = recorded(markers=False)
-    (finding,) = judge_unmarked(recording.body, replace(recording.motion, angular_velocity=None), PLAIN)
-    assert finding.level == "refused"
-    assert "add a gyro" in finding.text
+    only = replace(recording.motion, angular_velocity=None, specific_force=None)
+    (finding,) = judge_unmarked(recording.body, only, PLAIN)
+    assert finding.code == "no-gyro"
+    assert "add accelerometers, a gyro, or markers" in finding.text
 
 
 def test_climbing_finds_the_top_of_a_hill_that_is_no_parabola():

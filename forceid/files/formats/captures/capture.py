@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.files.formats.channels import Channels
 from forceid.records import Array
 
 Row = tuple[int, list[str]]  # the number of a line, and its cells
@@ -41,7 +42,8 @@ class Capture:
     """Tracks of one clock: time (time,) s, position (time, marker, 3) m, NaN where a marker is not seen.
 
     pose: of bodies by name, origin (time, 3) m and orientation (time, 4) body to world, NaN where not seen;
-    plates: that the file holds too; left_out: what else it holds, in words.
+    plates: that the file holds too; analog: its channels of other sensors, on clocks of their own; left_out:
+    what else it holds, in words.
     """
 
     name: tuple[str, ...]
@@ -50,6 +52,7 @@ class Capture:
     pose: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     plates: Plates | None = None
+    analog: Channels | None = None
 
 
 def head_of(path: Path, size: int = 1 << 16) -> str:
