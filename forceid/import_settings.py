@@ -121,8 +121,18 @@ class JointSetting(Section):
 
 
 class BodySetting(Section):
-    """Mass and shape, as in /body of a motion file; position and mass by node name."""
+    """Mass and shape, as in /body of a motion file; position and mass by node name.
 
+    A person: table of segments, mass in kg as one number (or total_mass), height m, and sex, without which a
+    table of two is taken in the mean. ends: markers in whose middle a point of the person is; cluster: those
+    that stay on a segment, in place of what the names of a known marker set say.
+    """
+
+    table: Literal["", "de_leva", "winter", "dempster"] = ""
+    height: float | None = Field(default=None, gt=0.3, lt=3)
+    sex: Literal["", "female", "male"] = ""
+    ends: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    cluster: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     total_mass: float | None = Field(default=None, gt=0)
     mass_center: Vector = (0.0, 0.0, 0.0)
     inertia: Matrix | None = None
@@ -130,6 +140,13 @@ class BodySetting(Section):
     mass: dict[str, float] = Field(default_factory=dict)
     sensor_position: dict[str, Vector] = Field(default_factory=dict)
     sensor_rotation: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_mass(cls, given: Any) -> Any:
+        if isinstance(given, dict) and isinstance(given.get("mass"), int | float):
+            return {k: v for k, v in given.items() if k != "mass"} | {"total_mass": given["mass"]}
+        return given
 
 
 class CaptureSetting(Section):

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.checks.numbers import check_quaternions
+from forceid.files.formats.bodies.person import Placed, with_person
 from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
@@ -192,13 +193,14 @@ def assemble_recording(
     points, values, settings = None, signals.variables, with_geometry(settings, signals)
     clusters: dict[str, Any] = {}
     if "position" in values:
-        markers = values["position"]
-        points = mass_points(signals.node, markers, settings, where)
-        still = at_rest(signals.node, settings, where)
-        clusters = marker_clusters(signals.node, markers, settings, where, still)
+        settings, placed = with_person(settings, signals.node, where)
+        names, markers = placed(signals.node, values["position"])
+        points = mass_points(names, markers, settings, where)
+        still = at_rest(names, placed, settings, where)
+        clusters = marker_clusters(names, markers, settings, where, still)
         values = values | {"position": points.position}
         values = values | ({"marker_position": markers} if clusters else {})
-    elif settings.segment:
+    elif settings.segment or settings.body.table:
         raise ConfigError(
             "has segments, expected markers to place them", "[import.segment]:", "drop the table"
         )
@@ -227,8 +229,11 @@ def assemble_recording(
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
 
 
-def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Array | None:
-    """The markers (marker, 3) m of the static capture of the settings, None without one."""
+def at_rest(name: tuple[str, ...], placed: Placed, settings: ImportSettings, where: str) -> Array | None:
+    """The markers (marker, 3) m of the static capture of the settings, None without one.
+
+    placed: puts the points of a person beside markers.
+    """
     if not settings.static:
         return None
     path = Path(where).parent / settings.static
@@ -236,7 +241,7 @@ def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Arra
         what = f"static names {settings.static!r}, expected a capture ({', '.join(f.name for f in FORMATS)})"
         raise ConfigError(what, "[import]:", "give the name of one beside the others")
     shown = form.read(path)
-    return resting_markers(name, shown.name, shown.position)
+    return resting_markers(name, *placed(shown.name, shown.position))
 
 
 def first_contact(motion: Motion, body: Body, until: UntilSetting) -> int:
