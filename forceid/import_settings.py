@@ -126,8 +126,15 @@ class BodySetting(Section):
     A person: table of segments, mass in kg as one number (or total_mass), height m, and sex, without which a
     table of two is taken in the mean. ends: markers in whose middle a point of the person is; cluster: those
     that stay on a segment, in place of what the names of a known marker set say.
+
+    A rigid body: file, beside the source: URDF, SDF or OpenSim, and in it link; or mass properties as a CAD
+    program prints them, products: whether its products of inertia are the "integral" of x y or as in the
+    "tensor", where the text does not tell.
     """
 
+    file: str = ""
+    link: str = ""
+    products: Literal["", "integral", "tensor"] = ""
     table: Literal["", "de_leva", "winter", "dempster"] = ""
     height: float | None = Field(default=None, gt=0.3, lt=3)
     sex: Literal["", "female", "male"] = ""

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.checks.numbers import check_quaternions
+from forceid.files.formats.bodies.body_file import with_body_file
 from forceid.files.formats.bodies.person import Placed, with_person
 from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.captures.choice import chosen
@@ -93,6 +94,8 @@ def import_named(path: Path, mot: Path | None, settings: ImportSettings) -> list
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
+    said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
+    settings = with_body_file(settings, str(path))
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
     read, own = read_signals(path, settings)
     if own is not None and plates is not None:
@@ -101,8 +104,7 @@ def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> li
         ]
     plates = own if plates is None else plates
     used = [path, *([] if mot is None else [mot])]
-    used += [path.parent / settings.static] if settings.static else []
-    said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
+    used += [path.parent / name for name in (settings.static, settings.body.file) if name]
     files = " ".join(p.name for p in used[: 1 + (mot is not None)])
     came: dict[str, Any] = {
         "import_settings": tomli_w.dumps(said)[:ATTRIBUTE],
