@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from forceid.config import Section, Vector, read_toml, validate
+from forceid.config import RotorSetting, Section, Vector, read_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import SENSED, SENSOR
 
@@ -16,7 +16,7 @@ Columns = tuple[str, str, str]
 Dim = Literal["time", "node", "axis"]
 Matrix = tuple[Vector, Vector, Vector]
 ON_SENSORS = tuple(name for name, variable in SENSED.items() if variable.dims == SENSOR)
-UNITS_OF = ("time", "position", "displacement", "center", "orientation", *SENSED, "geometry")
+UNITS_OF = ("time", "position", "displacement", "center", "orientation", *SENSED, "rotor_speed", "geometry")
 if TYPE_CHECKING:
     SensorSetting = Section
 else:  # a key for each variable of sensors
@@ -42,6 +42,7 @@ class ChannelSetting(SensorSetting):
     center: Columns | str | None = None
     orientation: tuple[str, str, str, str] | str | None = None
     strain: tuple[str, ...] = ()
+    rotor_speed: tuple[str, ...] = ()
     units: dict[str, str] = Field(default_factory=dict)
     nodes: tuple[str, ...] | str = ()
     dims: tuple[Dim, Dim, Dim] = ("time", "node", "axis")
@@ -198,7 +199,8 @@ class ImportSettings(Section):
 
     start and stop (s) keep a window of time, both ends included. noise_std by variable of /motion, SI.
     static: a capture of the body at rest, beside the others, in which joints are placed among the markers;
-    without it that is the first frame that shows all of them.
+    without it that is the first frame that shows all of them. rotor: what turns inside, as in an estimate;
+    those without a speed have the channels rotor_speed, in order.
     """
 
     gravity: Vector = Field(examples=["gravity = [0.0, 0.0, -9.81], m/s2 in world axes"])
@@ -215,6 +217,7 @@ class ImportSettings(Section):
     joint: dict[str, JointSetting] = Field(default_factory=dict)
     static: str = ""
     until: UntilSetting | None = None
+    rotor: tuple[RotorSetting, ...] = ()
     plates: PlateSetting | None = None
 
 

@@ -60,7 +60,8 @@ class Body:
     position (node, 3) m, reference axes; mass (node,) kg or mass_matrix (dof, dof) kg, node-major, or
     total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
     mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
-    internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows.
+    internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows; beside
+    it rotors by name: rotor_axis (rotor, 3), reference axes, rotor_inertia (rotor,) kg m2 about these.
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
     strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
     material: its name and constants, by name, of a body that deforms affinely.
@@ -79,6 +80,9 @@ class Body:
     mass_center: Array | None = None
     inertia: Array | None = None
     internal_momentum: Array | None = None
+    rotor: tuple[str, ...] = ()
+    rotor_axis: Array | None = None
+    rotor_inertia: Array | None = None
     stiffness: Array | None = None
     mode_shape: Array | None = None
     mode_frequency: Array | None = None
@@ -94,6 +98,11 @@ class Body:
     joint: tuple[str, ...] = ()
     joint_segment: Array | None = None
     joint_shape: Array | None = None
+
+    @property
+    def inside_stated(self) -> bool:
+        """Whether it is stated what turns inside, be it nothing."""
+        return self.internal_momentum is not None or self.rotor_axis is not None
 
 
 @dataclass(frozen=True)
@@ -129,7 +138,8 @@ class Motion:
     time (time,) s; position (time, node, 3) m, with marker_position (time, marker, 3) m of the markers that
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
-    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is. gravity (3,) m/s2.
+    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is; rotor_speed
+    (time, rotor) rad/s of the rotors of the body, against it. gravity (3,) m/s2.
     noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
@@ -147,6 +157,7 @@ class Motion:
     magnetic_field: Annotated[Reading, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
     strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     wind: Array | None = None
+    rotor_speed: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None

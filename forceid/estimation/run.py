@@ -18,6 +18,7 @@ from forceid.estimation.body.inertia import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
+from forceid.estimation.body.rotors import with_rotors
 from forceid.estimation.body.segment_noise import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
 from forceid.estimation.flown import air_of, canonical_quaternions, flown_of
@@ -261,7 +262,7 @@ def with_known_axes(solution: Solution) -> Solution:
 
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:
-    """The recording under the gravity, and of a body with the momentum inside and the material, that the
+    """The recording under the gravity, and of a body with what turns inside and the material, that the
     settings state. Matrices of the body are those of the places of its nodes.
     """
     body, motion = without_node_rotations(recording.body), recording.motion
@@ -269,6 +270,7 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
         motion = replace(motion, gravity=np.array(settings.gravity))
     if settings.internal_momentum is not None:
         body = replace(body, internal_momentum=np.array(settings.internal_momentum))
+    body, motion = with_rotors(body, motion, settings.rotor)
     return replace(recording, body=with_material(body, settings), motion=motion)
 
 

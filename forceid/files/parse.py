@@ -79,6 +79,8 @@ def parse_recording(
             total_mass=None if total_mass is None else float(total_mass),
             marker=labels(groups["body"], "marker"),
             joint=labels(groups["body"], "joint"),
+            rotor=labels(groups["body"], "rotor")
+            or tuple(f"rotor_{k}" for k in range(sizes.get("rotor", 0))),
             material=read_material(groups[MATERIAL], f"{where}:/{MATERIAL}") if MATERIAL in groups else None,
             **body,
         ),

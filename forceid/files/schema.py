@@ -132,7 +132,7 @@ def root_attrs(title: str, history: str, **more: Any) -> dict[str, Any]:
 def motion_groups(recording: Recording) -> dict[str, Group]:
     """A recording as the groups of a motion file; the truth gets the time of the motion if it has none."""
     body, motion = recording.body, recording.motion
-    named = {"node": body.node, "marker": body.marker, "joint": body.joint}
+    named = {"node": body.node, "marker": body.marker, "joint": body.joint, "rotor": body.rotor}
     node = {dim: names for dim, names in named.items() if names}
     noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
     root = root_attrs(recording.title, recording.history, forceid_schema=SCHEMA, source=recording.source)

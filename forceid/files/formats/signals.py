@@ -50,7 +50,12 @@ def motion_signals(
     for variable in ("position", "displacement", *ON_SENSORS):
         if spec := getattr(setting, variable):
             names[variable], found[variable] = read.points(variable, spec)
-    for variable, width in (("center", 3), ("orientation", 4), ("strain", len(setting.strain))):
+    for variable, width in (
+        ("center", 3),
+        ("orientation", 4),
+        ("strain", len(setting.strain)),
+        ("rotor_speed", len(setting.rotor_speed)),
+    ):
         if spec := getattr(setting, variable):
             found[variable] = read.vector(variable, spec, width)
     if not found:

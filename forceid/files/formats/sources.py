@@ -17,6 +17,7 @@ from forceid.errors import ConfigError
 from forceid.files.checks.numbers import check_quaternions
 from forceid.files.formats.bodies.body_file import with_body_file
 from forceid.files.formats.bodies.person import Placed, with_person
+from forceid.files.formats.bodies.turning import with_turning
 from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
@@ -208,7 +209,8 @@ def assemble_recording(
         )
     for key in settings.noise_std:
         known_name(key, tuple(values), "[import] noise_std:")
-    body = replace(build_body(settings, points, signals.sensor, where), **clusters)
+    turning, values = with_turning(settings, values)
+    body = replace(build_body(settings, points, signals.sensor, where), **clusters, **turning)
     if "orientation" in values:
         check_quaternions(values["orientation"], f"{where}:/motion/orientation")
         values = values | {"orientation": canonical(values["orientation"])}
