@@ -254,12 +254,13 @@ class Settings(Section):
     load_prior: how they vary in time there, one of the kernels in forceid/flight/priors. prior: what is known
     of the matern one of the force, and of the moment.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
-    not known. rotor: what turns inside at a known speed. lines: oscillating loads beside the smooth one,
-    found by evidence ("auto"), "none", or looked for at these frequencies only (Hz). known_load: loads that
-    are known; the force and the moment estimated are those of all others. part, joint: bodies that joints
-    hold together, for the forces in these. material: name and constants (J, or Pa with `volume` m3) of a body
-    that deforms affinely, in place of /body/material. body_std: how uncertain mass, mass center and inertia
-    are. aero: air, sizes and wind for the coefficients of the air; None: they are not asked for.
+    not known. rotor: what turns inside at a known speed. mass_rate (kg/s): of a body that burns, from the
+    first sample on, its force being what acts on what is left. lines: oscillating loads beside the smooth
+    one, found by evidence ("auto"), "none", or looked for at these frequencies only (Hz). known_load: loads
+    that are known; the force and the moment estimated are those of all others. part, joint: bodies that
+    joints hold together, for the forces in these. material: name and constants (J, or Pa with `volume` m3) of
+    a body that deforms affinely, in place of /body/material. body_std: how uncertain mass, mass center and
+    inertia are. aero: air, sizes and wind for the coefficients of the air; None: they are not asked for.
     """
 
     method: Method = "smoother"
@@ -273,6 +274,7 @@ class Settings(Section):
     load_prior: Literal["matern", "periodic"] = "matern"
     prior: PriorsSetting = PriorsSetting()
     internal_momentum: Vector | None = None
+    mass_rate: float | None = None
     rotor: tuple[RotorSetting, ...] = ()
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)

@@ -16,7 +16,17 @@ Columns = tuple[str, str, str]
 Dim = Literal["time", "node", "axis"]
 Matrix = tuple[Vector, Vector, Vector]
 ON_SENSORS = tuple(name for name, variable in SENSED.items() if variable.dims == SENSOR)
-UNITS_OF = ("time", "position", "displacement", "center", "orientation", *SENSED, "rotor_speed", "geometry")
+UNITS_OF = (
+    "time",
+    "position",
+    "displacement",
+    "center",
+    "orientation",
+    *SENSED,
+    "rotor_speed",
+    "mass",
+    "geometry",
+)
 if TYPE_CHECKING:
     SensorSetting = Section
 else:  # a key for each variable of sensors
@@ -43,6 +53,7 @@ class ChannelSetting(SensorSetting):
     orientation: tuple[str, str, str, str] | str | None = None
     strain: tuple[str, ...] = ()
     rotor_speed: tuple[str, ...] = ()
+    mass: str | None = None
     units: dict[str, str] = Field(default_factory=dict)
     nodes: tuple[str, ...] | str = ()
     dims: tuple[Dim, Dim, Dim] = ("time", "node", "axis")
@@ -144,6 +155,7 @@ class BodySetting(Section):
     total_mass: float | None = Field(default=None, gt=0)
     mass_center: Vector = (0.0, 0.0, 0.0)
     inertia: Matrix | None = None
+    mass_rate: float | None = None
     position: dict[str, Vector] = Field(default_factory=dict)
     mass: dict[str, float] = Field(default_factory=dict)
     sensor_position: dict[str, Vector] = Field(default_factory=dict)

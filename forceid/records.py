@@ -59,6 +59,7 @@ class Body:
 
     position (node, 3) m, reference axes; mass (node,) kg or mass_matrix (dof, dof) kg, node-major, or
     total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
+    mass_rate kg/s: by which all of these change alike from the first sample on.
     mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
     internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows; beside
     it rotors by name: rotor_axis (rotor, 3), reference axes, rotor_inertia (rotor,) kg m2 about these.
@@ -83,6 +84,7 @@ class Body:
     rotor: tuple[str, ...] = ()
     rotor_axis: Array | None = None
     rotor_inertia: Array | None = None
+    mass_rate: float | None = None
     stiffness: Array | None = None
     mode_shape: Array | None = None
     mode_frequency: Array | None = None
@@ -139,7 +141,8 @@ class Motion:
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
     (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is; rotor_speed
-    (time, rotor) rad/s of the rotors of the body, against it. gravity (3,) m/s2.
+    (time, rotor) rad/s of the rotors of the body, against it; mass (time,) kg where it changes. gravity (3,)
+    m/s2.
     noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
@@ -158,6 +161,7 @@ class Motion:
     strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     wind: Array | None = None
     rotor_speed: Array | None = None
+    mass: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -402,7 +406,8 @@ class Flown:
     center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
     (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
     mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body
-    axes; wind (time, 3) m/s, world axes, where it was measured.
+    axes; wind (time, 3) m/s, world axes, where it was measured; mass (time,) kg where it changes: then the
+    inertia is that of the body as stated.
     """
 
     center: Array
@@ -411,6 +416,7 @@ class Flown:
     inertia: Array
     internal_momentum: Array
     wind: Array | None = None
+    mass: Array | None = None
 
 
 @dataclass(frozen=True)

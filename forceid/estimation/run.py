@@ -21,6 +21,12 @@ from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.rotors import with_rotors
 from forceid.estimation.body.segment_noise import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
+from forceid.estimation.changing_mass import (
+    check_constant,
+    of_changing_mass,
+    seen_by_witness,
+    share_of_mass,
+)
 from forceid.estimation.flown import air_of, canonical_quaternions, flown_of
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
@@ -124,6 +130,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
+    check_constant(recording, settings)
     if loads := known_loads(recording, settings):
         return beside_known(loads, recording, settings, estimate_beside)
     return estimate_beside(recording, settings)
@@ -184,7 +191,12 @@ def estimate_beside(
     if beside is not None:
         state, known = beside.restored(solution.state, body, motion.time)
         solution = replace(solution, state=state, findings=(*solution.findings, beside.judged(known)))
+    share = share_of_mass(body, motion, solution.kinematics.inertia.mass)
+    if share is not None:
+        solution, witness = of_changing_mass(solution, share), seen_by_witness(witness, share)
     result = assemble(recording, settings, solution, findings, choice.left, differs, known)
+    if share is not None and result.flown is not None:
+        result = replace(result, flown=replace(result.flown, mass=share * result.mass))
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 
@@ -270,6 +282,8 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
         motion = replace(motion, gravity=np.array(settings.gravity))
     if settings.internal_momentum is not None:
         body = replace(body, internal_momentum=np.array(settings.internal_momentum))
+    if settings.mass_rate is not None:
+        body = replace(body, mass_rate=settings.mass_rate)
     body, motion = with_rotors(body, motion, settings.rotor)
     return replace(recording, body=with_material(body, settings), motion=motion)
 
