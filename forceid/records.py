@@ -141,7 +141,7 @@ class Motion:
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
     (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is; rotor_speed
-    (time, rotor) rad/s of the rotors of the body, against it; mass (time,) kg where it changes. gravity (3,)
+    (time, rotor) rad/s of the rotors of the body, against it; current_mass (time,) kg where it changes. gravity (3,)
     m/s2.
     noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
@@ -161,7 +161,7 @@ class Motion:
     strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     wind: Array | None = None
     rotor_speed: Array | None = None
-    mass: Array | None = None
+    current_mass: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -406,8 +406,8 @@ class Flown:
     center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
     (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
     mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body
-    axes; wind (time, 3) m/s, world axes, where it was measured; mass (time,) kg where it changes: then the
-    inertia is that of the body as stated.
+    axes; wind (time, 3) m/s, world axes, where it was measured; current_mass (time,) kg where it changes:
+    then the inertia is that of the body as stated.
     """
 
     center: Array
@@ -416,7 +416,7 @@ class Flown:
     inertia: Array
     internal_momentum: Array
     wind: Array | None = None
-    mass: Array | None = None
+    current_mass: Array | None = None
 
 
 @dataclass(frozen=True)

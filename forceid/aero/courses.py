@@ -42,7 +42,7 @@ def course_of(estimate: Estimate, name: str) -> Course:
     wrench = np.concatenate([estimate.force, estimate.moment], 1)
     if estimate.known_force is not None:
         raise DataError("is beside known loads, which no law is fitted to", name, "estimate it without them")
-    if flown.mass is not None:
+    if flown.current_mass is not None:
         raise DataError(
             "has a mass that changes, which no law is fitted to", name, "cut it to before or after"
         )

@@ -27,11 +27,14 @@ def share_of_mass(body: Body, motion: Motion, mass: float) -> Array | None:
     >>> share_of_mass(Body(mass_rate=-0.5), Motion(np.arange(3.0)), 2.0).tolist()
     [1.0, 0.75, 0.5]
     """
-    if motion.mass is not None:
-        seen = np.isfinite(motion.mass)
+    if motion.current_mass is not None:
+        seen = np.isfinite(motion.current_mass)
         if not seen.any():
-            raise DataError("is nothing but NaN", "/motion/mass", "give the mass, or leave it out")
-        course, where = np.interp(motion.time, motion.time[seen], motion.mass[seen]), "/motion/mass"
+            raise DataError("is nothing but NaN", "/motion/current_mass", "give the mass, or leave it out")
+        course, where = (
+            np.interp(motion.time, motion.time[seen], motion.current_mass[seen]),
+            "/motion/current_mass",
+        )
     elif body.mass_rate:
         course, where = mass + body.mass_rate * (motion.time - motion.time[0]), "/body/mass_rate"
     else:
@@ -46,7 +49,7 @@ def share_of_mass(body: Body, motion: Motion, mass: float) -> Array | None:
 def check_constant(recording: Recording, settings: Settings) -> None:
     """A ConfigError where mass changes beside what is solved for with a constant one."""
     body = recording.body
-    if recording.motion.mass is None and not body.mass_rate:
+    if recording.motion.current_mass is None and not body.mass_rate:
         return
     turns = body.internal_momentum is not None and bool(body.internal_momentum.any())
     beside = {
@@ -56,7 +59,7 @@ def check_constant(recording: Recording, settings: Settings) -> None:
     }  # fmt: skip
     for name in (name for name, asked in beside.items() if asked):
         what = f"changes beside {name}, expected a constant one there"
-        raise ConfigError(what, "the mass", f"leave out mass_rate and /motion/mass, or {name}")
+        raise ConfigError(what, "the mass", f"leave out mass_rate and /motion/current_mass, or {name}")
 
 
 def of_changing_mass(solution: Solution, share: Array) -> Solution:

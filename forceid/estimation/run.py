@@ -196,7 +196,7 @@ def estimate_beside(
         solution, witness = of_changing_mass(solution, share), seen_by_witness(witness, share)
     result = assemble(recording, settings, solution, findings, choice.left, differs, known)
     if share is not None and result.flown is not None:
-        result = replace(result, flown=replace(result.flown, mass=share * result.mass))
+        result = replace(result, flown=replace(result.flown, current_mass=share * result.mass))
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 

@@ -186,7 +186,7 @@ def read_flown(file: Any, samples: int, path: str | Path) -> Flown:
     group = source_group(file, "flown", FLOWN, f"{path}:")
     sizes = {"time": samples, "axis": 3, "quaternion": 4, "pose": 6}
     values, _ = read_variables(group, FLOWN, sizes, f"{path}:/flown")
-    needed = {name: spec for name, spec in FLOWN.items() if name not in ("wind", "mass")}
+    needed = {name: spec for name, spec in FLOWN.items() if name not in ("wind", "current_mass")}
     return Flown(**whole_group(values, needed, f"{path}:/flown"))
 
 

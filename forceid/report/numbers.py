@@ -53,7 +53,9 @@ def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None)
     # the angular momentum is about the mass center, and closes no other moment
     moment = e.moment if e.moment_about == "mass_center" else np.full_like(e.moment, np.nan)
     # where mass changes, what of the loads moves one that does not
-    part = 1.0 if e.flown is None or e.flown.mass is None else (e.mass / e.flown.mass)[:, None]
+    part = (
+        1.0 if e.flown is None or e.flown.current_mass is None else (e.mass / e.flown.current_mass)[:, None]
+    )
     changes = {
         "force": (e.mass * e.velocity, part * e.force + e.mass * e.gravity),
         "moment": (part * e.angular_momentum, part * moment),
