@@ -24,7 +24,7 @@ UNITS_OF = (
     "orientation",
     *SENSED,
     "rotor_speed",
-    "mass",
+    "current_mass",
     "geometry",
 )
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class ChannelSetting(SensorSetting):
     orientation: tuple[str, str, str, str] | str | None = None
     strain: tuple[str, ...] = ()
     rotor_speed: tuple[str, ...] = ()
-    mass: str | None = None
+    current_mass: str | None = None
     units: dict[str, str] = Field(default_factory=dict)
     nodes: tuple[str, ...] | str = ()
     dims: tuple[Dim, Dim, Dim] = ("time", "node", "axis")

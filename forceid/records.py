@@ -141,8 +141,8 @@ class Motion:
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
     (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is; rotor_speed
-    (time, rotor) rad/s of the rotors of the body, against it; current_mass (time,) kg where it changes. gravity (3,)
-    m/s2.
+    (time, rotor) rad/s of the rotors of the body, against it; current_mass (time,) kg where it
+    changes. gravity (3,) m/s2.
     noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,

@@ -82,7 +82,7 @@ def scores(found, truth, inner=slice(20, -20)):
 
 def test_thrust_is_told_on_what_is_left_of_the_mass(tmp_path):
     recording = flown()
-    burning = replace(recording, motion=replace(recording.motion, mass=mass(recording.motion.time)))
+    burning = replace(recording, motion=replace(recording.motion, current_mass=mass(recording.motion.time)))
     found = estimated(burning)
     force_score, force_off, moment_score, moment_off = scores(found, recording.truth)
     assert 0.4 < force_score < 1.5
@@ -109,13 +109,13 @@ def test_a_rate_of_the_mass_is_that_course():
 def test_mass_comes_through_a_file_and_an_import(tmp_path):
     recording = flown(samples=30)
     m = mass(recording.motion.time)
-    motion = replace(recording.motion, mass=m)
+    motion = replace(recording.motion, current_mass=m)
     write_groups(
         tmp_path / "a.h5",
         motion_groups(replace(recording, body=replace(recording.body, mass_rate=-0.1), motion=motion)),
     )
     found = read_motion(tmp_path / "a.h5")
-    assert np.array_equal(found.motion.mass, m)
+    assert np.array_equal(found.motion.current_mass, m)
     assert found.body.mass_rate == -0.1
     (tmp_path / "b.csv").write_text(
         "t,x,y,z,grams\n" + "".join(f"{k / 100},0,0,{k},{2000 - k}\n" for k in range(5))
@@ -123,14 +123,14 @@ def test_mass_comes_through_a_file_and_an_import(tmp_path):
     (tmp_path / "b.toml").write_text(
         "[import]\ngravity = [0.0, 0.0, -9.81]\nbody = { mass = { a = 2.0 }, mass_rate = -1.0 }\n"
         "[import.csv]\n"
-        'time = "t"\nposition = { a = ["x", "y", "z"] }\nmass = "grams"\nunits = { mass = "g" }\n'
+        'time = "t"\nposition = { a = ["x", "y", "z"] }\ncurrent_mass = "grams"\nunits = { current_mass = "g" }\n'
     )
     ((_, made),) = import_sources([tmp_path / "b.csv"], load_import_settings(tmp_path / "b.toml"))
-    assert np.allclose(made.motion.mass, 2.0 - 1e-3 * np.arange(5))
+    assert np.allclose(made.motion.current_mass, 2.0 - 1e-3 * np.arange(5))
 
 
 def test_gaps_of_the_mass_are_bridged_and_none_left_is_refused():
-    motion = Motion(np.arange(3.0), mass=np.array([2.0, np.nan, 1.0]))
+    motion = Motion(np.arange(3.0), current_mass=np.array([2.0, np.nan, 1.0]))
     assert share_of_mass(Body(), motion, 4.0).tolist() == [0.5, 0.375, 0.25]
     with pytest.raises(DataError, match="leaves 0 kg at 2 s"):
         share_of_mass(Body(mass_rate=-1.0), Motion(np.arange(3.0)), 2.0)

@@ -58,8 +58,8 @@ def motion_signals(
     ):
         if spec := getattr(setting, variable):
             found[variable] = read.vector(variable, spec, width)
-    if setting.mass is not None:
-        found["mass"] = read.counted(setting.mass, read.si("mass", setting.mass))
+    if (name := setting.current_mass) is not None:
+        found["current_mass"] = read.counted(name, read.si("current_mass", name))
     if not found:
         what = f"names no {channels.noun}, expected position, center and orientation, or sensors"
         raise ConfigError(what, where, f"{channels.where} has {', '.join(list(channels.values)[:6])}")
