@@ -123,7 +123,8 @@ def test_mass_comes_through_a_file_and_an_import(tmp_path):
     (tmp_path / "b.toml").write_text(
         "[import]\ngravity = [0.0, 0.0, -9.81]\nbody = { mass = { a = 2.0 }, mass_rate = -1.0 }\n"
         "[import.csv]\n"
-        'time = "t"\nposition = { a = ["x", "y", "z"] }\ncurrent_mass = "grams"\nunits = { current_mass = "g" }\n'
+        'time = "t"\nposition = { a = ["x", "y", "z"] }\n'
+        'current_mass = "grams"\nunits = { current_mass = "g" }\n'
     )
     ((_, made),) = import_sources([tmp_path / "b.csv"], load_import_settings(tmp_path / "b.toml"))
     assert np.allclose(made.motion.current_mass, 2.0 - 1e-3 * np.arange(5))
