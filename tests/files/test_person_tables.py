@@ -11,8 +11,8 @@ from forceid.files.formats.bodies.joint_centers import joint_centers
 from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.bodies.person import PREFIX
 from forceid.files.formats.bodies.tables import table_joints, table_segments, tables
-from forceid.files.formats.sources import import_sources
-from forceid.import_settings import ImportSettings
+from forceid.files.formats.sources import import_sources, settings_for
+from forceid.import_settings import ImportSettings, load_import_settings
 
 MASS, HEIGHT = 72.0, 1.76
 SHIFT = np.array([1.0, -2.0, 0.5])
@@ -230,6 +230,16 @@ def test_a_person_who_is_lifted_is_pushed_as_hard_as_that_takes(tmp_path):
     inner, push = slice(20, -20), MASS * (9.81 - lift * (2 * np.pi * 1.2) ** 2)
     error = (found.force[:, 2] - push)[inner]
     assert np.sqrt((error**2).mean()) < 0.02 * np.ptp(push)
+
+
+def test_a_person_is_proposed_where_the_markers_are_of_a_known_set(tmp_path):
+    text = settings_for([trc(tmp_path / "a.trc", plug_in_gait())])
+    assert "Plug-in Gait" in text
+    (tmp_path / "a.toml").write_text(
+        text.replace("mass = nan", "mass = 70.0").replace("height = nan", "height = 1.7")
+    )
+    ((_, made),) = import_sources([tmp_path / "a.trc"], load_import_settings(tmp_path / "a.toml"))
+    assert made.body.mass.sum() == pytest.approx(70.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(

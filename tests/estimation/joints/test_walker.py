@@ -1,6 +1,7 @@
-"""Joint forces and moments of a walker on one leg beside the recursion of Newton and Euler, from the swinging end.
+"""Joint forces and moments of a walker on one leg beside the recursion of Newton and Euler.
 
-Four rigid segments turn about ball joints by closed forms; the shank stands on the ground, whose load is found.
+Four rigid segments turn about ball joints by closed forms of seven harmonics; the shank stands on the ground,
+whose load is found.
 The recursion of a textbook (Winter, Biomechanics and Motor Control of Human Movement, ch. 5, in space) takes
 accelerations by differences of these forms, and shares nothing with the estimate.
 """
@@ -15,7 +16,7 @@ from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 RATE, NOISE, SAMPLES = 100.0, 1e-3, 110  # Hz, m
-SEGMENTS = {  # from one joint to the next: mass kg, vector m, center as a part of it, gyration as a part of its length
+SEGMENTS = {  # mass kg, from one joint to the next m, center as a part of it, gyration as a part of its length
     "shank": (4.0, (0.0, 0.0, 0.50), 0.50, 0.35), "thigh": (7.0, (0.0, 0.0, 0.42), 0.57, 0.32),
     "trunk": (44.0, (0.0, 0.18, 0.0), 0.5, 1.2), "swing_leg": (11.0, (0.0, 0.0, -0.92), 0.40, 0.33),
 }  # fmt: skip
@@ -39,7 +40,7 @@ def rotations(t, seed):
 
 
 def posed(t, seed):
-    """Places (time, 3) m of the near end of every segment, which is the joint to the one before, and rotations."""
+    """Places (time, 3) m of the near end of every segment, the joint to the one before, and rotations."""
     R, at, found = rotations(t, seed), np.zeros((len(t), 3)), {}
     for name in NAMES:
         found[name] = at
@@ -113,7 +114,9 @@ def walked(seed):
         {"name": j, "parts": pair, "at": tuple(still[pair[1]].tolist()), "kind": "ball", "driven": True}
         for j, pair in JOINTS.items()
     ]
-    body = Body(tuple(f"m{k}" for k in range(x.shape[1])), np.concatenate(shape), mass=np.full(x.shape[1], 66 / 16))
+    body = Body(
+        tuple(f"m{k}" for k in range(x.shape[1])), np.concatenate(shape), mass=np.full(x.shape[1], 66 / 16)
+    )
     recording = Recording(body, Motion(t, x, gravity=GRAVITY, noise_std={"position": NOISE}))
     return recording, load_settings(part=parts, joint=joints, model="rigid", internal_momentum=(0, 0, 0)), t
 
@@ -123,3 +126,18 @@ def test_the_recursion_ends_with_all_of_the_weight_in_the_mean():
     force, _ = recursion(t, 0)
     above = sum(SEGMENTS[n][0] for n in NAMES[1:])
     assert np.allclose(force[:-1, 0].mean(0), [0, 0, 9.81 * above], atol=0.01 * 9.81 * above)
+
+
+@pytest.mark.long
+def test_joint_loads_of_a_walker_are_those_of_the_recursion_within_their_claims():
+    recording, settings, t = walked(0)
+    found, (force, moment) = estimate_recording(recording, settings).interface, recursion(t, 0)
+    inner = slice(20, -20)
+    for true, loads, std in (
+        (force, found.force, found.force_std),
+        (moment, found.moment, found.moment_std),
+    ):
+        error = (loads - true)[inner]
+        assert (np.sqrt(((error / std[inner]) ** 2).mean((0, 2))) < 1.4).all()
+        assert np.sqrt((error**2).mean()) < 0.06 * np.sqrt((true[inner] ** 2).mean())
+    assert found.verdict.level == "ok"
