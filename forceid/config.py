@@ -207,6 +207,16 @@ class RotorSetting(Section):
         return axis
 
 
+class FootSetting(Section):
+    """A foot of two that stand on the ground: its nodes by name, and by how much the pressure under it may be
+    off their middle: half of its length over root three.
+    """
+
+    name: str
+    nodes: tuple[str, ...] = Field(min_length=1)
+    reach: float = Field(default=0.07, gt=0.0)
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -255,12 +265,13 @@ class Settings(Section):
     of the matern one of the force, and of the moment.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. rotor: what turns inside at a known speed. mass_rate (kg/s): of a body that burns, from the
-    first sample on, its force being what acts on what is left. lines: oscillating loads beside the smooth
-    one, found by evidence ("auto"), "none", or looked for at these frequencies only (Hz). known_load: loads
-    that are known; the force and the moment estimated are those of all others. part, joint: bodies that
-    joints hold together, for the forces in these. material: name and constants (J, or Pa with `volume` m3) of
-    a body that deforms affinely, in place of /body/material. body_std: how uncertain mass, mass center and
-    inertia are. aero: air, sizes and wind for the coefficients of the air; None: they are not asked for.
+    first sample on, its force being what acts on what is left. foot: of two between which the force is split.
+    lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
+    frequencies only (Hz). known_load: loads that are known; the force and the moment estimated are those of
+    all others. part, joint: bodies that joints hold together, for the forces in these. material: name and
+    constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of /body/material.
+    body_std: how uncertain mass, mass center and inertia are. aero: air, sizes and wind for the coefficients
+    of the air; None: they are not asked for.
     """
 
     method: Method = "smoother"
@@ -275,6 +286,7 @@ class Settings(Section):
     prior: PriorsSetting = PriorsSetting()
     internal_momentum: Vector | None = None
     mass_rate: float | None = None
+    foot: tuple[FootSetting, ...] = ()
     rotor: tuple[RotorSetting, ...] = ()
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)

@@ -453,6 +453,22 @@ class Aero:
 
 
 @dataclass(frozen=True)
+class Feet:
+    """The force of the ground on each of two feet, world axes.
+
+    name (foot,); force (time, foot, 3) N with force_cov (time, foot, 3, 3); contact (time, foot): 1 where it
+    touches; share (time, foot) of the whole, and share_std (time,): zero where one stands alone.
+    """
+
+    name: tuple[str, ...]
+    force: Array
+    force_cov: Array
+    contact: Array
+    share: Array
+    share_std: Array
+
+
+@dataclass(frozen=True)
 class Estimate(Claims):
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
@@ -473,7 +489,8 @@ class Estimate(Claims):
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
     names. hidden: what the estimate leaves out, None where the method does not tell; impulses: of loads that
     come in pieces; witness: what the plain
-    route gives beside it; flown: what a flight again begins with; aero: what the air does, where that was
+    route gives beside it; flown: what a flight again begins with; feet: what the ground gives
+    each; aero: what the air does, where that was
     asked for. settings: the merged configuration as TOML text; runtime_s: s by
     the clock; timing: s of CPU by stage.
     """
@@ -518,6 +535,7 @@ class Estimate(Claims):
     interface: Interface | None = None
     witness: Witness | None = None
     flown: Flown | None = None
+    feet: Feet | None = None
     aero: Aero | None = None
     runtime_s: float = 0.0
     timing: dict[str, float] = field(default_factory=dict)

@@ -27,6 +27,7 @@ from forceid.estimation.changing_mass import (
     seen_by_witness,
     share_of_mass,
 )
+from forceid.estimation.feet import feet_of, split_by_foot
 from forceid.estimation.flown import air_of, canonical_quaternions, flown_of
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
@@ -334,6 +335,7 @@ def assemble(
     further: what is to say beside, after all else; known: the loads that it is beside.
     """
     kin, motion = solution.kinematics, recording.motion
+    feet = feet_of(settings.foot, recording.body.node)
     of_all = solution if known is None else replace(solution, state=known.added(solution.state))
     affine, unobserved = observed_first_moments(of_all, settings)
     state = given_stress(solution.state, affine, known.part.moment if known else np.zeros(3))
@@ -402,6 +404,7 @@ def assemble(
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
         flown=flown_of(solution, motion),
+        feet=None if known else split_by_foot(feet, recording.body.node, motion, solution.state),
         aero=air_of(settings, solution, state, motion),
     )  # fmt: skip
     return replace(result, **turning)

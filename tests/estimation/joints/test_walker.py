@@ -16,7 +16,7 @@ from forceid.records import Body, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 RATE, NOISE, SAMPLES = 100.0, 1e-3, 110  # Hz, m
-SEGMENTS = {  # mass kg, from one joint to the next m, center as a part of it, gyration as a part of its length
+SEGMENTS = {  # mass kg, from joint to joint m, center as a part of that, gyration as a part of its length
     "shank": (4.0, (0.0, 0.0, 0.50), 0.50, 0.35), "thigh": (7.0, (0.0, 0.0, 0.42), 0.57, 0.32),
     "trunk": (44.0, (0.0, 0.18, 0.0), 0.5, 1.2), "swing_leg": (11.0, (0.0, 0.0, -0.92), 0.40, 0.33),
 }  # fmt: skip
