@@ -186,6 +186,37 @@ class AeroSetting(Section):
         return own, self.span or own
 
 
+class RotorSetting(Section):
+    """A rotor or wheel inside the body, of which nothing is seen from outside.
+
+    axis: in the axes of the body, of any length; inertia kg m2: about that axis; speed rad/s: against the
+    body, right-handed about the axis; left out, that of /motion/rotor_speed of the file.
+    """
+
+    name: str
+    axis: Vector
+    inertia: float = Field(gt=0.0)
+    speed: float | None = None
+
+    @field_validator("axis")
+    @classmethod
+    def some_way(cls, axis: Vector) -> Vector:
+        """A direction."""
+        if not any(axis):
+            raise ValueError("is zero, expected a direction")
+        return axis
+
+
+class FootSetting(Section):
+    """A foot of two that stand on the ground: its nodes by name, and by how much the pressure under it may be
+    off their middle: half of its length over root three.
+    """
+
+    name: str
+    nodes: tuple[str, ...] = Field(min_length=1)
+    reach: float = Field(default=0.07, gt=0.0)
+
+
 class PartSetting(Section):
     """One part of a body in parts: the nodes (names or zero-based indices) that move as one.
 
@@ -233,12 +264,14 @@ class Settings(Section):
     load_prior: how they vary in time there, one of the kernels in forceid/flight/priors. prior: what is known
     of the matern one of the force, and of the moment.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
-    not known. lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked
-    for at these frequencies only (Hz). known_load: loads that are known; the force and the moment estimated
-    are those of all others. part, joint: bodies that joints hold together, for the forces in these. material:
-    name and constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of
-    /body/material. body_std: how uncertain mass, mass center and inertia are. aero: air,
-    sizes and wind for the coefficients of the air; None: they are not asked for.
+    not known. rotor: what turns inside at a known speed. mass_rate (kg/s): of a body that burns, from the
+    first sample on, its force being what acts on what is left. foot: of two between which the force is split.
+    lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
+    frequencies only (Hz). known_load: loads that are known; the force and the moment estimated are those of
+    all others. part, joint: bodies that joints hold together, for the forces in these. material: name and
+    constants (J, or Pa with `volume` m3) of a body that deforms affinely, in place of /body/material.
+    body_std: how uncertain mass, mass center and inertia are. aero: air, sizes and wind for the coefficients
+    of the air; None: they are not asked for.
     """
 
     method: Method = "smoother"
@@ -252,6 +285,9 @@ class Settings(Section):
     load_prior: Literal["matern", "periodic"] = "matern"
     prior: PriorsSetting = PriorsSetting()
     internal_momentum: Vector | None = None
+    mass_rate: float | None = None
+    foot: tuple[FootSetting, ...] = ()
+    rotor: tuple[RotorSetting, ...] = ()
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)
     load: tuple[LoadSetting, ...] = ()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from forceid.config import Section, Vector, read_toml, validate
+from forceid.config import RotorSetting, Section, Vector, read_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import SENSED, SENSOR
 
@@ -16,7 +16,17 @@ Columns = tuple[str, str, str]
 Dim = Literal["time", "node", "axis"]
 Matrix = tuple[Vector, Vector, Vector]
 ON_SENSORS = tuple(name for name, variable in SENSED.items() if variable.dims == SENSOR)
-UNITS_OF = ("time", "position", "displacement", "center", "orientation", *SENSED, "geometry")
+UNITS_OF = (
+    "time",
+    "position",
+    "displacement",
+    "center",
+    "orientation",
+    *SENSED,
+    "rotor_speed",
+    "current_mass",
+    "geometry",
+)
 if TYPE_CHECKING:
     SensorSetting = Section
 else:  # a key for each variable of sensors
@@ -42,6 +52,8 @@ class ChannelSetting(SensorSetting):
     center: Columns | str | None = None
     orientation: tuple[str, str, str, str] | str | None = None
     strain: tuple[str, ...] = ()
+    rotor_speed: tuple[str, ...] = ()
+    current_mass: str | None = None
     units: dict[str, str] = Field(default_factory=dict)
     nodes: tuple[str, ...] | str = ()
     dims: tuple[Dim, Dim, Dim] = ("time", "node", "axis")
@@ -121,15 +133,40 @@ class JointSetting(Section):
 
 
 class BodySetting(Section):
-    """Mass and shape, as in /body of a motion file; position and mass by node name."""
+    """Mass and shape, as in /body of a motion file; position and mass by node name.
 
+    A person: table of segments, mass in kg as one number (or total_mass), height m, and sex, without which a
+    table of two is taken in the mean. ends: markers in whose middle a point of the person is; cluster: those
+    that stay on a segment, in place of what the names of a known marker set say.
+
+    A rigid body: file, beside the source: URDF, SDF or OpenSim, and in it link; or mass properties as a CAD
+    program prints them, products: whether its products of inertia are the "integral" of x y or as in the
+    "tensor", where the text does not tell.
+    """
+
+    file: str = ""
+    link: str = ""
+    products: Literal["", "integral", "tensor"] = ""
+    table: Literal["", "de_leva", "winter", "dempster"] = ""
+    height: float | None = Field(default=None, gt=0.3, lt=3)
+    sex: Literal["", "female", "male"] = ""
+    ends: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    cluster: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     total_mass: float | None = Field(default=None, gt=0)
     mass_center: Vector = (0.0, 0.0, 0.0)
     inertia: Matrix | None = None
+    mass_rate: float | None = None
     position: dict[str, Vector] = Field(default_factory=dict)
     mass: dict[str, float] = Field(default_factory=dict)
     sensor_position: dict[str, Vector] = Field(default_factory=dict)
     sensor_rotation: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_mass(cls, given: Any) -> Any:
+        if isinstance(given, dict) and isinstance(given.get("mass"), int | float):
+            return {k: v for k, v in given.items() if k != "mass"} | {"total_mass": given["mass"]}
+        return given
 
 
 class CaptureSetting(Section):
@@ -174,7 +211,8 @@ class ImportSettings(Section):
 
     start and stop (s) keep a window of time, both ends included. noise_std by variable of /motion, SI.
     static: a capture of the body at rest, beside the others, in which joints are placed among the markers;
-    without it that is the first frame that shows all of them.
+    without it that is the first frame that shows all of them. rotor: what turns inside, as in an estimate;
+    those without a speed have the channels rotor_speed, in order.
     """
 
     gravity: Vector = Field(examples=["gravity = [0.0, 0.0, -9.81], m/s2 in world axes"])
@@ -191,6 +229,7 @@ class ImportSettings(Section):
     joint: dict[str, JointSetting] = Field(default_factory=dict)
     static: str = ""
     until: UntilSetting | None = None
+    rotor: tuple[RotorSetting, ...] = ()
     plates: PlateSetting | None = None
 
 

@@ -59,8 +59,10 @@ class Body:
 
     position (node, 3) m, reference axes; mass (node,) kg or mass_matrix (dof, dof) kg, node-major, or
     total_mass kg with mass_center (3,) m and inertia (3, 3) kg m2 about it. stiffness (dof, dof) N/m.
+    mass_rate kg/s: by which all of these change alike from the first sample on.
     mode_shape (mode, node, 3) 1, mode_frequency (mode,) Hz, mode_damping (mode,) 1.
-    internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows.
+    internal_momentum (3,) kg m2/s, reference axes, of what turns inside the body and no marker shows; beside
+    it rotors by name: rotor_axis (rotor, 3), reference axes, rotor_inertia (rotor,) kg m2 about these.
     sensor_position (sensor, 3) m, sensor_rotation (sensor, 4) quaternion, sensor to body.
     strain_shape (gauge, node, 3) 1/m: strain per nodal displacement, none for a rigid motion.
     material: its name and constants, by name, of a body that deforms affinely.
@@ -79,6 +81,10 @@ class Body:
     mass_center: Array | None = None
     inertia: Array | None = None
     internal_momentum: Array | None = None
+    rotor: tuple[str, ...] = ()
+    rotor_axis: Array | None = None
+    rotor_inertia: Array | None = None
+    mass_rate: float | None = None
     stiffness: Array | None = None
     mode_shape: Array | None = None
     mode_frequency: Array | None = None
@@ -94,6 +100,11 @@ class Body:
     joint: tuple[str, ...] = ()
     joint_segment: Array | None = None
     joint_shape: Array | None = None
+
+    @property
+    def inside_stated(self) -> bool:
+        """Whether it is stated what turns inside, be it nothing."""
+        return self.internal_momentum is not None or self.rotor_axis is not None
 
 
 @dataclass(frozen=True)
@@ -129,7 +140,9 @@ class Motion:
     time (time,) s; position (time, node, 3) m, with marker_position (time, marker, 3) m of the markers that
     nodes are combinations of, if any; or center (time, 3) m with orientation (time, 4)
     quaternion [x y z w] body to world; specific_force m/s2, angular_velocity rad/s and magnetic_field T
-    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is. gravity (3,) m/s2.
+    (time, sensor, 3); strain (time, gauge) 1; wind (time, 3) m/s where the body is; rotor_speed
+    (time, rotor) rad/s of the rotors of the body, against it; current_mass (time,) kg where it
+    changes. gravity (3,) m/s2.
     noise_std: standard deviation of one
     component of one sample by variable name, where the file states it (rad for the orientation).
     bridged (time, node) m2: error variance of positions that were filled in, zero where they were measured,
@@ -147,6 +160,8 @@ class Motion:
     magnetic_field: Annotated[Reading, Variable(SENSOR, "T", "magnetic field, sensor axes")] = None
     strain: Annotated[Reading, Variable(("time", "gauge"), "1", "strain")] = None
     wind: Array | None = None
+    rotor_speed: Array | None = None
+    current_mass: Array | None = None
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     noise_std: dict[str, float] = field(default_factory=dict)
     bridged: Array | None = None
@@ -391,7 +406,8 @@ class Flown:
     center (time, 3) m, NaN where not seen; orientation (time, 4) [x y z w], NaN where not known; pose_cov
     (time, 6, 6) of center and rotation (left error, rad), world axes; inertia (time, 3, 3) kg m2 about the
     mass center and internal_momentum (time, 3) kg m2/s of the deformation and of what turns inside, body
-    axes; wind (time, 3) m/s, world axes, where it was measured.
+    axes; wind (time, 3) m/s, world axes, where it was measured; current_mass (time,) kg where it changes:
+    then the inertia is that of the body as stated.
     """
 
     center: Array
@@ -400,6 +416,7 @@ class Flown:
     inertia: Array
     internal_momentum: Array
     wind: Array | None = None
+    current_mass: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -436,6 +453,22 @@ class Aero:
 
 
 @dataclass(frozen=True)
+class Feet:
+    """The force of the ground on each of two feet, world axes.
+
+    name (foot,); force (time, foot, 3) N with force_cov (time, foot, 3, 3); contact (time, foot): 1 where it
+    touches; share (time, foot) of the whole, and share_std (time,): zero where one stands alone.
+    """
+
+    name: tuple[str, ...]
+    force: Array
+    force_cov: Array
+    contact: Array
+    share: Array
+    share_std: Array
+
+
+@dataclass(frozen=True)
 class Estimate(Claims):
     """The result: applied wrench (weight excluded) with covariance, mean motion and deformation.
 
@@ -456,7 +489,8 @@ class Estimate(Claims):
     model_choice: a sentence on why this model, ladder: what every level looked at said, as numbers with
     names. hidden: what the estimate leaves out, None where the method does not tell; impulses: of loads that
     come in pieces; witness: what the plain
-    route gives beside it; flown: what a flight again begins with; aero: what the air does, where that was
+    route gives beside it; flown: what a flight again begins with; feet: what the ground gives
+    each; aero: what the air does, where that was
     asked for. settings: the merged configuration as TOML text; runtime_s: s by
     the clock; timing: s of CPU by stage.
     """
@@ -501,6 +535,7 @@ class Estimate(Claims):
     interface: Interface | None = None
     witness: Witness | None = None
     flown: Flown | None = None
+    feet: Feet | None = None
     aero: Aero | None = None
     runtime_s: float = 0.0
     timing: dict[str, float] = field(default_factory=dict)

@@ -72,6 +72,27 @@ def test_squats_against_the_plates():
 
 
 @LONG
+@pytest.mark.parametrize("trial", ["squats1", "DJ1", "DJ2", "DJ3"])
+def test_mass_and_height_alone_find_the_vertical_force_as_well_as_a_table_by_hand(trial):
+    """Within 1.1 of the segments of config/jump_squat.toml."""
+    by_hand, folder = (
+        load_import_settings(ROOT / "config" / "jump_squat.toml"),
+        REAL / "jump_squat_mocap_plate",
+    )
+    keys = {key: getattr(by_hand, key) for key in ("gravity", "static", "noise_std", "plates")}
+    body = {"table": "winter", "mass": 60.03, "height": 1.69}
+    person = load_import_settings(None, body=body, **keys)
+    ((_, recording),) = import_sources([folder / f"{trial}.trc", folder / f"{trial}_grf.mot"], person)
+    truth = forces_of_plates(recording)
+    air = slice(int(np.argmax(truth[:, 1] > 20)) - 12, -10) if trial != "squats1" else slice(None)
+    found, reference = (
+        rms((estimate_recording(one, load_settings()).force - truth)[air])[1]
+        for one in (recording, recorded(trial))
+    )
+    assert found <= 1.1 * reference
+
+
+@LONG
 @pytest.mark.parametrize(("known", "other"), [("1", "2"), ("2", "1")])
 def test_beside_one_foot_on_a_known_plate_the_other_foot_is_found(known, other):
     settings = load_import_settings(ROOT / "config" / "jump_squat.toml")

@@ -42,6 +42,10 @@ def course_of(estimate: Estimate, name: str) -> Course:
     wrench = np.concatenate([estimate.force, estimate.moment], 1)
     if estimate.known_force is not None:
         raise DataError("is beside known loads, which no law is fitted to", name, "estimate it without them")
+    if flown.current_mass is not None:
+        raise DataError(
+            "has a mass that changes, which no law is fitted to", name, "cut it to before or after"
+        )
     return Course(
         name, estimate.time[s] - estimate.time[first], at[s], R[s], root[s], estimate.mass, inertia[s],
         flown.internal_momentum[s], np.asarray(estimate.gravity), bridged(flown.wind, s), turns, start, begin,

@@ -18,8 +18,16 @@ from forceid.estimation.body.inertia import without_node_rotations
 from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
+from forceid.estimation.body.rotors import with_rotors
 from forceid.estimation.body.segment_noise import shows_segments
 from forceid.estimation.body.thin_mass import with_known_moment
+from forceid.estimation.changing_mass import (
+    check_constant,
+    of_changing_mass,
+    seen_by_witness,
+    share_of_mass,
+)
+from forceid.estimation.feet import feet_of, split_by_foot
 from forceid.estimation.flown import air_of, canonical_quaternions, flown_of
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, KnownWrench, beside_known
@@ -123,6 +131,7 @@ def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, 
     """The estimate of a recording as one body, and the solution behind it unless it is refused."""
     check_stiffness(recording.body)
     check_points(settings, recording.body)
+    check_constant(recording, settings)
     if loads := known_loads(recording, settings):
         return beside_known(loads, recording, settings, estimate_beside)
     return estimate_beside(recording, settings)
@@ -183,7 +192,12 @@ def estimate_beside(
     if beside is not None:
         state, known = beside.restored(solution.state, body, motion.time)
         solution = replace(solution, state=state, findings=(*solution.findings, beside.judged(known)))
+    share = share_of_mass(body, motion, solution.kinematics.inertia.mass)
+    if share is not None:
+        solution, witness = of_changing_mass(solution, share), seen_by_witness(witness, share)
     result = assemble(recording, settings, solution, findings, choice.left, differs, known)
+    if share is not None and result.flown is not None:
+        result = replace(result, flown=replace(result.flown, current_mass=share * result.mass))
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
 
@@ -261,7 +275,7 @@ def with_known_axes(solution: Solution) -> Solution:
 
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:
-    """The recording under the gravity, and of a body with the momentum inside and the material, that the
+    """The recording under the gravity, and of a body with what turns inside and the material, that the
     settings state. Matrices of the body are those of the places of its nodes.
     """
     body, motion = without_node_rotations(recording.body), recording.motion
@@ -269,6 +283,9 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
         motion = replace(motion, gravity=np.array(settings.gravity))
     if settings.internal_momentum is not None:
         body = replace(body, internal_momentum=np.array(settings.internal_momentum))
+    if settings.mass_rate is not None:
+        body = replace(body, mass_rate=settings.mass_rate)
+    body, motion = with_rotors(body, motion, settings.rotor)
     return replace(recording, body=with_material(body, settings), motion=motion)
 
 
@@ -318,6 +335,7 @@ def assemble(
     further: what is to say beside, after all else; known: the loads that it is beside.
     """
     kin, motion = solution.kinematics, recording.motion
+    feet = feet_of(settings.foot, recording.body.node)
     of_all = solution if known is None else replace(solution, state=known.added(solution.state))
     affine, unobserved = observed_first_moments(of_all, settings)
     state = given_stress(solution.state, affine, known.part.moment if known else np.zeros(3))
@@ -386,6 +404,7 @@ def assemble(
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
         flown=flown_of(solution, motion),
+        feet=None if known else split_by_foot(feet, recording.body.node, motion, solution.state),
         aero=air_of(settings, solution, state, motion),
     )  # fmt: skip
     return replace(result, **turning)

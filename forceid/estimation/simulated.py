@@ -69,6 +69,8 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
     t = estimate.time - estimate.time[0]
     force = estimate.force + (0.0 if estimate.known_force is None else estimate.known_force)
     moment = estimate.moment + (0.0 if estimate.known_moment is None else estimate.known_moment)
+    if flown.current_mass is not None:  # all loads by the share of the mass, as of one that does not change
+        force, moment = (load * (estimate.mass / flown.current_mass)[:, None] for load in (force, moment))
     std = np.sqrt(np.diagonal(flown.pose_cov, axis1=1, axis2=2))
     pushed = course(t, force / estimate.mass + estimate.gravity, estimate).antiderivative(2)(t)
     seen: Flags = np.asarray(np.isfinite(flown.center).all(1))

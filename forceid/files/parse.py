@@ -72,14 +72,18 @@ def parse_recording(
         truth = {"time": motion["time"]} | truth if truth else {}
     if "orientation" in motion:
         motion["orientation"] = canonical(motion["orientation"])
-    total_mass = body.pop("total_mass", None)
+    whole: dict[str, Any] = {
+        name: float(body.pop(name)) for name in ("total_mass", "mass_rate") if name in body
+    }
     recording = Recording(
         body=Body(
             node=node_names(groups, sizes.get("node", 0), where),
-            total_mass=None if total_mass is None else float(total_mass),
             marker=labels(groups["body"], "marker"),
             joint=labels(groups["body"], "joint"),
+            rotor=labels(groups["body"], "rotor")
+            or tuple(f"rotor_{k}" for k in range(sizes.get("rotor", 0))),
             material=read_material(groups[MATERIAL], f"{where}:/{MATERIAL}") if MATERIAL in groups else None,
+            **whole,
             **body,
         ),
         motion=Motion(

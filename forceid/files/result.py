@@ -17,6 +17,7 @@ from forceid.files.schema import (
     AERO_QUANTITIES,
     ESTIMATE,
     ESTIMATE_ATTRS,
+    FEET,
     FLOWN,
     HIDDEN,
     IMPULSE,
@@ -37,6 +38,7 @@ from forceid.records import (
     Aero,
     Array,
     Estimate,
+    Feet,
     Finding,
     Flown,
     HiddenLoad,
@@ -81,7 +83,9 @@ def read_result(path: str | Path) -> Estimate:
             if name not in values and name not in group.attrs and name not in _OPTIONAL:
                 raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
         node = labels(group, "node")
-        further = {name: holds(f, name, f"{path}:") for name in ("interface", "witness", "flown", "aero")}
+        further = {
+            name: holds(f, name, f"{path}:") for name in ("interface", "witness", "flown", "feet", "aero")
+        }
         n = len(values["time"])
         empty = {
             "deformation": np.zeros((n, len(node), 3)),
@@ -110,6 +114,7 @@ def read_result(path: str | Path) -> Estimate:
             interface=read_interface(f, n, path) if further["interface"] else None,
             witness=read_witness(f, n, path) if further["witness"] else None,
             flown=read_flown(f, n, path) if further["flown"] else None,
+            feet=read_feet(f, n, path) if further["feet"] else None,
             aero=read_aero(f, n, path) if further["aero"] else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
@@ -186,8 +191,15 @@ def read_flown(file: Any, samples: int, path: str | Path) -> Flown:
     group = source_group(file, "flown", FLOWN, f"{path}:")
     sizes = {"time": samples, "axis": 3, "quaternion": 4, "pose": 6}
     values, _ = read_variables(group, FLOWN, sizes, f"{path}:/flown")
-    needed = {name: spec for name, spec in FLOWN.items() if name != "wind"}
+    needed = {name: spec for name, spec in FLOWN.items() if name not in ("wind", "current_mass")}
     return Flown(**whole_group(values, needed, f"{path}:/flown"))
+
+
+def read_feet(file: Any, samples: int, path: str | Path) -> Feet:
+    """The group /feet of a result file."""
+    group = source_group(file, "feet", FEET, f"{path}:")
+    values, _ = read_variables(group, FEET, {"time": samples, "axis": 3}, f"{path}:/feet")
+    return Feet(name=labels(group, "foot"), **whole_group(values, FEET, f"{path}:/feet"))
 
 
 def read_aero(file: Any, samples: int, path: str | Path) -> Aero:

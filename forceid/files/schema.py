@@ -55,6 +55,7 @@ KNOWN_LOADS: dict[str, Variable] = variables("known_loads")
 ESTIMATE: dict[str, Variable] = variables("estimate")
 HIDDEN, MODAL, IMPULSE = variables("hidden"), variables("modal"), variables("impulse")
 LOAD, INTERFACE, FLOWN = variables("load"), variables("interface"), variables("flown")
+FEET = variables("feet")
 AERO_QUANTITIES, AERO_VECTORS = variables("aero"), variables("aero_vectors")
 AERO = {
     name + end: replace(spec, long_name=f"{said}{spec.long_name}")
@@ -132,7 +133,7 @@ def root_attrs(title: str, history: str, **more: Any) -> dict[str, Any]:
 def motion_groups(recording: Recording) -> dict[str, Group]:
     """A recording as the groups of a motion file; the truth gets the time of the motion if it has none."""
     body, motion = recording.body, recording.motion
-    named = {"node": body.node, "marker": body.marker, "joint": body.joint}
+    named = {"node": body.node, "marker": body.marker, "joint": body.joint, "rotor": body.rotor}
     node = {dim: names for dim, names in named.items() if names}
     noise = {name: {"noise_std": std} for name, std in motion.noise_std.items()}
     root = root_attrs(recording.title, recording.history, forceid_schema=SCHEMA, source=recording.source)
@@ -201,6 +202,8 @@ def estimate_groups(estimate: Estimate, recording: Recording | None = None) -> d
         groups["witness"] = timed(time, witness, WITNESS, {}, {"moment_about": "mass_center"} | numbers)
     if (flown := estimate.flown) is not None:
         groups["flown"] = timed(time, flown, FLOWN, {}, {"frame": "poses in world axes, the body in its own"})
+    if (feet := estimate.feet) is not None:
+        groups["feet"] = timed(time, feet, FEET, {"foot": feet.name}, {"frame": "world axes, right-handed"})
     if (aero := estimate.aero) is not None:
         values = {"time": time, **aero_values(aero)}
         names = {"coefficient": ("CL", "CD", "CY", "Cl", "Cm", "Cn")}

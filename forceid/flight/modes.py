@@ -71,8 +71,8 @@ class FlyingModes:
     path (time, state): chains (q, q', f ...) of all modes, then weights of the followers, about which a
     flight is linearized first; followers: shapes behind the modes that move as these do, None for none;
     gauges: that read the strain of modes; mounting: displacement and tilt (sensor, mode, 3) of gyros and
-    accelerometers, each for a unit of amplitude; inside (3,) kg m2/s, body axes: momentum of what turns
-    inside the body.
+    accelerometers, each for a unit of amplitude; inside ([time,] 3) kg m2/s, body axes: momentum of what
+    turns inside the body.
     """
 
     frames: Frames
@@ -136,7 +136,8 @@ class FlyingModes:
         gauges = self.gauges
         if gauges is not None:
             gauges = replace(gauges, reading=gauges.reading[s])
-        return replace(self, frames=frames, path=self.path[s], gauges=gauges)
+        inside = self.inside if self.inside.ndim == 1 else self.inside[s]
+        return replace(self, frames=frames, path=self.path[s], gauges=gauges, inside=inside)
 
     def inertia(self) -> tuple[Array, Array]:
         """Inertia (time, 3, 3) and h (time, 3) about the mass center, body axes, along the path."""

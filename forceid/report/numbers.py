@@ -52,13 +52,17 @@ def wrench_numbers(estimate: Estimate, truth: Mapping[str, Array] | None = None)
     e, found = estimate, dict[str, Any]()
     # the angular momentum is about the mass center, and closes no other moment
     moment = e.moment if e.moment_about == "mass_center" else np.full_like(e.moment, np.nan)
+    # where mass changes, what of the loads moves one that does not
+    part = (
+        1.0 if e.flown is None or e.flown.current_mass is None else (e.mass / e.flown.current_mass)[:, None]
+    )
     changes = {
-        "force": (e.mass * e.velocity, e.force + e.mass * e.gravity),
-        "moment": (e.angular_momentum, moment),
+        "force": (e.mass * e.velocity, part * e.force + e.mass * e.gravity),
+        "moment": (part * e.angular_momentum, part * moment),
     }
     for name, (momentum, whole) in changes.items():
         load, std = getattr(e, name), getattr(e, f"{name}_std")
-        gap, limit = closure(e.time, momentum, whole, std)
+        gap, limit = closure(e.time, momentum, whole, part * std)
         error = load - truth_at(e, truth or {}, name)
         found |= {f"{name}_mean": mean(load), f"{name}_rms": rms(load), f"{name}_std": mean(std)}
         found |= {f"{name}_error": rms(error), f"{name}_score": rms(error / positive_or_nan(std))}

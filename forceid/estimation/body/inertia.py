@@ -73,11 +73,6 @@ def second_moment(tensor: Array) -> Array:
     return np.asarray(0.5 * np.trace(tensor) * np.eye(3) - tensor)
 
 
-def momentum_inside(body: Body) -> Array:
-    """Angular momentum (3,) kg m2/s, reference axes, of what turns inside a body; zero where not stated."""
-    return np.zeros(3) if body.internal_momentum is None else body.internal_momentum
-
-
 def affine_mass(mass: float, tensor: Array, X: Array) -> Array | None:
     """Mass matrix (dof, dof) of nodes X (node, 3), about the mass center, with these mass and inertia.
 

@@ -11,9 +11,10 @@ from forceid.config import Settings
 from forceid.estimation.body.deforming.deformation_shapes import deformation_shapes
 from forceid.estimation.body.deforming.hidden_mass import HiddenMass, hidden_mass
 from forceid.estimation.body.deforming.modes import fit_amplitudes
-from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.markers import ROUNDOFF, MarkerSet, markers_of
 from forceid.estimation.body.mass_center import affine_center, center_of_mass, with_center
+from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
@@ -37,7 +38,7 @@ class Kinematics:
     counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
     body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
     mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
-    rotation touches the force; markers: what this goes on from, None for a mean motion; inside (3,)
+    rotation touches the force; markers: what this goes on from, None for a mean motion; inside ([time,] 3)
     kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion;
     elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
     them; both None elsewhere; color: of the errors, None for white ones; loud (time,): variance of
@@ -177,7 +178,7 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     return Kinematics(
         time, inertia, shape, markers.seen, pose, shapes, q, q_var, model, {"position": markers.root},
         {"position": markers.stated}, not inertia.point, frames, beside, spin, known_center is not None,
-        markers, momentum_inside(markers.body), markers.known, found.elastic, hidden,
+        markers, markers.inside, markers.known, found.elastic, hidden,
     )  # fmt: skip
 
 
@@ -197,7 +198,7 @@ def without_rotation(markers: MarkerSet) -> Kinematics:
         time, inertia, X, markers.seen, pose, np.zeros((0, *X.shape)), empty, empty, "rigid",
         {"position": markers.root}, {"position": markers.stated}, bool(observed), spin=spin,
         apart=mean is not None, markers=markers,
-        inside=momentum_inside(markers.body), known=markers.known,
+        inside=markers.inside, known=markers.known,
     )  # fmt: skip
 
 
@@ -236,7 +237,7 @@ def from_mean_motion(
     known, none = {name: name in stated for name in levels}, np.zeros((0, nodes, 3))
     return Kinematics(
         time, inertia, X, np.zeros(nodes, bool), pose, none, empty, empty, "rigid", levels, known, attitude,
-        spin=spin, inside=momentum_inside(body), known=motion.known,
+        spin=spin, inside=momentum_inside(body, motion), known=motion.known,
     )  # fmt: skip
 
 

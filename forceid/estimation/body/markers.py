@@ -19,6 +19,7 @@ from forceid.estimation.body.deforming.modes import (
 )
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
+from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
 from forceid.motion import body_axes, fit_rotation, noise_variance, pose_rank
@@ -41,7 +42,7 @@ class MarkerSet:
     mean: the mass center where it is a mean of markers; oriented: whether they fix a rotation. Where they do:
     weight (node,): of the rotation fit, whose gauge is that of the residuals; modes: that the body brings;
     shape (node, 3) m: the mean shape; residual (time, node, 3) m, body axes, of the frames that show best.
-    known: what known loads do along the motion.
+    known: what known loads do along the motion; inside ([time,] 3): angular momentum of what turns inside.
     """
 
     body: Body
@@ -62,6 +63,7 @@ class MarkerSet:
     shape: Array
     residual: Array
     known: KnownPart | None
+    inside: Array
 
     @property
     def noise_std(self) -> float:
@@ -109,7 +111,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
         residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
     return MarkerSet(
         body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
-        modes, shape, residual, motion.known,
+        modes, shape, residual, motion.known, momentum_inside(body, motion),
     )  # fmt: skip
 
 

@@ -139,7 +139,8 @@ def local_size(even: Array, step: float, color: Color) -> Array:
 def shares(body: Body, poses: SegmentPoses) -> Array:
     """Share (segment, node) of every node that markers of each segment place.
 
-    A marker on no segment counts for that of its node, or else as the other markers of the node do.
+    A marker on no segment counts for that of its node, or else as the other markers of the node do; where
+    there are none, for all segments alike.
     """
     weight, owner = body.marker_weight, body.marker_segment
     assert weight is not None
@@ -150,7 +151,8 @@ def shares(body: Body, poses: SegmentPoses) -> Array:
         own = poses.segment == node
         placed[:, node] = np.where(own, placed[:, node] + left[node], placed[:, node])
         if not own.any():
-            placed[:, node] /= max(placed[:, node].sum(), TENTH)
+            some = placed[:, node].sum()
+            placed[:, node] = placed[:, node] / some if some > TENTH else 1 / len(own)
     return placed
 
 

@@ -11,8 +11,9 @@ from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.estimation.body.deforming.modes import split_rigid
-from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.markers import ROUNDOFF
+from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.instruments.acceleration_field import (
     FORCE,
     PULL,
@@ -38,6 +39,7 @@ READ = ACCELEROMETER.name
 class Field:
     """What accelerometers show: readings y (time, channel) at sites, with modes where shapes are told.
 
+    inside (time, 3) kg m2/s, torque (time, 3) N m: momentum of what turns inside, body axes, and its rate.
     still, turned: fits without and with W; level: of noise and offset of a channel, stated (white) or not;
     turns: whether the record says that the body turns.
     """
@@ -46,6 +48,7 @@ class Field:
     sites: Sites
     inertia: Inertia
     inside: Array
+    torque: Array
     still: Fit
     turned: Fit
     level: Level
@@ -105,8 +108,10 @@ def field_of(body: Body, motion: Motion, settings: Settings) -> Field | None:
         shown = Level(float(np.sqrt(differences)), 0.0)
     turns = shows_turn(still, turned, told_level(shown, y, known))
     shown = told_level(level_shown(turned if turns else still) or shown, y, known)
+    inside = np.broadcast_to(momentum_inside(body, motion), (len(motion.time), 3))
+    torque = np.gradient(inside, motion.time, axis=0) if len(inside) > 1 else np.zeros_like(inside)
     return Field(
-        y, sites, inertia, momentum_inside(body), still, turned, shown, stated is not None, turns
+        y, sites, inertia, inside, torque, still, turned, shown, stated is not None, turns
     )  # fmt: skip
 
 

@@ -66,6 +66,9 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
         raise ConfigError("need markers: the motion file holds no positions", "part", "leave out [[part]]")
     if not settings.part:
         raise ConfigError("is given without parts", "joint", "add [[part]] for what it holds together")
+    if settings.rotor or body.rotor_axis is not None:
+        what = "turns inside a body in parts, expected none there"
+        raise ConfigError(what, "rotor", "leave it out, or estimate its part as a body of its own")
     if not settings.joint:
         raise ConfigError("stands without a joint", "part", "add [[joint]] for what holds them together")
     check_names("part", ["ground", *(p.name for p in settings.part)])

@@ -118,7 +118,7 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=white + beside,
         share=weight / weight.sum() if whole else None, noise_var=markers.noise_std**2, swings=swings,
         mass=kin.inertia.mass, products=products_of(kin) if swings is not None else still(kin),
-        inside=kin.inside, gravity=gravity, force=to_go_on(solution.priors["force"]),
+        inside=np.atleast_2d(kin.inside)[-1], gravity=gravity, force=to_go_on(solution.priors["force"]),
         moment=to_go_on(solution.priors["moment"]) if turning else None,
         momentum=np.nan_to_num(state.H[0]),
         spread=np.eye(6) if (growth := solution.grown) is None else growth**2,

@@ -109,7 +109,7 @@ def estimate_field(body: Body, motion: Motion, field: Field, engine: Engine) -> 
         findings = (*findings, note("modal-force-varying"))
     T = len(time)
     kin = kinematics_of(field, body, time)
-    J, h = np.tile(kin.inertia.tensor, (T, 1, 1)), np.tile(field.inside, (T, 1))
+    J, h = np.tile(kin.inertia.tensor, (T, 1, 1)), field.inside
     lost, empty = np.full((T, 3), np.nan), np.zeros((T, 0))
     nis = np.where(field.fit.dof > 0, field.fit.misfit / np.maximum(field.fit.dof, 1), np.nan)
     state = FlightState(
@@ -168,7 +168,7 @@ def along(field: Field, turning: Turning) -> Found:
     own = free.cov[free.which]
     cov = carried @ turning.cov @ carried.mT
     cov[:, :3, :3] += mass**2 * field.level.var * own[:, :3, :3]
-    wrench = np.concatenate([mass * free.number[:, :3], alpha @ J + np.cross(omega, H)], 1)
+    wrench = np.concatenate([mass * free.number[:, :3], alpha @ J + field.torque + np.cross(omega, H)], 1)
     swing = moved[:, 3:]
     swing_cov = field.level.white**2 * own[:, 3:, 3:] + swing @ turning.cov @ swing.mT
     return Found(*where_told(field.told, wrench, cov), omega, free.number[:, 3:], swing_cov)

@@ -138,7 +138,7 @@ def allow_for_priors(problem: Problem) -> Problem:
     channels = {
         name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
     }
-    inside = "moment" in channels and problem.body.internal_momentum is None and may_turn_inside(kin)
+    inside = "moment" in channels and not problem.body.inside_stated and may_turn_inside(kin)
     turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
     beside = {}
     if inside:

@@ -15,8 +15,9 @@ from forceid.config import PriorsSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.cleaning import cleaned
 from forceid.estimation.body.deformation import Deformation
-from forceid.estimation.body.inertia import inertia_of, momentum_inside
+from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.spin import with_own_tensor
 from forceid.estimation.body.thin_mass import as_sphere, with_known_moment
 from forceid.estimation.instruments.accelerometer_array import field_of
@@ -217,7 +218,7 @@ def unmarked_flight(body: Body, motion: Motion, settings: Settings, kin: Kinemat
                 apart = not both.all(2).any(0).all()
                 doubt[i] = known(motion, settings).get(f"{one.name}_clock", apart * sensors.clock_std[i])
         sensors = replace(sensors, clock_std=doubt, bias_std=bias)
-    inside = np.tile(momentum_inside(body), (T, 1))
+    inside = np.broadcast_to(momentum_inside(body, motion), (T, 3)).copy()
     return Flight(
         motion.time, center, rotation, cov, kin.inertia.mass, inertia, inside, np.zeros(3), sensors
     )  # fmt: skip

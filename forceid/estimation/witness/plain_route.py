@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.estimation.body.inertia import Inertia, inertia_of, momentum_inside
+from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.kinematics import rotations
+from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.thin_mass import SLENDER, thinned
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.loads.channels import angular_channel
@@ -64,7 +65,7 @@ def plain_route(body: Body, motion: Motion, deforms: bool = False) -> PlainRoute
     thin = thinned(inertia, np.zeros((1, 3)) if body.position is None else body.position - inertia.center)
     if thin.on_line or thin.point:  # what of its moment is open needs no witness: H is that of a line
         inertia = replace(inertia, tensor=np.full((3, 3), np.nan))
-    inside = momentum_inside(body)
+    inside = momentum_inside(body, motion)
     if (measured := motion.measured) is not None and body.position is not None:
         return of_markers(inertia, body.position - inertia.center, motion, measured, inside, deforms)
     if motion.center is not None:
@@ -77,8 +78,8 @@ def of_markers(
 ) -> PlainRoute:
     """Channels of marker tracks x (time, node, 3); X (node, 3) m, reference shape about the mass center.
 
-    inside (3,): angular momentum of what turns in the body, reference axes. A rigid fit is a part of them
-    only where it leaves nothing of the markers that moves.
+    inside ([time,] 3): angular momentum of what turns in the body, reference axes. A rigid fit is a part of
+    them only where it leaves nothing of the markers that moves.
     """
     ever = np.asarray(np.isfinite(x).all(2)).any(0)
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
@@ -108,7 +109,7 @@ def of_markers(
         force = channel(motion, inertia.mass, rigid, whole)
     if not np.isfinite(inertia.tensor).all():
         return PlainRoute(force)
-    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.tile(inside, (len(x), 1))
+    J, h = np.broadcast_to(inertia.tensor, rotation.shape), np.broadcast_to(inside, (len(x), 3)).copy()
     if summed and inertia.nodal is not None and inertia.nodal.ndim == 1:
         J, momentum = inertia_and_momentum(motion.time, body_axes(x, center, rotation), mass)
         if bends:
@@ -128,7 +129,7 @@ def of_mean_motion(inertia: Inertia, motion: Motion, center: Array, inside: Arra
     R = rotations(motion.orientation)
     read = np.asarray(np.isfinite(R).all((1, 2)))
     J = np.broadcast_to(inertia.tensor, R.shape)
-    return PlainRoute(force, plain_moment_channel(motion, R, read, J, np.tile(inside, (T, 1))))
+    return PlainRoute(force, plain_moment_channel(motion, R, read, J, np.broadcast_to(inside, (T, 3)).copy()))
 
 
 def channel(motion: Motion, mass: float, center: Array, whole: Flags) -> PlainChannel | None:

@@ -25,9 +25,8 @@ ROUNDED_MOMENTS = 0.01  # of the largest: three moments of a flat body, each wri
 
 def check_body(body: Body, where: str) -> None:
     """Finite body data of possible size, positive mass, symmetric and definite matrices, told twice alike."""
-    check_finite(
-        body, ("node", "marker", "joint", "material"), where, "body data has no gaps: give every value"
-    )
+    names = ("node", "marker", "joint", "rotor", "material")
+    check_finite(body, names, where, "body data has no gaps: give every value")
     for name, variable in BODY.items():
         if (value := getattr(body, name)) is not None:
             check_range(np.asarray(value), variable.units, f"{where}/{name}")

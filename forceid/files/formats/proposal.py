@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from forceid.errors import ConfigError
+from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
@@ -70,7 +71,8 @@ def of_capture(capture: Capture, form: Format) -> list[str]:
     """The settings of markers, or of the pose of a body."""
     lines = ["[import]", gravity(form.up), ""]
     if capture.name:
-        lines += masses(capture.name)
+        known = marker_set(capture.name)
+        lines += masses(capture.name) if known is None else person(known.name)
         if capture.plates is not None:
             names = ", ".join(capture.plates.name)
             lines += ["", f"# force plates {names}, to compare with:", "# [import.plates]"]
@@ -97,6 +99,18 @@ def of_log(channels: Channels) -> list[str]:
     names = dict.fromkeys(name for sensors in channels.sensor.values() for name in sensors)
     places = [f"{name} = [0.0, 0.0, 0.0]" for name in names]
     return [*lines, "", *rigid(), f"sensor_position = {{ {', '.join(places)} }}  # m, in the same axes"]
+
+
+def person(markers: str) -> list[str]:
+    """The lines of a person whose markers are of a set that is known."""
+    return [
+        "[import.body]",
+        f'table = "winter"  # or "de_leva", "dempster": segments of a person; the markers are {markers}',
+        "mass = nan  # kg",
+        "height = nan  # m",
+        '# sex = "female"  # or "male", for de_leva',
+        '# ends.left_knee = ["MARKER", "MARKER"]  # in whose middle a point lies, in place of the set',
+    ]
 
 
 def gravity(up: str) -> str:

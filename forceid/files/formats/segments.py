@@ -88,6 +88,7 @@ def build_body(settings: ImportSettings, points: Points | None, sensors: Iterabl
         total_mass=given.total_mass if rigid else None,
         mass_center=np.array(given.mass_center) if rigid and given.total_mass else None,
         inertia=inertia if rigid else None,
+        mass_rate=given.mass_rate,
         sensor_position=rows(given.sensor_position, names, "sensor_position"),
         sensor_rotation=rows(given.sensor_rotation, names, "sensor_rotation"),
     )

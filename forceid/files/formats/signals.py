@@ -91,9 +91,16 @@ class Reader:
         for variable in ("position", "displacement", *ON_SENSORS):
             if spec := getattr(self.setting, variable):
                 names[variable], found[variable] = self.points(variable, spec)
-        for variable, width in (("center", 3), ("orientation", 4), ("strain", len(self.setting.strain))):
+        for variable, width in (
+            ("center", 3),
+            ("orientation", 4),
+            ("strain", len(self.setting.strain)),
+            ("rotor_speed", len(self.setting.rotor_speed)),
+        ):
             if spec := getattr(self.setting, variable):
                 found[variable] = self.vector(variable, variable, spec, width)
+        if (name := self.setting.current_mass) is not None:
+            found["current_mass"] = self.counted(name, self.si("current_mass", name), "current_mass")
         return found, names
 
     def points(self, variable: str, spec: Mapping[str, Spec] | str) -> tuple[tuple[str, ...], Array]:

@@ -15,6 +15,9 @@ from scipy.spatial.transform import Rotation
 from forceid import __version__
 from forceid.errors import ConfigError
 from forceid.files.checks.numbers import check_quaternions
+from forceid.files.formats.bodies.body_file import with_body_file
+from forceid.files.formats.bodies.person import Placed, with_person
+from forceid.files.formats.bodies.turning import with_turning
 from forceid.files.formats.captures.capture import Capture, Plates
 from forceid.files.formats.captures.choice import chosen
 from forceid.files.formats.captures.table import FORMATS, format_of
@@ -94,6 +97,8 @@ def import_named(path: Path, mot: Path | None, settings: ImportSettings) -> list
 
 def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
     """The recordings in one file, with the plates of `mot` as truth, or as loads that are known."""
+    said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
+    settings = with_body_file(settings, str(path))
     plates = None if mot is None else read_mot(mot, settings.plates or PlateSetting())
     read, own = read_signals(path, settings)
     if own is not None and plates is not None:
@@ -102,8 +107,7 @@ def import_capture(path: Path, mot: Path | None, settings: ImportSettings) -> li
         ]
     plates = own if plates is None else plates
     used = [path, *([] if mot is None else [mot])]
-    used += [path.parent / settings.static] if settings.static else []
-    said = {"import": settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)}
+    used += [path.parent / name for name in (settings.static, settings.body.file) if name]
     files = " ".join(p.name for p in used[: 1 + (mot is not None)])
     came: dict[str, Any] = {
         "import_settings": tomli_w.dumps(said)[:ATTRIBUTE],
@@ -221,19 +225,21 @@ def assemble_recording(
     points, values, settings = None, signals.variables, with_geometry(settings, signals)
     clusters: dict[str, Any] = {}
     if "position" in values:
-        markers = values["position"]
-        points = mass_points(signals.node, markers, settings, where)
-        still = at_rest(signals.node, settings, where)
-        clusters = marker_clusters(signals.node, markers, settings, where, still)
+        settings, placed = with_person(settings, signals.node, where)
+        names, markers = placed(signals.node, values["position"])
+        points = mass_points(names, markers, settings, where)
+        still = at_rest(names, placed, settings, where)
+        clusters = marker_clusters(names, markers, settings, where, still)
         values = values | {"position": points.position}
         values = values | ({"marker_position": markers} if clusters else {})
-    elif settings.segment:
+    elif settings.segment or settings.body.table:
         raise ConfigError(
             "has segments, expected markers to place them", "[import.segment]:", "drop the table"
         )
     for key in settings.noise_std:
         known_name(key, tuple(values), "[import] noise_std:")
-    body = replace(build_body(settings, points, signals.sensor, where), **clusters)
+    turning, values = with_turning(settings, values)
+    body = replace(build_body(settings, points, signals.sensor, where), **clusters, **turning)
     if "orientation" in values:
         check_quaternions(values["orientation"], f"{where}:/motion/orientation")
         values = values | {"orientation": canonical(values["orientation"])}
@@ -256,8 +262,11 @@ def assemble_recording(
     return replace(recording, sha256=hash_arrays(motion_groups(recording)))
 
 
-def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Array | None:
-    """The markers (marker, 3) m of the static capture of the settings, None without one."""
+def at_rest(name: tuple[str, ...], placed: Placed, settings: ImportSettings, where: str) -> Array | None:
+    """The markers (marker, 3) m of the static capture of the settings, None without one.
+
+    placed: puts the points of a person beside markers.
+    """
     if not settings.static:
         return None
     path = Path(where).parent / settings.static
@@ -265,7 +274,7 @@ def at_rest(name: tuple[str, ...], settings: ImportSettings, where: str) -> Arra
         what = f"static names {settings.static!r}, expected a capture ({', '.join(f.name for f in FORMATS)})"
         raise ConfigError(what, "[import]:", "give the name of one beside the others")
     shown = form.read(path)
-    return resting_markers(name, shown.name, shown.position)
+    return resting_markers(name, *placed(shown.name, shown.position))
 
 
 def first_contact(motion: Motion, body: Body, until: UntilSetting) -> int:

@@ -126,7 +126,13 @@ def source_group(file: Any, name: str, table: Iterable[str], where: str) -> Stor
         raise DataError(
             "is a variable, expected a group", f"{where}/{name}", "see the contract of motion files"
         )
-    named = ("node", "load_name", "known_load", *(("marker", "joint") if name == "body" else ()))
+    named = (
+        "node",
+        "load_name",
+        "known_load",
+        "foot",
+        *(("marker", "joint", "rotor") if name == "body" else ()),
+    )
     wanted = [n for n in (*table, *named) if holds(group, n, f"{where}/{name}")]
     variables = {n: guarded(group, n, f"{where}/{name}") for n in wanted}
     return Stored(variables, attributes(group, f"{where}/{name}"), tuple(map(text, islice(group, _NAMES))))

@@ -22,7 +22,8 @@ def chosen(capture: Capture, settings: ImportSettings, where: str) -> Signals:
     marker. The tracked origin of a pose becomes the mass center, which the settings give in its axes.
     """
     setting, body = settings.capture or CaptureSetting(), settings.body
-    whole = body.total_mass is not None and not (body.position or body.mass or settings.segment)
+    stated = body.position or body.mass or body.table or settings.segment
+    whole = body.total_mass is not None and not stated
     use = setting.use or ("pose" if capture.pose and (whole or not capture.name) else "markers")
     if use == "pose":
         if not capture.pose:

@@ -1,0 +1,1 @@
+"""Bodies by name: tables of segments of persons, and mass properties that other programs write."""
