@@ -20,9 +20,8 @@ Every failure below is swept from healthy to hopeless: {cells} cells, {seeds} se
 {told}
 
 Cells: {legend}.
-Of the amber ones {needless} are needless: errors within twice the claimed ones and twice the bound. Of the
-red ones {honest} are honest in their claim, and beyond twice the bound without saying so. In {alone} single
-records the verdict is `ok` and the error of that record alone is past the limit.
+Amber within twice claim and bound, so in vain: {needless}. Red for the bound alone: {honest}. Single records that are `ok`
+and past the limit: {alone}.
 
 ![all failures, {default}](overview.png)
 

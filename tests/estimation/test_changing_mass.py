@@ -66,8 +66,8 @@ def flown(seed=0, samples=240, course=mass):
 
 
 def estimated(recording, **settings):
-    exact = {"mass_center": 1e-6, "inertia": 1e-6}  # the body is told as it is
-    settings = {"model": "rigid", "body_std": exact} | settings
+    exact = {"mass_center": 1e-6, "inertia": 1e-6}  # the body is told as it is, and nothing turns inside
+    settings = {"model": "rigid", "body_std": exact, "internal_momentum": (0, 0, 0)} | settings
     return estimate_recording(recording, load_settings(**settings))
 
 
