@@ -38,8 +38,8 @@ HEADS = "drawn", "records", "ok and right", "silent", "needlessly degraded"
 COUNTED = "ok and right", "silently wrong", "needlessly degraded"
 MOST = 8  # findings in the table
 ABOUT = """\
-`{command}`: {count} records, numbers 0 to {last} of seed {seed}. Record i is drawn from `default_rng([seed, i])` and
-estimated as it comes.
+`{command}`: {count} records, numbers 0 to {last} of seed {seed}. Record i is drawn from
+`default_rng([seed, i])` and estimated as it comes.
 
 {words}
 
@@ -50,7 +50,8 @@ over one.
 *Silently wrong*: the verdict is `ok`, and the rms error of force or moment is too large. It is so within the
 band (up to `band` Hz), over the central three quarters, beyond twice its rms claim, or beyond twice that of
 the plain route beside it (the witness). Beyond the band a result claims nothing of a load that it does not
-name: see the lines *at all frequencies*. Ends of a record count least, so that nothing faster leaks into a band.
+name: see the lines *at all frequencies*. Ends of a record count least, so that nothing faster leaks into a
+band.
 *Needlessly degraded*: both errors are within {near} times their claims; where no moment is given, the force.
 Every record counts once. Intervals: 95 %, of shares by Clopper and Pearson, of coverage over records. An
 estimate is stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""

@@ -20,8 +20,8 @@ Every failure below is swept from healthy to hopeless: {cells} cells, {seeds} se
 {told}
 
 Cells: {legend}.
-Amber within twice claim and bound, so in vain: {needless}. Red for the bound alone: {honest}. Single records that are `ok`
-and past the limit: {alone}.
+Amber within twice claim and bound, so in vain: {needless}. Red for the bound alone: {honest}. Single
+records that are `ok` and past the limit: {alone}.
 
 ![all failures, {default}](overview.png)
 

@@ -99,6 +99,7 @@ def test_thrust_is_told_on_what_is_left_of_the_mass(tmp_path):
     assert (numbers.force_closure < 3 * numbers.force_closure_limit + 1e-9).all()
 
 
+@pytest.mark.long
 def test_a_rate_of_the_mass_is_that_course():
     recording = flown(1, course=lambda s: FULL - 0.9 * s)
     burning = replace(recording, body=replace(recording.body, mass_rate=-0.9))

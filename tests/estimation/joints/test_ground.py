@@ -114,6 +114,7 @@ def test_holding_a_pendulum_makes_its_force_more_exact():
     )
 
 
+@pytest.mark.long
 def test_a_support_that_moves_is_told():
     recording, at, _, _ = pendulum(74)
     off = at + np.array([0.08, 0.0, 0.0])  # not where it hangs
@@ -129,6 +130,7 @@ def test_inspection_knows_the_ground():
     assert (joints.joint[0].told, joints.joint[0].passes, joints.spare) == (3, 3, 3)
 
 
+@pytest.mark.long
 def test_no_part_is_called_ground():
     recording, at, _, _ = pendulum(70)
     settings = load_settings(

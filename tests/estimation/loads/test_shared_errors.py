@@ -39,7 +39,7 @@ def channel(seed, std, rate, samples=600, white=2e-4):
 def test_a_walk_of_the_mass_center_is_found_by_its_steps():
     """How strong it is at high frequency, std^2 rate, is what a record beside loads fixes."""
     off = []
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng([seed, 72])
         std, rate = (
             2e-4 * np.exp(rng.uniform(np.log(1.0), np.log(5.0))),
@@ -53,7 +53,7 @@ def test_a_walk_of_the_mass_center_is_found_by_its_steps():
 
 
 def test_independent_errors_of_markers_are_shared_by_none():
-    assert [shared_errors(channel(seed, 0.0, 1.0), engine("auto")) for seed in range(12)] == [None] * 12
+    assert [shared_errors(channel(seed, 0.0, 1.0), engine("auto")) for seed in range(8)] == [None] * 8
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])

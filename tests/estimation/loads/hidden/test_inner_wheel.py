@@ -50,6 +50,7 @@ def test_a_wheel_that_is_stated_makes_no_moment():
     assert np.sqrt(np.mean(score[30:-30] ** 2)) < 2.0
 
 
+@pytest.mark.long
 def test_a_body_without_a_wheel_is_not_said_to_have_one():
     slow = [
         Term(np.array([0.02, 0.01, -0.01]), wave(1.3, 0.4)),
@@ -80,6 +81,7 @@ def claimed(found):
     return np.sqrt(np.mean(found.moment_std[30:-30] ** 2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0.2, 1.0])
 def test_a_wheel_that_a_body_which_hardly_turns_does_not_tell_from_a_moment_is_in_the_claim(size):
     for seed in range(3):

@@ -57,6 +57,7 @@ def scores(seed, frequency):
         yield found.verdict, np.sqrt((off**2).mean((1, 2)) / (std**2).mean((1, 2)))
 
 
+@pytest.mark.long
 def test_a_soft_part_that_is_seen_to_ring_says_so_and_its_claims_hold():
     verdict, score = next(iter(scores(7018, SOFT)))
     assert "body-rings" in verdict.codes
