@@ -69,7 +69,8 @@ def choose_axes(problem: Problem) -> Problem:
         return problem
     before = np.isfinite(problem.state.wrench_cov)
     try:
-        solved = along(problem, taken)
+        with np.errstate(invalid="ignore"):  # covariances that rounding swamps are looked at below
+            solved = along(problem, taken)
         if np.isfinite(solved.state.wrench_cov)[before].all():
             return solved
     except EstimationError:  # what does not settle along axes of the body stays along those of the world
