@@ -152,7 +152,9 @@ def find_shared_errors(problem: Problem) -> Problem:
     """Errors that all markers share, of a body whose markers tell all others, and the force beside them."""
     kin, force = problem.kin, problem.priors["force"]
     told = problem.source == "position" and kin.attitude and bool((kin.pose.dof > 0).any())
-    if problem.shared is not None or kin.deforms or not told or kin.every > 1 or kin.memory is not None:
+    if problem.shared is not None or problem.slow is not None or kin.deforms or not told:
+        return problem
+    if kin.every > 1 or kin.memory is not None:
         return problem
     alone = (1.0, 1.0)  # which what no motion makes has told
     known = kin.stated[problem.source] or problem.errors is not None
@@ -186,7 +188,8 @@ def find_slow_errors(problem: Problem) -> Problem:
     """The noise of tracks whose errors follow each other, which passes for motion: all beyond the motion."""
     kin, source = problem.kin, problem.source
     stated = kin.stated[source]
-    if problem.slow is None and problem.followed and follow_each_other(problem):
+    open_ = problem.slow is None and problem.shared is None and problem.followed
+    if open_ and follow_each_other(problem):
         beyond = noise_beyond_motion(force_channel(kin, problem.motion.gravity), stated)
         slow = scaled_noise(kin, {source: beyond * np.eye(3)})
         apart = {load: prior for load, prior in problem.near.items() if load != "force"}
