@@ -182,40 +182,6 @@ def tune_loads(
     return best
 
 
-def typical(
-    found: Tuned,
-    time: Array,
-    z: Array,
-    gain: float,
-    noise_var: Array,
-    drift: Array,
-    lines: tuple[Line, ...] = (),
-    engine: Engine | None = None,
-    color: Color | None = None,
-) -> Tuned:
-    """A prior as found by `tune_loads`, moved to a load that follows what half of the likely ones do.
-
-    The likeliest load may be one of many that a record hardly tells apart, from slow to so fast that it
-    follows noise. What varies on no axis, comes in pieces or has no ordinates stays as it was found.
-    """
-    kernel, axes = found.kernel, z.shape[1]
-    box = search_boxes(time, z, gain, axes)
-    channels = Channels(runs_of(time, z, noise_var), gain, drift, lines, color, box, for_tuning(engine))
-    if not isinstance(kernel, Matern) or found.pieces is not None or not channels.even:
-        return found
-    varies = kernel.std > 2 * LEAK * kernel.std.max()
-    order, level = kernel.order, np.log(found.noise)
-    lower, upper = box(order)
-    if not varies.any() or (varies.all() and (points_of(kernel)[:, 0] <= lower[:, 0]).all()):
-        return found
-    at = np.clip(points_of(kernel), lower, upper)
-    about = sight(channels, order, at, level)
-    likely = Matern(order, *natural(about.spectrum.typical(at, order, level, (lower, upper)), order))
-    strong = likely.of(np.where(varies, np.arange(axes), np.where(varies, kernel.std, 0.0).argmax()))
-    kernel = strong.scaled(np.where(varies, 1.0, LEAK))
-    return replace(found, kernel=kernel)
-
-
 def search_boxes(time: Array, z: Array, gain: float, axes: int, known: Stated | None = None) -> Box:
     """Lowest and highest search points (axis, 2) of an order, on channels z (time, axis)."""
     edges, known = search_box(time, z, gain, 0), Stated() if known is None else known

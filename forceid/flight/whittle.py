@@ -23,8 +23,6 @@ Edges = tuple[Array, Array]  # lowest and highest (order, axis, 3): of search po
 IN_OCTAVE = 8  # groups of ordinates: over one, a spectrum that falls by w^16 changes by a factor of four
 IMAGES = (0, -1)  # of a spectrum, that samples fold onto its own; at most a percent is in the next
 RATES_SEEN, CROSSINGS_SEEN, NOISES_SEEN = 8, 10, 7  # starts: about two to an octave of a thousand samples
-RATES_WEIGHED, SIZES_WEIGHED = 24, 96  # candidates, over a box: a third of an octave apart
-NEAR_MIDDLE = 0.1  # of a logarithm: ordinates that two loads follow
 LONGEST_STEP = 1.0  # of a logarithm: about as far as a spectrum is known to bend as it does here
 
 
@@ -124,30 +122,6 @@ class Spectrum:
             size = (np.abs(step).max(-1)[:, None, :] * share).max(-1)
             x = best_x + step * np.minimum(reach, LONGEST_STEP / np.maximum(size, THOUSANDTH))[..., None]
         return best_x[..., :2], best_x[..., 2], best
-
-    def typical(self, points: Array, order: int, level: Array, edges: tuple[Array, Array]) -> Array:
-        """Search points (axis, 2) of the load that follows as much of a record as half of the likely ones do.
-
-        Of all loads of an order between edges (axis, 2), weighed by their likelihood: how many ordinates one
-        follows has a median, and the likeliest of those about it is taken. points (axis, 2): the likeliest of
-        all; level (axis,): logarithm of the noise.
-        """
-        found, noisy = points.copy(), np.exp(2 * level)[:, None] * self.noise
-        for axis, at in enumerate(points):
-            low, high = edges[0][axis], edges[1][axis]
-            rate = np.append(np.linspace(low[1], high[1], RATES_WEIGHED), at[1])
-            size = np.append(np.linspace(low[0], high[0], SIZES_WEIGHED), at[0])
-            tried = np.stack(np.broadcast_arrays(size[None], rate[:, None]), -1)
-            load = self.load(tried, np.array(order))[0]
-            total = load + noisy[axis]
-            value = self.value(total, np.array(axis))
-            follows = (load / total) @ self.count
-            weight = np.exp(value - value.max()).ravel()
-            by = follows.ravel().argsort()
-            middle = follows.ravel()[by][np.searchsorted(weight[by].cumsum(), 0.5 * weight.sum())]
-            near = np.abs(np.log(follows / middle)) < NEAR_MIDDLE
-            found[axis] = tried[np.unravel_index(np.where(near, value, -np.inf).argmax(), value.shape)]
-        return found
 
     def grid(self, orders: Array, edges: Edges, same: Flags) -> tuple[Array, Array]:
         """The best points (order, axis, 2) and noise of a grid: rates, and where the load meets the noise."""

@@ -23,7 +23,7 @@ from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.priors.stated import Stated
 from forceid.flight.priors.table import PRIORS
-from forceid.flight.tuning import ORDERS, typical
+from forceid.flight.tuning import ORDERS
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
 from forceid.motion import momentum_between
@@ -136,15 +136,6 @@ def tune_channel(
     more = {} if stated is None else {"stated": stated}
     tuned = PRIORS[kind](*shown, limits, orders, along, engine, first, channel.color, pieces, **more)
     return LoadPrior(tuned, axes, start_of(time, channel.moved @ axes, gain), lines)
-
-
-def as_half_do(channel: Channel, prior: LoadPrior, engine: Engine) -> LoadPrior:
-    """The prior of a channel with a load that follows as much of it as half of the likely ones do."""
-    axes = prior.axes
-    drift = np.einsum("ai,ab,bi->i", axes, channel.drift, axes)
-    lines = tuple(line.along(axes) for line in prior.lines)
-    shown = channel.time, channel.z @ axes, channel.gain, channel.var(axes), drift
-    return replace(prior, tuned=typical(prior.tuned, *shown, lines, engine, channel.color))
 
 
 def flight_of(kin: Kinematics, deformation: Deformation, gravity: Array, measured: bool = False) -> Flight:

@@ -11,7 +11,7 @@ from forceid.config import Settings
 from forceid.estimation.body.deformation import load_on_unit_mass
 from forceid.estimation.body.kinematics import Kinematics, scaled_noise
 from forceid.estimation.body.tracks.late_frames import lateness
-from forceid.estimation.loads.channels import as_half_do, force_channel, tune_channel
+from forceid.estimation.loads.channels import force_channel, tune_channel
 from forceid.estimation.loads.pieces.character import with_character
 from forceid.estimation.loads.shared_errors import may_be_shared, shared_errors
 from forceid.estimation.methods.noise import errors_shared, measured_errors, noise_beyond_motion
@@ -267,19 +267,3 @@ def tune_moment(problem: Problem) -> Problem:
     at_limit = {**problem.at_limit, "orientation": moment.tuned.noise_at_limit}
     kin = problem.look(scaled_noise(kin, {"orientation": moment.noise}))
     return replace(problem, driven=replace(problem.driven, kin=kin), at_limit=at_limit)
-
-
-@stage("moment")
-def follow_as_half_do(problem: Problem) -> Problem:
-    """Loads that follow as much as half of the likely ones do, on channels whose noise is known."""
-    if problem.hides or problem.slow is not None:
-        return problem
-    told = {load: stated_of(problem.settings, load) is not None for load in problem.priors}
-    fixed = problem.noise_range[0] == problem.noise_range[1]
-    priors = {
-        load: prior
-        if told[load] or (load == "force" and not fixed)
-        else as_half_do(getattr(problem.driven, load), prior, problem.engine)
-        for load, prior in problem.priors.items()
-    }
-    return replace(problem, priors=priors)
