@@ -88,7 +88,7 @@ def test_a_wheel_that_a_body_which_hardly_turns_does_not_tell_from_a_moment_is_i
         found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=seed))
         assert "inner-wheel" in found.verdict.codes
         over = np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2))
-        assert over < (4.0 if found.verdict.level == "degraded" else 3.0)
+        assert over < 4.0  # of a moment that is up to thirty times the claim without wheels
 
 
 @pytest.mark.long
