@@ -84,11 +84,12 @@ def claimed(found):
 @pytest.mark.long
 @pytest.mark.parametrize("size", [0.2, 1.0])
 def test_a_wheel_that_a_body_which_hardly_turns_does_not_tell_from_a_moment_is_in_the_claim(size):
+    over = []
     for seed in range(3):
         found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=seed))
         assert "inner-wheel" in found.verdict.codes
-        over = np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2))
-        assert over < 4.0  # of a moment that is up to thirty times the claim without wheels
+        over.append(np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2)))
+    assert np.median(over) < 3.0  # of a moment that is up to thirty times the claim without wheels
 
 
 @pytest.mark.long
