@@ -6,6 +6,7 @@ CHANCE = 0.01  # that a test doubts an honest record: one in a hundred is looked
 DENIED = CHANCE * CHANCE  # that a test denies what an honest record says: one in ten thousand loses its `ok`
 SIGMAS = 3.0  # standard errors beyond which a number is no error: one in 370
 WILD = 5.0  # standard deviations that no sample of a record of a million has by chance
+MEDIAN = 0.6745  # standard deviations that half of normal deviates exceed
 OUTLIER = 4.0  # standard deviations that an innovation counts for at most: one wild sample is no load
 TENTH = 0.1  # of a standard deviation: what adds in squares widens a claim by half a percent
 NUMBER = 1.0  # log-likelihood that one more number to fit has to gain (Akaike)

@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+from pseudo_terminal import watched_on_terminal
 
 ROOT = Path(__file__).parents[1]
 START = "import sys; from forceid.cli.app import main; sys.exit(main())"
@@ -19,20 +18,13 @@ COLOR = re.compile(r"\x1b\[(?:[\d;]*;)?(?:3[0-9]|4[0-9]|9[0-7]|10[0-7])(?:;[\d;]
 def on_terminal(words, cwd, **environment):
     """Exit code of a command, and all that it writes to a terminal."""
     ours = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "PY_COLORS")}
-    parent, child = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-c", START, *words], stdin=child, stdout=child, stderr=child, cwd=cwd,
-        env={**ours, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT), **environment},
+    process, written = watched_on_terminal(
+        lambda end: subprocess.Popen(
+            [sys.executable, "-c", START, *words], stdin=end, stdout=end, stderr=end, cwd=cwd,
+            env={**ours, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT), **environment},
+        )
     )  # fmt: skip
-    os.close(child)
-    written = b""
-    try:
-        while block := os.read(parent, 65536):
-            written += block
-    except OSError:  # how Linux says that the other end is closed
-        pass
-    os.close(parent)
-    return process.wait(), written.decode()
+    return process.wait(), written
 
 
 @pytest.fixture(scope="module")

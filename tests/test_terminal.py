@@ -9,13 +9,13 @@ import webbrowser
 from pathlib import Path
 
 import pytest
+from pseudo_terminal import watched_on_terminal
 
 from forceid.cli.app import main
 from forceid.cli.boundary import terminal
 from forceid.cli.boundary.status import SHARES, Status
 from forceid.timing import STAGES, stage, watched
 
-pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
 ROOT = Path(__file__).parents[1]
 TOP = ROOT / "data" / "synthetic" / "top.h5"
 QUICK = ["--method", "difference", "--model", "rigid"]
@@ -31,17 +31,8 @@ def run(words, stderr=subprocess.PIPE, **environment):
 
 def on_terminal(words, **environment):
     """What stdout as a pipe and stderr as a terminal get."""
-    parent, child = pty.openpty()
-    process = run(words, child, **environment)
-    os.close(child)
-    written = b""
-    try:
-        while block := os.read(parent, 65536):
-            written += block
-    except OSError:  # how Linux says that the other end is closed
-        pass
-    os.close(parent)
-    return process.communicate()[0], written.decode()
+    process, written = watched_on_terminal(lambda end: run(words, end, **environment))
+    return process.communicate()[0], written
 
 
 @pytest.fixture(scope="module")

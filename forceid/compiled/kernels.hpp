@@ -23,8 +23,8 @@ struct Passes {
   Out (*adjoint_pass)(Array F, Array u, Array H, Index start, Array P, Array K, Array W, Array G, Array z, Array x);
   Later (*information_pass)(Array F, Array Q, Array H, Array R, Mask seen, bool steady);
   Out (*combine)(Array P, Array later);
-  Out (*log_likelihood)(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen,
-                        double limit, bool steady);
+  Out (*log_likelihood)(Array F, Array Q, Index kind, Array H, Array R, Array u, Array x0, Array P0, Array z,
+                        Mask seen, double limit, bool steady);
 };
 
 // flight/flight.hpp

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.flight.color import Color
-from forceid.flight.pieces import Pieces, drawn, split_in_a_row
+from forceid.flight.pieces import Pieces, drawn, forms_of, split_in_a_row
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
-from forceid.records import Array, Flags
+from forceid.records import Array
 from forceid.rounding import SINGLE
 
 CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
@@ -107,32 +107,22 @@ def driven_in_pieces(
     chain: of a load of size one throughout, by a factor on its rate; order: states of its kernel; time
     (time,) s.
     """
-    cut = split_in_a_row(tried, np.diff(time), float(time[0]))
-    steps, length = np.unique(np.round(cut.step, 12), return_inverse=True)
-    hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
-    each = [colored(chain(float(one)), gain, noise_var, color) for one in hastes]
-    output, white = each[0][0].output, each[0][1]
-    at = np.arange(len(output))
+    step = np.diff(time)
+    plain, white = colored(chain(1.0), gain, noise_var, color)
+    at = np.arange(len(plain.output))
     states = at == MEAN, (at > MEAN) & (at <= MEAN + order)
+    split = split_in_a_row(tried, step, float(time[0]))
+    forms = forms_of(
+        lambda haste: colored(chain(haste), gain, noise_var, color)[0], states[1], tried, step, split
+    )
+    forms.Q[..., 0, 0] += drift * forms.duration[:, None]
     size = np.repeat(np.concatenate([one.size for one in tried])[..., None], len(at), -1)
-    A, Qc, P0 = (np.stack([getattr(one, name) for one, _ in each]) for name in ("A", "Qc", "P0"))
-    F, Q, own = (a.swapaxes(0, 1) for a in over_steps(Process(A, Qc, P0, output), states[1], steps))
-    Q[..., 0, 0] += drift * steps[:, None]
-    F, Q, kind, P0 = drawn((F, Q, own, P0), size, states, cut, length, haste)
-    kind = kind.reshape(len(tried), -1).T
-    F, Q = (a[kind].reshape(len(kind), -1, *a.shape[2:]) for a in (F, Q))
-    P0 = P0.reshape(-1, *P0.shape[2:])
+    F, Q, kind, P0 = drawn(forms, size, states, split)
+    axes = F.shape[1]
+    kind = (axes * kind.T[:, :, None] + np.arange(axes)).reshape(len(step), -1)
+    F, Q, P0 = (a.reshape(-1, *a.shape[2:]) for a in (F, Q, P0))
     R = np.tile(white, len(tried))[..., None, None]
-    return StateSpace(F, Q, gain * output[None, None, None], R, np.zeros(P0.shape[:-1]), P0)
-
-
-def over_steps(chain: Process, kernel: Flags, steps: Array) -> tuple[Array, Array, Array]:
-    """F, Q (step, ..., state, state) of chains over steps (step,) s, and what their kernels add to Q."""
-    F, Q = discretize_steps(chain, steps)
-    alone = np.where(kernel[:, None] & kernel, chain.Qc, 0.0)
-    if np.array_equal(alone, chain.Qc):
-        return F, Q, Q.copy()
-    return F, Q, discretize_steps(replace(chain, Qc=alone), steps)[1]
+    return StateSpace(F, Q, gain * plain.output[None, None, None], R, np.zeros(P0.shape[:-1]), P0, kind=kind)
 
 
 def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:

@@ -8,11 +8,13 @@ covariance that depends on time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.kalman.building.clock import discretize_steps
+from forceid.kalman.building.process import Process, discretize
 from forceid.records import Array, Flags, Indices
 
 CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as that lies at it
@@ -20,15 +22,21 @@ CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as t
 
 @dataclass(frozen=True)
 class Split:
-    """Steps of a clock, cut at edges: step (part,) s, the step of the clock it is of, and its piece.
+    """Steps of one clock, cut by each of the pieces tried, whose pieces stand in a row.
 
-    begin (record,): the part that each record begins with, where more than one are in a row.
+    piece (try, step): what each step is of, where no edge is in it; begun (try,): what the record begins
+    with. cut (cut,): steps in which an edge is, or with which one begins, numbered through all tries. Of
+    their parts: of (part,) the cut step, in order, length (part,) s, inside (part,) their piece, anew whether
+    the load is drawn anew with it.
     """
 
-    step: Array
-    owner: Indices
     piece: Indices
-    begin: Indices
+    begun: Indices
+    cut: Indices
+    of: Indices
+    length: Array
+    inside: Indices
+    anew: Flags
 
 
 @dataclass(frozen=True)
@@ -47,20 +55,6 @@ class Pieces:
         """The pieces of some axes."""
         return replace(self, size=self.size[:, axes])
 
-    def split(self, step: Array, begin: float) -> Split:
-        """Steps (step,) s of a clock that begins at `begin`, cut at the edges.
-
-        >>> WHOLE.cut(np.array([0.75])).split(np.array([0.5, 0.5]), 0.0).step.tolist()
-        [0.5, 0.25, 0.25]
-        """
-        ticks = begin + np.concatenate([[0.0], np.cumsum(step)])
-        edges = self.edges[(self.edges > begin) & (self.edges < ticks[-1])]
-        apart = np.abs(ticks[np.searchsorted(0.5 * (ticks[1:] + ticks[:-1]), edges)] - edges) > CLOCK
-        parts = np.sort(np.concatenate([ticks, edges[apart]]))
-        middle = 0.5 * (parts[1:] + parts[:-1])
-        owner = np.searchsorted(ticks, middle) - 1
-        return Split(np.diff(parts), owner, np.searchsorted(self.edges, middle), np.zeros(1, int))
-
     def cut(self, more: Array) -> Pieces:
         """The pieces with more edges (edge,) s, on both sides of which the load is of one size."""
         edges = np.union1d(self.edges, more)
@@ -72,57 +66,132 @@ WHOLE = Pieces(np.zeros(0), np.ones((1, 3)), np.ones(1))  # a load of one charac
 
 
 def split_in_a_row(tried: Sequence[Pieces], step: Array, begin: float) -> Split:
-    """Steps (step,) s of one clock, cut by each of the pieces tried, in a row; and their pieces."""
-    cuts = [pieces.split(step, begin) for pieces in tried]
-    parts, pieces = (
-        np.cumsum([0, *counts[:-1]]) for counts in ([len(c.step) for c in cuts], [len(t.size) for t in tried])
-    )
-    owner = [cut.owner + k * len(step) for k, cut in enumerate(cuts)]
-    piece = [cut.piece + before for cut, before in zip(cuts, pieces, strict=True)]
-    return Split(np.concatenate([c.step for c in cuts]), np.concatenate(owner), np.concatenate(piece), parts)
+    """Steps (step,) s of a clock that begins at `begin`, cut by each of the pieces tried.
+
+    >>> cut = split_in_a_row([WHOLE.cut(np.array([0.75]))], np.array([0.5, 0.5]), 0.0)
+    >>> cut.piece.tolist(), cut.cut.tolist(), cut.length.tolist(), cut.inside.tolist()
+    ([[0, 0]], [1], [0.25, 0.25], [0, 1])
+    """
+    ticks, steps = begin + np.concatenate([[0.0], np.cumsum(step)]), len(step)
+    edges = np.full((len(tried), max(len(one.edges) for one in tried)), np.inf)
+    for row, one in zip(edges, tried, strict=True):
+        row[: len(one.edges)] = one.edges
+    before = np.cumsum([0, *(len(one.size) for one in tried[:-1])])
+    middle = 0.5 * (ticks[1:] + ticks[:-1])
+    piece = (edges[:, :, None] < middle).sum(1) + before[:, None]
+    begun = (edges <= begin + CLOCK).sum(1) + before
+
+    row, k = np.nonzero((edges > begin) & (edges < ticks[-1]))
+    edge = edges[row, k]
+    nearest = np.searchsorted(middle, edge)
+    apart = np.abs(ticks[nearest] - edge) > CLOCK
+    owner = row * steps + np.where(apart, np.searchsorted(ticks, edge) - 1, nearest)
+    cut = np.unique(owner[apart | (nearest < steps)])
+    begins = np.concatenate([ticks[cut % steps], edge[apart]])
+    of = np.concatenate([np.arange(len(cut)), np.searchsorted(cut, owner[apart])])
+    order = np.lexsort((begins, of))
+    begins, of = begins[order], of[order]
+    first = np.diff(of, prepend=-1) != 0
+    ends = np.append(begins[1:], 0.0)
+    last = np.append(first[1:], True)[: len(of)]
+    ends[: len(of)][last] = ticks[cut % steps + 1]
+    length = ends[: len(of)] - begins
+    try_ = cut[of] // steps
+    inside = (edges[try_] < (begins + 0.5 * length)[:, None]).sum(1)
+    earlier = np.where(first, (edges[try_] < (begins - CLOCK)[:, None]).sum(1), np.roll(inside, 1))
+    anew = (inside != earlier) & ~(first & (cut[of] % steps == 0))
+    return Split(piece, begun, cut, of, length, inside + before[try_], anew)
+
+
+@dataclass(frozen=True)
+class Forms:
+    """F, Q (form, ..., state, state) of a load of size one over steps and parts of steps, each form once.
+
+    own: what its kernel adds to Q; P0 (haste, ..., state, state); duration (form,) s. step (haste, length):
+    the form of a step by its piece and its length (time - 1,); part (part,): that of each part. haste
+    (piece,): which of the hastes each piece has.
+    """
+
+    F: Array
+    Q: Array
+    own: Array
+    P0: Array
+    duration: Array
+    step: Indices
+    length: Indices
+    part: Indices
+    haste: Indices
+
+
+def forms_of(
+    chain: Callable[[float], Process], kernel: Flags, tried: Sequence[Pieces], step: Array, split: Split
+) -> Forms:
+    """All that a load does over the steps of a clock (step,) s, and over parts of them, in pieces tried.
+
+    chain: of a load of size one, by a factor on its rate; kernel (state,): which states its kernel has.
+    """
+    hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
+    each = [chain(float(one)) for one in hastes]
+    A, Qc, P0 = (np.stack([getattr(one, name) for one in each]) for name in ("A", "Qc", "P0"))
+    lengths, length = np.unique(np.round(step, 12), return_inverse=True)
+    parts, part = np.unique(haste[split.inside] + 1j * np.round(split.length, 12), return_inverse=True)
+    which, short = parts.real.astype(int), parts.imag
+    alone = np.where(kernel[:, None] & kernel, Qc, 0.0)
+
+    def over_all(Qc: Array) -> tuple[Array, Array]:
+        whole = discretize_steps(Process(A, Qc, P0, each[0].output), lengths)
+        cut = Process(A[which], Qc[which], P0, each[0].output)
+        some = discretize(cut, short.reshape(-1, *[1] * (A.ndim - 3))) if len(short) else (A[:0], A[:0])
+        F, Q = (
+            np.concatenate([one.swapaxes(0, 1).reshape(-1, *one.shape[2:]), other])
+            for one, other in zip(whole, some, strict=True)
+        )
+        return F, Q
+
+    F, Q = over_all(Qc)
+    own = Q.copy() if np.array_equal(alone, Qc) else over_all(alone)[1]
+    whole = np.arange(len(hastes) * len(lengths))
+    duration = np.append(lengths[whole % len(lengths)], short)
+    of_step = whole.reshape(len(hastes), -1)
+    return Forms(F, Q, own, P0, duration, of_step, length, len(whole) + part, haste)
 
 
 def drawn(
-    tables: tuple[Array, Array, Array, Array],
-    size: Array,
-    states: tuple[Flags, Flags],
-    cut: Split,
-    length: Indices,
-    haste: Indices,
+    forms: Forms, size: Array, states: tuple[Flags, Flags], split: Split
 ) -> tuple[Array, Array, Indices, Array]:
-    """F, Q (kind, ..., state, state) of chains whose load comes in pieces, each step's kind, and P0 of each.
+    """F, Q (kind, ..., state, state) of chains whose load comes in pieces, and P0 of each try.
 
-    tables: F, Q (haste, length, ..., state, state) of a load of size one throughout, what is the load's
-    of Q, and P0 (haste, ..., state, state); size (piece, ..., state): those of the axis of each state;
-    states (state,): which are the mean of the load, and which those of its kernel; length (part,), haste
-    (piece,): where in the tables those of a cut clock and of each piece are.
+    Also of which kind (try, step) each step is. size (piece, ..., state): of the axis of each state; states
+    (state,): which are the mean of the load, and which those of its kernel.
     """
     mean, kernel = states
-    F, Q, own, P0 = tables
     # what steps of one length do in one piece is the same
-    each, which = np.unique(cut.piece * F.shape[1] + length, return_inverse=True)
-    piece = each // F.shape[1]
-    at = haste[piece], each % F.shape[1]
-    F, Q, P0 = F[at], Q[at] + (pairs(size[piece]) - 1) * own[at], P0[haste]
-    kind = which[np.flatnonzero(np.diff(cut.owner, append=-1))]
-    new = np.diff(cut.piece, prepend=-1) != 0
-    new[cut.begin] = False
-    steps = np.unique(cut.owner[new])
-    first, stop = np.searchsorted(cut.owner, steps), np.searchsorted(cut.owner, steps, "right")
-    through = np.tile(np.eye(F.shape[-1]), (len(steps), *F.shape[1:-2], 1, 1))
+    lengths, haste, P0 = forms.step.shape[1], forms.haste, forms.P0
+    code = split.piece * lengths + forms.length
+    held = np.zeros(len(haste) * lengths, bool)
+    held[code] = True
+    each, kind = np.flatnonzero(held), (np.cumsum(held) - 1)[code]
+
+    def moved(piece: Indices, form: Indices) -> tuple[Array, Array]:
+        return forms.F[form], forms.Q[form] + (pairs(size[piece]) - 1) * forms.own[form]
+
+    piece, length = np.divmod(each, lengths)
+    whole = moved(piece, forms.step[haste[piece], length])
+    through = np.tile(np.eye(len(mean)), (len(split.cut), *forms.F.shape[1:-2], 1, 1))
     noise = np.zeros_like(through)
+    first, stop = (np.searchsorted(split.of, np.arange(len(split.cut)), side) for side in ("left", "right"))
     for later in range(int((stop - first).max(initial=0))):
         on = first + later < stop
         part = (first + later)[on]
-        f, q, anew = F[which[part]], Q[which[part]], new[part].reshape(-1, *[1] * (F.ndim - 1))
-        start = P0[cut.piece[part]] * pairs(np.where(kernel, size[cut.piece[part]], 1.0 * mean))
+        piece, anew = split.inside[part], split.anew[part].reshape(-1, *[1] * (forms.F.ndim - 1))
+        f, q = moved(piece, forms.part[part])
+        start = P0[haste[piece]] * pairs(np.where(kernel, size[piece], 1.0 * mean))
         q = q + anew * (f @ start @ f.mT)  # the load is drawn anew
         f = np.where(anew & (mean | kernel), 0.0, f)
         through[on], noise[on] = f @ through[on], f @ noise[on] @ f.mT + q
-    kind[steps] = len(F) + np.arange(len(steps))
-    begun = cut.piece[cut.begin]
-    P0 = pairs(np.where(kernel, size[begun], 1.0)) * P0[begun]
-    return np.concatenate([F, through]), np.concatenate([Q, noise]), kind, P0
+    kind.ravel()[split.cut] = len(each) + np.arange(len(split.cut))
+    F, Q = (np.concatenate(pair) for pair in zip(whole, (through, noise), strict=True))
+    return F, Q, kind, pairs(np.where(kernel, size[split.begun], 1.0)) * P0[haste[split.begun]]
 
 
 def pairs(factor: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ class StateSpace:
     F, Q (state, state) lead from a sample to the next; H (channel, state), R (channel, channel);
     x0 (state,), P0 (state, state); u (state,) or (time, state) is a known input of the step, or None.
     Many models at once, for the likelihood: F, Q, H, R (time or 1, model, ., .), u (time or 1, model, state),
-    x0 (model, state), P0 (model, state, state); every model then sees the same gaps.
+    x0 (model, state), P0 (model, state, state); every model then sees the same gaps. Their steps may be of
+    kinds: F, Q (kind, state, state), and kind (time - 1, model) says of which each is.
     """
 
     F: Array
@@ -29,6 +30,14 @@ class StateSpace:
     x0: Array
     P0: Array
     u: Array | None = None
+    kind: Indices | None = None
+
+    @property
+    def unfolded(self) -> StateSpace:
+        """The same, its F and Q written out for each step."""
+        if self.kind is None:
+            return self
+        return replace(self, F=self.F[self.kind], Q=self.Q[self.kind], kind=None)
 
     def at(self, name: str, k: int) -> Array:
         """Matrix `name` of sample (or step) k."""

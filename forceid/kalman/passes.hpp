@@ -126,15 +126,31 @@ void solve(double *a, double *x, int n, int m) {
 
 // ---- models -------------------------------------------------------------------------------------------
 
-// A matrix of each sample or step, or one for all: (1 or time, model or 1, ...).
+// A matrix of each sample or step, or one for all: (1 or time, model or 1, ...). Or, of each kind of step and
+// model, (kind, 1, ...): kind (time, model) says which; of no size where there are none.
 struct Along {
   const double *data;
   Size time, model, size;
+  const Size *kind = nullptr;
   explicit Along(const Array &a) : data(a.data()), time(a.shape(0)), model(a.shape(1)), size(1) {
     for (int i = 2; i < a.ndim(); ++i) size *= a.shape(i);
   }
+  Along(const Array &a, const Index &kind_) : Along(a) {
+    if (!kind_.size()) return;
+    kind = kind_.data();
+    time = kind_.shape(0);
+    model = kind_.shape(1);
+  }
   const double *at(Size k, Size j = 0) const {
+    if (kind) return data + kind[k * model + j] * size;
     return data + ((time > 1 ? k : 0) * model + (model > 1 ? j : 0)) * size;
+  }
+  // whether lanes of models take the same at sample k as at the one before
+  bool stays(Size k, const Size *models) const {
+    if (!kind) return time == 1;
+    for (int l = 0; l < LANES; ++l)
+      if (kind[k * model + models[l]] != kind[(k - 1) * model + models[l]]) return false;
+    return true;
   }
 };
 
@@ -892,7 +908,7 @@ void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const 
   };
   for (Size k = 0; k < T; ++k) {
     if (k > 0) {
-      if (k == 1 || F.time > 1 || Q.time > 1) now.steps(F, Q, k - 1, model);
+      if (k == 1 || !F.stays(k - 1, model) || !Q.stays(k - 1, model)) now.steps(F, Q, k - 1, model);
       now.predict();
       if (driven)
         for (int i = 0; i < N; ++i) now.x[i] += Models::load(u, k - 1, model, i);
@@ -915,9 +931,9 @@ void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const 
 
 // Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
 template <int N, int M>
-Out log_likelihood(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
-                     Mask seen_, double limit, bool steady) {
-  const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
+Out log_likelihood(Array F_, Array Q_, Index kind, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_,
+                   Mask seen_, double limit, bool steady) {
+  const Along F(F_, kind), Q(Q_, kind), H(H_), R(R_), u(u_), Z(z_);
   const Size T = z_.shape(0), models = x0.shape(0);
   const int n = N ? N : static_cast<int>(x0.shape(1)), m = M ? M : static_cast<int>(seen_.shape(1));
   Out total_({models});
@@ -1066,12 +1082,12 @@ Out smoothed(Array F, Array u, Array H, Index start, Array P, Array K, Array W, 
   return adjoint_pass(F, u, H, start, P, K, W, G, z, x);
 }
 
-Out likelihoods(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen, double limit,
-                bool steady) {
+Out likelihoods(Array F, Array Q, Index kind, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen,
+                double limit, bool steady) {
   LEAVE(F.shape(3), x0.shape(0) < 4 ? seen.shape(1) : 0, log_likelihood,
-        (F, Q, H, R, u, x0, P0, z, seen, limit, steady));
+        (F, Q, kind, H, R, u, x0, P0, z, seen, limit, steady));
   return sized(F.shape(3), seen.shape(1), [&](auto N, auto M) {
-    return log_likelihood<N(), M()>(F, Q, H, R, u, x0, P0, z, seen, limit, steady);
+    return log_likelihood<N(), M()>(F, Q, kind, H, R, u, x0, P0, z, seen, limit, steady);
   });
 }
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from forceid.flight.channels import Channel, driven, driven_in_pieces, load_chain, start_of
-from forceid.flight.pieces import WHOLE, Pieces
+from forceid.flight.pieces import WHOLE, Pieces, split_in_a_row
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.kalman import log_likelihood
@@ -85,16 +85,29 @@ def test_momentum_of_independent_pieces_has_the_sum_of_their_variances(edges):
 
 
 def test_cut_steps_join_to_those_of_the_clock():
-    cut = Pieces(EDGES, SIZE, HASTE).split(np.diff(TIME), 0.0)
-    joined = np.bincount(cut.owner, cut.step)
-    np.testing.assert_allclose(joined, np.diff(TIME), rtol=1e-9)
-    starts = np.concatenate([[0.0], np.cumsum(cut.step)[:-1]])
-    middle = starts + 0.5 * cut.step
-    np.testing.assert_array_equal(cut.piece, np.searchsorted(EDGES, middle))
+    step = np.diff(TIME)
+    split = split_in_a_row([WHOLE, Pieces(EDGES, SIZE, HASTE)], step, 0.0)
+    tries, steps = np.divmod(split.cut, len(step))
+    assert set(tries) == {1}
+    np.testing.assert_allclose(np.bincount(split.of, split.length), step[steps], rtol=1e-9)
+    for k, at in enumerate(steps):
+        length = split.length[split.of == k]
+        middle = TIME[at] + np.cumsum(length) - 0.5 * length
+        np.testing.assert_array_equal(split.inside[split.of == k] - 1, np.searchsorted(EDGES, middle))
+    uncut = np.setdiff1d(np.arange(len(step)), steps)
+    middle = 0.5 * (TIME[1:] + TIME[:-1])
+    np.testing.assert_array_equal(split.piece[1, uncut] - 1, np.searchsorted(EDGES, middle[uncut]))
+
+
+def test_a_load_is_drawn_anew_once_at_each_edge():
+    edges = np.array([TIME[0] + 1e-12, *EDGES, TIME[40] - 1e-11, TIME[41], TIME[-1] - 1e-12])
+    pieces = Pieces(edges, np.ones((len(edges) + 1, 3)), np.ones(len(edges) + 1))
+    split = split_in_a_row([pieces], np.diff(TIME), float(TIME[0]))
+    # those at the ends begin nothing
+    assert split.inside[split.anew].tolist() == [2, 3, 4, 5, 6]
 
 
 def test_edges_outside_of_a_stretch_leave_it_in_the_piece_it_is_in():
-    pieces = Pieces(EDGES, SIZE, HASTE)
-    behind = pieces.split(np.diff(TIME[:5]), 1.0)
-    assert set(behind.piece.tolist()) == {3}
-    assert len(behind.step) == 4
+    behind = split_in_a_row([Pieces(EDGES, SIZE, HASTE)], np.diff(TIME[:5]), 1.0)
+    assert behind.piece.tolist() == [[3, 3, 3, 3]]
+    assert not len(behind.cut)

@@ -16,9 +16,9 @@ from typing import Protocol
 
 import numpy as np
 
-from forceid.flight.channels import Channel, Start, load_chain
+from forceid.flight.channels import MEAN, Channel, Start, load_chain
 from forceid.flight.color import root_of
-from forceid.flight.pieces import WHOLE, Pieces, drawn
+from forceid.flight.pieces import Pieces, drawn, forms_of, split_in_a_row
 from forceid.flight.priors.body_fixed import Turning, fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
@@ -179,10 +179,7 @@ class LoadPrior:
         Not in world axes: turned together, a strong and a weak axis would lose the weak one to rounding.
         rotation (time, 3, 3): of the body, for a load or a line that turns with it.
         """
-        pieces = WHOLE if self.tuned.pieces is None else self.tuned.pieces
-        cut = pieces.split(step, begin)
-        unique, which = np.unique(np.round(cut.step, 12), return_inverse=True)
-        n, size = self.vectors, self.states
+        pieces, n, size = self.tuned.pieces, self.vectors, self.states
 
         def interleave(a: Array) -> Array:
             out = np.zeros((*a.shape[:-3], size, size))
@@ -190,17 +187,20 @@ class LoadPrior:
                 out[..., axis:n:3, axis:n:3] = a[..., axis, :, :]
             return out
 
-        hastes, hasty = np.unique(pieces.haste, return_inverse=True)
-        chains = [load_chain(self.kernel.hastened(float(haste)).process, self.start) for haste in hastes]
-        each = [discretize_steps(chain, unique) for chain in chains]
-        F, Q, P0 = (interleave(np.stack(a)) for a in (*zip(*each, strict=True), [c.P0 for c in chains]))
-        if self.tuned.pieces is None:
-            F, Q, P0 = F[0], Q[0], P0[0]
+        def chain(haste: float) -> Process:
+            return load_chain(self.kernel.hastened(haste).process, self.start)
+
+        if pieces is None:
+            whole = chain(1.0)
+            unique, which = np.unique(np.round(step, 12), return_inverse=True)
+            F, Q, P0 = (interleave(a) for a in (*discretize_steps(whole, unique), whole.P0))
         else:
-            at = np.arange(size)
-            states = (at >= CONSTANT.start) & (at < KERNEL), (at >= KERNEL) & (at < n)
-            F, Q, kind, P0 = drawn((F, Q, Q, P0), pieces.size[:, at % 3], states, cut, which, hasty)
-            F, Q, P0, unique, which = F[kind], Q[kind], P0[0], step, np.arange(len(step))
+            at, unique, which = np.arange(n // 3), step, np.arange(len(step))
+            split = split_in_a_row([pieces], step, begin)
+            forms = forms_of(chain, at > MEAN, [pieces], step, split)
+            of_states = np.repeat(pieces.size[..., None], len(at), -1)
+            F, Q, kind, P0 = drawn(forms, of_states, (at == MEAN, at > MEAN), split)
+            F, Q, P0 = interleave(F)[kind[0]], interleave(Q)[kind[0]], interleave(P0[0])
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
             F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
             if self.body_axes is not None:

@@ -21,7 +21,7 @@ from forceid.kalman.building.lines import PER_CYCLE, Line
 from forceid.kalman.model import Filtered, StateSpace, expand, same_at_all_times
 from forceid.records import Array
 from forceid.rounding import ITERATIONS, ROUNDED
-from forceid.significance import NUMBER, OUTLIER, PATIENCE, SIGMAS
+from forceid.significance import MEDIAN, NUMBER, OUTLIER, PATIENCE, SIGMAS
 
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
 DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that rings down, or drifts
@@ -109,7 +109,7 @@ def local_level(v: Array) -> Array:
 def winsorized(innovation: Array) -> Array:
     """Innovations (time, channel) with outliers held back, zero at gaps; what most show is none."""
     v = np.nan_to_num(innovation)
-    typical = np.maximum(np.median(np.abs(v), axis=0) / 0.6745, 1.0)  # of normal samples, their deviation
+    typical = np.maximum(np.median(np.abs(v), axis=0) / MEDIAN, 1.0)  # of normal samples, their deviation
     return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
 
 

@@ -20,6 +20,7 @@ from forceid.kalman.recursions.conditioning import smoothed_covariances as smoot
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import HARMLESS
 
+NO_KINDS = np.zeros((0, 0), np.intp)  # of steps: matrices in their order
 LONG_RUN = 1000  # samples of a run for which a gain of its own is worth its inverse
 
 
@@ -149,18 +150,20 @@ def log_likelihood(passes: Passes, model: StateSpace, z: Array, limit: float = n
     """
     z = as_channels(z)
     if z.ndim == 3 and not same_gaps(z):
-        each = [log_likelihood(passes, each_model(model, j), z[:, j], limit) for j in range(z.shape[1])]
+        own = model.unfolded
+        each = [log_likelihood(passes, each_model(own, j), z[:, j], limit) for j in range(z.shape[1])]
         return np.array(each)
     F, Q, H, R, u = arrays(model, z)
+    kind, steady = NO_KINDS if model.kind is None else model.kind, time_invariant(model)
     count = max(1 if model.x0.ndim == 1 else len(model.x0), 1 if z.ndim == 2 else z.shape[1])
     x0 = np.broadcast_to(model.x0, (count, model.x0.shape[-1]))
     P0 = np.broadcast_to(model.P0, (count, *model.P0.shape[-2:]))
     signals = z if z.ndim == 3 else z[:, None]
-    total = passes.log_likelihood(F, Q, H, R, u, x0, P0, signals, pattern(z), limit, time_invariant(model))
+    total = passes.log_likelihood(F, Q, kind, H, R, u, x0, P0, signals, pattern(z), limit, steady)
     if model.x0.ndim == 1 and np.isnan(total).any() and limit == np.inf:
         total = np.atleast_1d(filter(passes, model, z).log_likelihood)
     elif model.x0.ndim == 1 and np.isnan(total).any():
-        require_positive(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), time_invariant(model))[-1])
+        require_positive(passes.covariance_pass(F, Q, H, R, model.P0, pattern(z), steady)[-1])
     return np.asarray(total if model.x0.ndim == 2 or z.ndim == 3 else total[0])
 
 
@@ -175,13 +178,16 @@ def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Arr
     sizes = {"F": (n, n), "Q": (n, n), "H": (m, n), "R": (m, m), "u": (n,)}
     out = []
     for name, a in given.items():
-        core, times = sizes[name], (T, 1) if name in "HR" else (T - 1, T, 1)
+        core = sizes[name]
+        times: tuple[int, ...] = (T, 1) if name in "HR" else (T - 1, T, 1)
+        if model.kind is not None and name in "FQ":  # of kinds, not of steps
+            times = (len(a),)
         lead = a.shape[: a.ndim - len(core)]
         if a.shape[a.ndim - len(core) :] != core or (lead and lead[0] not in times) or len(lead) > 2:
             expected = " or ".join(str((*t, *core)) for t in ((), (times[0],)))
             raise EstimationError(f"has {name} of shape {a.shape}, expected {expected}", "the linear model")
         a = a if len(lead) == 2 else a[:, None] if len(lead) == 1 else a[None, None]
-        out.append(a[:1] if same_at_all_times(a) else a)
+        out.append(a[:1] if model.kind is None and same_at_all_times(a) else a)
     for name, shape in (("x0", (n,)), ("P0", (n, n))):
         if getattr(model, name).shape[-len(shape) :] != shape:
             found = getattr(model, name).shape
@@ -191,7 +197,9 @@ def arrays(model: StateSpace, z: Array) -> tuple[Array, Array, Array, Array, Arr
 
 def time_invariant(model: StateSpace) -> bool:
     """Whether F, Q, H, R are the same at every sample."""
-    return all(a.ndim == 2 or same_at_all_times(a) for a in (model.F, model.Q, model.H, model.R))
+    return model.kind is None and all(
+        a.ndim == 2 or same_at_all_times(a) for a in (model.F, model.Q, model.H, model.R)
+    )
 
 
 def pattern(z: Array) -> Flags:

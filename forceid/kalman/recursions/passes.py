@@ -161,15 +161,19 @@ def information_pass(
 
 
 def log_likelihood(
-    F: Array, Q: Array, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array,
+    F: Array, Q: Array, kind: Indices, H: Array, R: Array, u: Array, x0: Array, P0: Array, z: Array,
     seen: Flags, limit: float, steady: bool,
 ) -> Array:  # fmt: skip
     """Log-likelihood (model,) of many models, z (time, model or 1, channel), all with the same gaps.
+
+    kind (time - 1, model): which of F, Q (kind, 1, state, state) each step takes; empty where these are in
+    their order.
 
     Of a single channel, whitened innovations beyond `limit` count as outliers of just that size, and their
     sample is believed accordingly less (Huber's filter). A model that loses its sign to rounding goes as NaN.
     """
     total = np.zeros(len(x0))
+    F, Q = (a[kind, 0] if kind.size else a for a in (F, Q))
     if seen.shape[1] == 1 and not (steady and len(x0) == 1 and limit == np.inf):
         for e, S in innovation_blocks(F, Q, H, R, u, x0, P0, z, seen, limit):
             with np.errstate(invalid="ignore", divide="ignore"):

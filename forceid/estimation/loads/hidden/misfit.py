@@ -19,9 +19,7 @@ from forceid.estimation.verdict.finding import FEW
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.records import Array
-from forceid.significance import CHANCE, OUTLIER
-
-MEDIAN = 0.6745  # standard deviations that half of normal deviates exceed
+from forceid.significance import CHANCE, MEDIAN, OUTLIER
 
 
 def shown_misfit(

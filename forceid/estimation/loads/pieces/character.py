@@ -76,11 +76,8 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         tried += [time[[one]] for one in at]
         tried += [time[[one, other]] for i, one in enumerate(at) for other in at[i + 1 :]]
     wider = [(pieces.cut(edges), edges) for edges in tried]
-    found = [
-        best_of(evidence, sized_anew(more, edges))
-        for more, edges in wider
-        if len(more.edges) > len(pieces.edges)
-    ]
+    groups = [sized_anew(more, edges) for more, edges in wider if len(more.edges) > len(pieces.edges)]
+    found = [best_of(evidence, *groups)] if groups else []
     if len(evidence.given) and len((more := pieces.cut(evidence.given)).edges) > len(pieces.edges):
         found.append(as_large_as_likely(evidence, more, evidence.given))
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))

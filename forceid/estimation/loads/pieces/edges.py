@@ -79,20 +79,21 @@ def spread_of(channel: Channel, prior: LoadPrior, time: Array, engine: Engine) -
     impacts = impacts_in(evidence, pieces)
     cells = cells_beside(channel, [pieces.edges[k : k + 2] for k in impacts], time)
     kinds += [list(impacts.values())] if impacts else []
-    each = [[placed(evidence, cells, one) for one in kind] for kind in kinds]
+    each = [[places_of(evidence, one) for one in kind] for kind in kinds]
     # by the volume of places one of a kind is likelier than another, and a kind by what it is at its best
-    likely = [np.array([volume for *_, volume in kind]) for kind in each]
+    likely = [np.array([one.volume for one in kind]) for kind in each]
     best = [float(evidence.likelihood(kind).sum(1).max()) for kind in kinds]
     likely = [value - value.max() + most - max(best) for value, most in zip(likely, best, strict=True)]
-    weight = np.exp(np.concatenate(likely))
-    mean = np.einsum("k,kta->ta", weight / weight.sum(), [one for kind in each for one, *_ in kind])
     # those that the record does not tell apart from the best count alike in what is claimed
-    apart = [
-        np.concatenate([(one - mean)[None], away]) / np.sqrt(len(each) * (value > -PATIENCE).sum())
+    open_ = [
+        (*motion_over(cells, prior, one, engine), float(np.exp(much)), len(each) * (value > -PATIENCE).sum())
         for kind, value in zip(each, likely, strict=True)
-        for (one, away, _), much in zip(kind, value, strict=True)
+        for one, much in zip(kind, value, strict=True)
         if much > -PATIENCE
     ]
+    weight = np.array([much for *_, much, _ in open_])
+    mean = np.einsum("k,kta->ta", weight / weight.sum(), [one for one, *_ in open_])
+    apart = [np.concatenate([(one - mean)[None], away]) / np.sqrt(count) for one, away, _, count in open_]
     near = np.isin(np.arange(len(mean)), cells.sample)
     own, hidden = hiding(evidence, cells, pieces)
     # between samples that the channel shows, as of tracks low-passed before, any frame may have had it all
@@ -137,27 +138,45 @@ def impacts_in(evidence: Evidence, pieces: Pieces) -> dict[int, Pieces]:
     return found
 
 
-def placed(evidence: Evidence, cells: Cells, pieces: Pieces) -> tuple[Array, Array, float]:
-    """Momentum and load (time, 6) over all places of the edges, how far apart these are, and how likely.
+@dataclass(frozen=True)
+class Places:
+    """Pieces with their edges in all places, one direction after another: (share, pieces) of each place.
 
-    How far: (place, time, 6), each weighed by the root of its share; how likely: as a log-likelihood, over
-    the volume of the places.
+    volume: how likely they are, as a log-likelihood, over the volume of the places.
     """
-    prior, engine = evidence.prior, evidence.engine
-    found = motion_in(cells, prior, pieces, engine)
-    total, away = found.copy(), [np.zeros((0, *found.shape))]
+
+    pieces: Pieces
+    tried: list[list[tuple[float, Pieces]]]
+    volume: float
+
+
+def places_of(evidence: Evidence, pieces: Pieces) -> Places:
+    """All places that the edges of pieces may have."""
     volume = level = float(evidence.likelihood([pieces]).sum())
+    found = []
     for direction in directions(evidence, pieces):
         far, tried = zip(*as_far_as_likely(evidence, pieces, direction), strict=True)
         likely = evidence.likelihood(tried).sum(1) - level
         share = np.exp(likely - likely.max())
         volume += float(likely.max() + np.log(share.mean() * np.ptp(far) * np.linalg.norm(direction) + TINY))
-        share /= share.sum()
-        apart = np.array([motion_in(cells, prior, one, engine) - found for one in tried])
+        found.append(list(zip((share / share.sum()).tolist(), tried, strict=True)))
+    return Places(pieces, found, volume)
+
+
+def motion_over(cells: Cells, prior: LoadPrior, places: Places, engine: Engine) -> tuple[Array, Array]:
+    """Momentum and load (time, 6), mean over all places of edges, and how far apart these are.
+
+    How far: (place, time, 6), each weighed by the root of its share.
+    """
+    found = motion_in(cells, prior, places.pieces, engine)
+    total, away = found.copy(), [np.zeros((0, *found.shape))]
+    for tried in places.tried:
+        share = np.array([part for part, _ in tried])
+        apart = np.array([motion_in(cells, prior, one, engine) - found for _, one in tried])
         mean = np.einsum("k,kta->ta", share, apart)
         total += mean
         away.append(np.sqrt(share)[:, None, None] * (apart - mean))
-    return total, np.concatenate(away), volume
+    return total, np.concatenate(away)
 
 
 def directions(evidence: Evidence, pieces: Pieces) -> Array:

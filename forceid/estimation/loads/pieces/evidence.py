@@ -7,8 +7,9 @@ falls by a standard error, the load may be as large. Source: profile likelihood,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -20,12 +21,13 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.building.lines import along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
+from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import ITERATIONS
 from forceid.significance import NUMBER, OUTLIER
 
 PIECE_SIZES = np.exp([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])  # factors on size or rate, in one step of a search
-AT_A_TIME = 32  # tries whose models are held at once
+AT_A_TIME = 128  # tries whose models are held at once: those of a record of 1000 samples take 10 MB
 FIRST_REACH, LAST_REACH = 8, 8  # steps by which an edge moves at first, and parts of one at last
 MOST_HASTE = 100.0  # rate in a piece over the least of the record: two orders of magnitude, as sizes
 LARGER = np.exp(0.5 * np.arange(1, 25))  # factors on a size, two in an e-fold: up to five decades
@@ -60,28 +62,30 @@ class Evidence:
 
     def likelihood(self, tried: Sequence[Pieces]) -> Array:
         """Log-likelihood (try, axis) of all at once."""
+        z = (self.channel.moved @ self.prior.axes)[:, :, None]
+        found = [
+            for_tuning(self.engine)
+            .log_likelihood(self.model(some), np.tile(z, (1, len(some), 1)), OUTLIER)
+            .reshape(len(some), 3)
+            for some in (tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME))
+        ]
+        return np.nan_to_num(np.concatenate(found), nan=-np.inf, neginf=-np.inf)
+
+    @cached_property
+    def model(self) -> Callable[[Sequence[Pieces]], StateSpace]:
+        """The model of the channel along each axis, in each of some pieces."""
         ch, prior = self.channel, self.prior
         kernel, axes, noise = prior.kernel, prior.axes, prior.tuned.noise**2
         assert isinstance(kernel, Matern)
         drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
         lines = along_axes(line.along(axes) for line in prior.lines)
 
+        @lru_cache(None)
         def chain(haste: float) -> Process:
             return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
 
-        seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time
-        z = (ch.moved @ axes)[:, :, None]
-        found = [
-            for_tuning(self.engine)
-            .log_likelihood(
-                driven_in_pieces(chain, *seen, kernel.order, some, ch.color),
-                np.tile(z, (1, len(some), 1)),
-                OUTLIER,
-            )
-            .reshape(len(some), 3)
-            for some in (tried[k : k + AT_A_TIME] for k in range(0, len(tried), AT_A_TIME))
-        ]
-        return np.nan_to_num(np.concatenate(found), nan=-np.inf, neginf=-np.inf)
+        seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time, kernel.order
+        return lambda tried: driven_in_pieces(chain, *seen, tried, ch.color)
 
     def of(self, pieces: Pieces) -> float:
         """Log-likelihood less cost."""
@@ -93,14 +97,19 @@ def longest(time: Array, pieces: Pieces) -> int:
     return int(np.diff(pieces.edges, prepend=time[0], append=time[-1]).argmax())
 
 
-def best_of(evidence: Evidence, tried: Sequence[Pieces]) -> tuple[float, Pieces]:
-    """Of pieces with the same edges, the sizes likeliest on each axis, and how likely they are.
+def best_of(evidence: Evidence, *groups: Sequence[Pieces]) -> tuple[float, Pieces]:
+    """Of groups of pieces with the same edges, the likeliest, sized as is likeliest on each axis.
 
-    The first are as they were: another size has to gain a number.
+    And how likely they are. The first of a group are as they were: another size has to gain a number.
     """
-    likely = evidence.by_axis(tried) - NUMBER * (np.arange(len(tried)) > 0)[:, None]
-    size = np.stack([tried[k].size[:, axis] for axis, k in enumerate(likely.argmax(0))], 1)
-    return float(likely.max(0).sum()), replace(tried[0], size=size)
+    each = evidence.by_axis([one for group in groups for one in group])
+    found = []
+    for tried in groups:
+        likely, each = each[: len(tried)], each[len(tried) :]
+        likely = likely - NUMBER * (np.arange(len(tried)) > 0)[:, None]
+        size = np.stack([tried[k].size[:, axis] for axis, k in enumerate(likely.argmax(0))], 1)
+        found.append((float(likely.max(0).sum()), replace(tried[0], size=size)))
+    return max(found, key=lambda one: one[0])
 
 
 def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
