@@ -20,6 +20,7 @@ from forceid.significance import OUTLIER, PATIENCE, TENTH
 
 ENOUGH_SAMPLES = 100  # of a stretch: start, speed and a constant load take three of its fifty ordinates
 FIRST_ORDER = 2  # order of references: continuous, and rough enough to leave no wave unseen
+RATES = 8  # at which a search may begin: about two to an octave of a thousand samples
 WHITENINGS = 4  # at most: the second is of a reference about right
 
 Box = Callable[[int], tuple[Array, Array]]  # lowest and highest search points (axis, 2) of an order
@@ -60,13 +61,28 @@ class Sight:
         self, orders: tuple[int, ...], shared: tuple[ArrayLike, ArrayLike], same: Flags
     ) -> tuple[Array, Array, Array]:
         """Likeliest points (order, axis, 2), noise and values (order, axis); shared: bounds of the noise."""
-        box, axes = [self.channels.box(order) for order in orders], len(same)
+        return self.spectrum.peaks(np.array(orders), self.edges(orders, shared), same)
+
+    def edges(self, orders: tuple[int, ...], shared: tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
+        """Lowest and highest points and noise (order, axis, 3) of orders."""
+        box = [self.channels.box(order) for order in orders]
 
         def edge(side: int) -> Array:
-            noise = np.broadcast_to(shared[side], (len(box), axes))[..., None]
-            return np.concatenate([np.stack([each[side] for each in box]), noise], 2)
+            points = np.stack([each[side] for each in box])
+            return np.concatenate([points, np.broadcast_to(shared[side], points.shape[:2])[..., None]], 2)
 
-        return self.spectrum.peaks(np.array(orders), (edge(0), edge(1)), same)
+        return edge(0), edge(1)
+
+    def starts(self, order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags) -> tuple[Array, Array]:
+        """Likeliest points (start, axis, 2) and noise (start, axis): first of all, then at some rates.
+
+        Ordinates say little of what is slower than the record, in which a load may have most of its size.
+        """
+        low, high = self.edges((order,) * (1 + RATES), shared)
+        rates = np.linspace(low[0, :, 1], high[0, :, 1], RATES)
+        low[1:, :, 1] = high[1:, :, 1] = rates
+        points, noise, _ = self.spectrum.peaks(np.full(1 + RATES, order), (low, high), same)
+        return points, noise
 
     @property
     def value(self) -> float:

@@ -105,9 +105,22 @@ def tune_loads(
         load: bool = True,
     ) -> Peak:
         if start is None and seen is not None:
-            start = seen.peak(order, shared, same)[:2]
+            start = likeliest(order, shared, same)
         bounds = box(order) if load else (box(order)[0],) * 2
         return maximize(lambda p, s: objective(p, s, order), *bounds, shared, start, same)
+
+    def likeliest(
+        order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags, *more: Array
+    ) -> tuple[Array, Array]:
+        """The likeliest of where a search may begin, and of `more` points (axis, 2) beside the first noise."""
+        assert seen is not None
+        points, levels = seen.starts(order, shared, same)
+        points = np.concatenate([points, np.reshape(more, (-1, axes, 2))])
+        levels = np.concatenate([levels, np.tile(levels[:1], (len(more), 1))])
+        value = objective(points[:, :, None], levels, order)[..., 0]
+        alone = np.eye(axes, dtype=bool) if np.array_equal(*shared) else same
+        which = (np.nan_to_num(value, nan=-np.inf) @ alone).argmax(0)
+        return points[which, np.arange(axes)], levels[which, np.arange(axes)]
 
     def pays_apart(order: int) -> Callable[[Peak], bool]:
         def pays(peak: Peak) -> bool:
@@ -137,21 +150,16 @@ def tune_loads(
         seen = first_sight(time, z, channels, limits if unstated else limits[:1] * 2) if stationary else None
         if unstated:  # a first look at the noise, under a prior of middle order
             (_, level, _), _ = by_axis(lambda same: search(2, limits, same), axes, pays_apart(2))
-    told: dict[int, Array] = {}
     if seen is not None and near is None:
-        points, _, expected = seen.peaks(orders, (level, level), together)
-        told = dict(zip(orders, points, strict=True))
+        expected = seen.peaks(orders, (level, level), together)[2]
         orders = in_doubt(dict(zip(orders, expected.sum(1).tolist(), strict=True)))
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
         if seen is not None and near is None:
-            first = told[order], level
-            if found:  # or as the order before, whichever is likelier
-                likes = np.clip(seen.alike(found[min(found)][0], min(found), order), *box(order))
-                both = np.stack([told[order], likes], 1)
-                which = objective(both[None], level[None], order)[0].argmax(1)
-                first = both[np.arange(axes), which], level
+            # or as the order before
+            before = [np.clip(seen.alike(found[last][0], last, order), *box(order)) for last in [*found][-1:]]
+            first = likeliest(order, (level, level), together, *before)
         found[order] = search(order, (level, level), together, first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)
