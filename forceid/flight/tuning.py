@@ -27,7 +27,7 @@ from forceid.flight.spectral_start import Box, Channels, Peak, first_sight, sigh
 from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern
 from forceid.kalman.engines import Engine, for_tuning
-from forceid.kalman.tuning.search import maximize, promise_apart
+from forceid.kalman.tuning.search import WORST, maximize, promise_apart
 from forceid.records import Array, Flags
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
@@ -112,14 +112,14 @@ def tune_loads(
     def likeliest(
         order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags, *more: Array
     ) -> tuple[Array, Array]:
-        """The likeliest of where a search may begin, and of `more` points (axis, 2) beside the first noise."""
+        """The likeliest of where a search may begin, and of `more` points (axis, 2) under the first noise."""
         assert seen is not None
         points, levels = seen.starts(order, shared, same)
         points = np.concatenate([points, np.reshape(more, (-1, axes, 2))])
         levels = np.concatenate([levels, np.tile(levels[:1], (len(more), 1))])
         value = objective(points[:, :, None], levels, order)[..., 0]
         alone = np.eye(axes, dtype=bool) if np.array_equal(*shared) else same
-        which = (np.nan_to_num(value, nan=-np.inf) @ alone).argmax(0)
+        which = (np.nan_to_num(value, nan=WORST, neginf=WORST) @ alone).argmax(0)
         return points[which, np.arange(axes)], levels[which, np.arange(axes)]
 
     def pays_apart(order: int) -> Callable[[Peak], bool]:

@@ -8,8 +8,8 @@ takes its momentum away. Beforehand a wheel is as likely as none, and where ther
 in the body, at one beside it, and at neither.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
-record excludes it, and is in the claim as if it were there; the verdict is degraded where it is likelier than
-none. What flies without weight touches nothing: there no force at a point is a rival. Source: principal
+record excludes it, and is in the claim as if it were there; the verdict is degraded where the record shows it:
+by the odds that exclude one, for it. What flies without weight touches nothing: there no force at a point is a rival. Source: principal
 equations 2.4.
 """
 
@@ -29,7 +29,7 @@ from forceid.records import Array, Finding
 from forceid.significance import SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
-STRONG = 10.0  # odds against it by which a record excludes a wheel (Jeffreys, Theory of Probability, app. B)
+STRONG = 10.0  # odds by which a record excludes a wheel, or shows one (Jeffreys, Theory of Probability, app. B)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def allow_for_wheels(
     first = max(beyond, key=lambda wheel: wheel.odds)
     said = note(
         "inner-wheel",
-        "degraded" if odds > total - odds else "ok",
+        "degraded" if odds > STRONG * (total - odds) else "ok",
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],
