@@ -29,7 +29,9 @@ from forceid.records import Array, Finding
 from forceid.significance import SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
-STRONG = 10.0  # odds by which a record excludes a wheel, or shows one (Jeffreys, Theory of Probability, app. B)
+STRONG = (
+    10.0  # odds by which a record excludes a wheel, or shows one (Jeffreys, Theory of Probability, app. B)
+)
 
 
 @dataclass(frozen=True)
