@@ -8,9 +8,9 @@ takes its momentum away. Beforehand a wheel is as likely as none, and where ther
 in the body, at one beside it, and at neither.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
-record excludes it, and is in the claim as if it were there; the verdict is degraded where the record shows it:
-by the odds that exclude one, for it. What flies without weight touches nothing: there no force at a point is a rival. Source: principal
-equations 2.4.
+record excludes it, and is in the claim as if it were there. The verdict is degraded where the record shows it,
+by the odds that exclude one. What flies without weight touches nothing: there no force at a point is a rival.
+Source: principal equations 2.4.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ from forceid.records import Array, Finding
 from forceid.significance import SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
-STRONG = (
-    10.0  # odds by which a record excludes a wheel, or shows one (Jeffreys, Theory of Probability, app. B)
-)
+STRONG = 10.0  # odds by which a record excludes a wheel or shows one (Jeffreys, Theory of Probability, B)
 
 
 @dataclass(frozen=True)
