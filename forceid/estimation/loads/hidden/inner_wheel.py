@@ -8,7 +8,7 @@ takes its momentum away. Beforehand a wheel is as likely as none, and where ther
 in the body, at one beside it, and at neither.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
-record excludes it, and is in the claim as if it were there. The verdict is degraded where the record shows it,
+record excludes it, and is in the claim as if it were there. The verdict is degraded where a record shows it,
 by the odds that exclude one. What flies without weight touches nothing: there no force at a point is a rival.
 Source: principal equations 2.4.
 """
