@@ -60,7 +60,7 @@ def estimate_classic(
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)
-    looks = [path]
+    looks, resolved = [path], force.resolved
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
@@ -80,6 +80,7 @@ def estimate_classic(
         at = np.searchsorted(time, channel.time)
         turn = derivatives(channel.time, channel.z, chosen.window)
         looks.append(turn)
+        resolved &= chosen.resolved
         unseen = np.setdiff1d(time, channel.time[np.isfinite(channel.z).all(1)])
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
@@ -97,6 +98,8 @@ def estimate_classic(
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
     said = (*said, *judge_filter(kin, any(cut_by_filter(kin, d) for d in looks)))
     found = (*said, note("slow-errors")) if shared else said
+    if not resolved:
+        found = (*found, note("load-within-window"))
     if lost.mean() > SCATTERED:
         found = (*found, note("gaps-in-windows", lost=lost.sum(), frames=len(lost)))
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
