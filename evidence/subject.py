@@ -17,9 +17,9 @@ class Answer:
     claimed: of each a deviation of its own shape, or one relative error; None where nothing is claimed. off:
     both errors, where they are of another kind than distances from the truth. chosen: what was settled for,
     in words: a model, a window, a cut. steps: iterations, None where there are none. again: the job once more
-    on what was built for this one. told: what a budget says of an input that no motion reveals. over, beside: error over
-    claim, and over the error of the witness, where both are known better than by found and claimed; codes: of
-    the findings that are more than a note.
+    on what was built for this one. told: what a budget says of an input that no motion reveals. over,
+    beside: error over claim, and over that of the witness, where these are known better than by found and
+    claimed; codes: of the findings that are more than a note.
     """
 
     found: tuple[Array, Array]

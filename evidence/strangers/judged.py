@@ -75,7 +75,7 @@ def silently_wrong(verdict: str, *ratios: Sequence[float]) -> bool:
 
 
 def careful_in_vain(verdict: str, over: Sequence[float]) -> bool:
-    """Whether a record calls itself degraded, and all of force and moment that is known is within its claim."""
+    """Whether a record is degraded, though all of force and moment that is given is within its claim."""
     return verdict == "degraded" and float(np.nan_to_num(over).max(initial=0.0)) <= NEAR
 
 

@@ -141,7 +141,8 @@ def met(recording: Recording, fault: Fault | None, level: float, rng: np.random.
         return Met(name, level, "refused", float("nan"), float("nan"))
     rate = 1 / float(np.median(np.diff(found.time)))
     off = scores(found, [faulty.truth[load] for load in LOADS], band_of(found), rate)
-    return Met(name, level, found.verdict.level, *off["over"], off["beside"])
+    force, moment = off["over"]
+    return Met(name, level, found.verdict.level, force, moment, off["beside"])
 
 
 def met_by(path: Path, seeds: int, short: bool) -> Iterator[Met]:
@@ -198,7 +199,8 @@ def told(path: Path, folder: Path, seeds: int, short: bool, command: str) -> str
     about = (
         f"`{command}`: default settings on twins of the recording ({seeds}), whose load is known, under "
         f"faults that grow. Without a fault: {plain['outcome']}, error over claim {plain[OF_FORCE]:.2g} "
-        f"(force), {plain[OF_MOMENT]:.2g} (moment). *Silently wrong*: `ok`, and one is above {WRONG:g}, or twice that of the plain route."
+        f"(force), {plain[OF_MOMENT]:.2g} (moment). *Silently "
+        f"wrong*: `ok`, and one is above {WRONG:g}, or twice that of the plain route."
     )
     listed = "\n".join(f"- {line}" for line in lines)
     pictured(folder, picture, drawn(rest, path.stem))

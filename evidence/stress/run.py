@@ -128,7 +128,7 @@ def leaves_green(levels: Sequence[float], cells: Sequence[Cell]) -> float | None
 
 
 def counts(rows: Iterable[MapRow]) -> dict[str, int]:
-    """How many cells are of each color and needlessly amber; of records, silently wrong and all that count."""
+    """How many cells are of each color, and amber in vain or by budget; records that are silently wrong."""
     cells = [one for row in rows for one in row.cells]
     found = {
         color: sum(c.color == color for c in cells) for color in ("green", "pale", "amber", "grey", "red")
@@ -182,7 +182,8 @@ def from_plain(plain: dict[str, Any]) -> list[Map]:
         for one in told["contestants"]:
             cells = one["cells"]
             pairs = [
-                {name: numbers(c[name]) for name in ("over_bound", "over_claim")} | {"codes": tuple(c["codes"])}
+                {name: numbers(c[name]) for name in ("over_bound", "over_claim")}
+                | {"codes": tuple(c["codes"])}
                 for c in cells
             ]
             judged = tuple(Cell(**(c | pair)) for c, pair in zip(cells, pairs, strict=True))

@@ -89,7 +89,16 @@ FLIGHTS = Subject(
     "bound",
     TOLD_OF_FLIGHTS,
     ("estimation", "kalman", "motion", "principal"),
-    (sys.modules[drawn_loads.draw_matern.__module__], flown_bodies, record, oracle, trial, subject, judged, hidden_loads),
+    (
+        sys.modules[drawn_loads.draw_matern.__module__],
+        flown_bodies,
+        record,
+        oracle,
+        trial,
+        subject,
+        judged,
+        hidden_loads,
+    ),
     trial.errors,
     bound=trial.bound_of_trial,
 )

@@ -159,7 +159,7 @@ def choose_window(
         return max((i for i in fit if PILOT * noise(best) <= noise(i) < np.inf), default=first)
 
     def best_after(pilot: int, scale: int, only: int | None = None) -> tuple[int, float]:
-        """Best candidate as the pilot sees it, and its squared bias over its noise variance; or of only one."""
+        """Best candidate, or the only one, as the pilot sees it; its squared bias over its noise variance."""
         taper = smooth_taper(len(at(pilot)[0]))
         weight = taper / at(scale)[1].sum(1)
         risk: dict[int, float] = {}

@@ -85,7 +85,9 @@ def estimate_classic(
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
-        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * local_bias(channel.time, turn, chosen, unseen)
+        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * local_bias(
+            channel.time, turn, chosen, unseen
+        )
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
         if amplitude.size:
@@ -134,7 +136,7 @@ def cut_by_filter(kin: Kinematics, d: Derivatives) -> bool:
     if not isinstance(kin.color, LowPassed):
         return False
     step = float(np.median(np.diff(kin.time)))
-    cut = followed_up_to(np.nanmedian(d.gain[:, :, 2, 2]), step) / (2 * np.pi)
+    cut = followed_up_to(np.asarray(np.nanmedian(d.gain[:, :, 2, 2])), step) / (2 * np.pi)
     return bool(kin.color.power(cut) < WHOLE)
 
 

@@ -64,7 +64,6 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     if not reads_turn(motion):
         return judge_field(field_of(body, motion, settings), motion.gravity)
     inertia = inertia_of(body)
-    sensors = sensors_of(body, motion, settings, inertia.center)
     if not np.isfinite(inertia.tensor).all():
         return [note("no-inertia-for-sensors")]
     clean = cleaned(body, motion)[0]
@@ -74,7 +73,10 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     )
     if turn > 2 * np.pi:
         return [note("turns-lost", turn_rad=turn)]
-    return [note("no-place")]
+    found = [note("no-place")]
+    if clean.specific_force is not None and "specific_force_bias" not in known(motion, settings):
+        found.append(note("bias-not-stated", biased=inertia.mass * ACCELEROMETER.offset))
+    return found
 
 
 def known(motion: Motion, settings: Settings) -> dict[str, float]:
@@ -120,7 +122,8 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     if turn > (1 + SOLVED) * TURN:
         findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > TENTH:
-        findings.append(note("path-not-at-rest", left=best.left))
+        at_rest: Level = "ok" if best.left <= 1 else "degraded"  # less than all else that is claimed
+        findings.append(note("path-not-at-rest", at_rest, left=best.left))
     if flight.sensors is None or flight.sensors.of(ACCELEROMETER) is None:
         gone = np.full_like(state.force, np.nan)
         cov = state.wrench_cov.copy()
@@ -139,8 +142,8 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
                 cov[:, :3, :3] += biased**2 * np.eye(3)
                 state = replace(state, wrench_cov=cov)
             still = float(np.linalg.norm(np.einsum("tba,tb->ta", state.rotation, state.force).mean(0)))
-            level: Level = "degraded" if still > SIGMAS * biased else "ok"
-            findings.append(note("bias-not-stated", level, force=still, biased=biased))
+            if still > SIGMAS * biased:
+                findings.append(note("force-in-bias", force=still, biased=biased))
     if kin.inertia.point:
         state = with_known_moment(state, kin.inertia, None)
     elif kin.inertia.line is not None:

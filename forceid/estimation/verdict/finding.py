@@ -53,7 +53,9 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
         taken, other = turn / (2 * np.pi * step), (2 * np.pi - turn) / (2 * np.pi * step)
         level: Level = "ok" if told_by_moment(kin) else "degraded"
-        found.append(note("fast-turn", level, degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other))
+        found.append(
+            note("fast-turn", level, degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other)
+        )
     return found
 
 

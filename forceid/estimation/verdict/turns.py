@@ -1,4 +1,4 @@
-"""Turns from frame to frame that may be longer ones, or ones the other way: which of them takes least moment."""
+"""Turns from frame to frame that may be longer, or the other way: which of them takes least moment."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from forceid.records import Array, Finding
 from forceid.significance import PATIENCE
 
 KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
-FREE = 6  # independent values that a moment along three axes has at the least: two along each
+MOMENT_VALUES = 6  # independent values that a moment along three axes has at the least: two along each
 OTHERWISE = (-1, 1)  # whole turns that are read too many or too few
 
 
@@ -37,7 +37,7 @@ def told_by_moment(kin: Kinematics) -> bool:
     the reading that takes m as under one that takes m' (the size scale-free, so it is integrated out).
     """
     times = moment_of_others(kin)
-    return times is not None and FREE * np.log(max(times, 1.0)) > PATIENCE
+    return times is not None and MOMENT_VALUES * np.log(max(times, 1.0)) > PATIENCE
 
 
 def moment_of_others(kin: Kinematics) -> float | None:
@@ -46,7 +46,7 @@ def moment_of_others(kin: Kinematics) -> float | None:
     None where the inertia is not known, or too few frames show a rotation.
     """
     seen, J = np.isfinite(kin.pose.rotation).all((1, 2)), kin.inertia.tensor
-    if not kin.attitude or not np.isfinite(J).all() or seen.sum() < FREE:
+    if not kin.attitude or not np.isfinite(J).all() or seen.sum() < MOMENT_VALUES:
         return None
     R, time = kin.pose.rotation[seen], kin.time[seen]
     read = log(R[1:] @ R[:-1].mT)
