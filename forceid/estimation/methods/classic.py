@@ -126,7 +126,9 @@ def louder(channel: Channel) -> float:
         return 1.0
     white = float(np.trace(channel.noise_cov[seen], axis1=1, axis2=2).mean()) / 3
     adding = float(np.trace(channel.drift)) / 3 * float(np.median(np.diff(channel.time)))
-    shown = noise_variance(channel.time, channel.z)
+    axes = np.linalg.svd(np.diff(channel.z[seen], 6, axis=0), full_matrices=False)[2]
+    # axis by axis: late frames err along the motion alone
+    shown = np.mean([noise_variance(channel.time, channel.z @ a[:, None]) for a in axes])
     times = float(np.sqrt(shown / (white + ADDING * adding)))
     return times if times > SAID else 1.0
 

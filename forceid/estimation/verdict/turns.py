@@ -37,7 +37,7 @@ def told_by_moment(kin: Kinematics) -> bool:
     the reading that takes m as under one that takes m' (the size scale-free, so it is integrated out).
     """
     times = moment_of_others(kin)
-    return times is not None and MOMENT_VALUES * np.log(max(times, 1.0)) > PATIENCE
+    return times is not None and bool(MOMENT_VALUES * np.log(max(times, 1.0)) > PATIENCE)
 
 
 def moment_of_others(kin: Kinematics) -> float | None:
