@@ -17,7 +17,9 @@ class Answer:
     claimed: of each a deviation of its own shape, or one relative error; None where nothing is claimed. off:
     both errors, where they are of another kind than distances from the truth. chosen: what was settled for,
     in words: a model, a window, a cut. steps: iterations, None where there are none. again: the job once more
-    on what was built for this one. told: what a budget says of an input that no motion reveals.
+    on what was built for this one. told: what a budget says of an input that no motion reveals. over,
+    beside: error over claim, and over that of the witness, where these are known better than by found and
+    claimed; codes: of the findings that are more than a note.
     """
 
     found: tuple[Array, Array]
@@ -29,6 +31,9 @@ class Answer:
     steps: int | None = None
     again: Callable[[], Answer] | None = None
     told: tuple[float, float] = (0.0, 0.0)
+    over: tuple[float, ...] | None = None
+    beside: tuple[float, ...] = (float("nan"), float("nan"))
+    codes: tuple[str, ...] = ()
 
 
 Job = Callable[[], Answer]
@@ -41,8 +46,8 @@ class Contestant:
     kind: "peer", or which of ours it is; about: one line on it; line: what joins its points in a picture, its
     name without step or tolerance; key: of its configuration, `about` where that says it all. told: it was
     told the truth of the case, to choose its parameter or its prior by; what it spends on that is not timed.
-    slow: left out of the short chart. coarse: it may honestly be worse than twice the bound. whole: by how
-    much its time is multiplied, where it does a part of the case only.
+    slow: left out of the short chart. whole: by how much its time is multiplied, where it does a part of the
+    case only.
     """
 
     name: str
@@ -53,7 +58,6 @@ class Contestant:
     key: str = ""
     told: bool = False
     slow: bool = False
-    coarse: bool = False
     whole: float = 1.0
 
     @property

@@ -11,7 +11,7 @@ from evidence.calibration.patience import within
 from evidence.calibration.record import DrawnRecord, drawn_record
 from evidence.drawn.records.scored import QUANTILE, judged_part
 from evidence.strangers.attempt import attempt
-from evidence.strangers.judged import LOADS, NEAR, scores, silently_wrong
+from evidence.strangers.judged import LOADS, band_of, careful_in_vain, scores, silently_wrong
 from forceid.records import Estimate
 
 PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
@@ -73,7 +73,7 @@ class Outcome:
     @property
     def needless(self) -> bool:
         """Whether it is degraded, though all of force and moment that is given is within its claim."""
-        return self.verdict == "degraded" and self.worst <= NEAR
+        return careful_in_vain(self.verdict, self.over)
 
     def __repr__(self) -> str:
         kinds = ", ".join(str(self.drawn[name]) for name in KINDS if self.drawn[name] is not False)
@@ -100,15 +100,13 @@ class Outcome:
 def judged(case: DrawnRecord, found: Estimate) -> dict[str, tuple[float, ...]]:
     """Errors of an estimate over its claim, beside the witness, and how often intervals hold the truth."""
     truth = [case.recording.truth[name] for name in LOADS]
-    band = found.hidden.band if found.hidden else np.full(6, np.inf)
-    band = np.where(np.isfinite(band), band, np.inf)
     inside = []
     for name, true in zip(LOADS, truth, strict=True):
         error, std = (judged_part(a) for a in (getattr(found, name) - true, getattr(found, f"{name}_std")))
         known = np.isfinite(error) & np.isfinite(std)
         held = np.abs(error)[known] <= QUANTILE * std[known]
         inside.append(float(np.mean(held)) if known.any() else np.nan)
-    return scores(found, truth, band, case.drawn.rate) | {"inside": tuple(inside)}
+    return scores(found, truth, band_of(found), case.drawn.rate) | {"inside": tuple(inside)}
 
 
 def outcome_of(job: tuple[int, int]) -> Outcome:

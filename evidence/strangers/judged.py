@@ -74,6 +74,11 @@ def silently_wrong(verdict: str, *ratios: Sequence[float]) -> bool:
     return verdict == "ok" and float(np.nan_to_num(np.concatenate(ratios)).max(initial=0.0)) > WRONG
 
 
+def careful_in_vain(verdict: str, over: Sequence[float]) -> bool:
+    """Whether a record is degraded, though all of force and moment that is given is within its claim."""
+    return verdict == "degraded" and float(np.nan_to_num(over).max(initial=0.0)) <= NEAR
+
+
 def over_witness(error: Array, other: Array, band: Array, rate: float) -> float:
     """Rms of an error (time, axis) over that of another, within the band (axis,) Hz, where both are known."""
     both = np.isfinite(error + other).all(1)
@@ -100,6 +105,12 @@ def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
         return float("nan")
     slow = [np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(error[seen].T, band, strict=True)]
     return float(np.sqrt(np.mean(slow) / np.mean(std[seen] ** 2)))
+
+
+def band_of(found: Any) -> Array:
+    """Up to what frequency (6,) Hz an estimate claims to follow force and moment; inf where it says none."""
+    band = found.hidden.band if found.hidden else np.full(6, np.inf)
+    return np.where(np.isfinite(band), band, np.inf)
 
 
 def scores(found: Any, truth: Sequence[Array], band: Array, rate: float) -> dict[str, tuple[float, ...]]:

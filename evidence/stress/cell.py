@@ -1,21 +1,25 @@
 """One cell of a stress map: the color that the trials of a method at one level of a failure add up to.
 
-Source: the shared requirement that the verdict on every failure is accurate (within twice the bound and
-calibrated), degraded and said so, or refused and said why; silently wrong is the only failure.
+Each record is judged by the rule of drawn records and strangers (`evidence.strangers.judged`). Source: the
+shared requirement that every verdict is accurate, degraded and said so, or refused and said why; silently
+wrong is the only failure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 
+from evidence.strangers.judged import careful_in_vain, silently_wrong
+
 Color = Literal["green", "pale", "amber", "grey", "red"]
-TWICE = 2.0  # times what is claimed, and times the bound, that an accurate estimate may be off
-BEYOND = "the bound"
+TWICE = 2.0  # times the bound that an estimate may be off and be called accurate, not coarse
 CAUTIOUS = ("refused", "degraded", "ok")  # among verdicts equally frequent, the first
+UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class Trial:
     Of a flight force and moment, rms in N and N m over the central three quarters, per axis; of a body in
     parts forces and motions, relative. NaN: not known, or not claimed. verdict:
     ok, degraded, refused or crashed; reason: the first. told: what the budget of the result says that the
-    error of the input costs, where no motion reveals it.
+    error of the input costs, where no motion reveals it. over: error over claim within the band that is
+    claimed; beside: over the error of the witness there; codes: of findings that are more than a note.
     """
 
     verdict: str
@@ -34,110 +39,120 @@ class Trial:
     bound: tuple[float, float]
     reason: str = ""
     told: tuple[float, float] = (0.0, 0.0)
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
+    codes: tuple[str, ...] = ()
+
+    @property
+    def silent(self) -> bool:
+        """Whether it calls itself ok and is wrong, or calls itself ok and claims nothing."""
+        nothing = self.verdict == "ok" and not np.isfinite(self.over).any()
+        return nothing or silently_wrong(self.verdict, self.over, self.beside)
+
+    @property
+    def budgeted(self) -> bool:
+        """Whether it would be silently wrong, but claim and budget together account for its errors."""
+        if not (self.silent and any(self.told)):
+            return False
+        with np.errstate(divide="ignore", invalid="ignore"):
+            widened = self.over * np.divide(self.claimed, np.hypot(self.claimed, self.told))
+        return not silently_wrong(self.verdict, widened)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Color; cause of a red one; pooled error over bound and error over claim, of both quantities (2,).
+    """Color; cause of a red one; pooled error over bound, and the worst record's error over claim (2,).
 
-    alone: seeds that would be red by themselves; ok, degraded, refused: how many; reason: the most frequent.
+    silent: records that are silently wrong; needless: whether it is amber in vain; budgeted: whether it is
+    amber for what its budget says alone; ok, degraded, refused: how many; reason: the most frequent; codes:
+    of its findings.
     """
 
     color: Color
     cause: str
     over_bound: tuple[float, float]
     over_claim: tuple[float, float]
-    alone: int
+    silent: int
+    needless: bool
+    budgeted: bool
     ok: int
     degraded: int
     refused: int
     reason: str
-
-    @property
-    def honest_red(self) -> bool:
-        """Whether a red cell is so for its distance from the bound only, and not for its claim."""
-        return self.color == "red" and self.cause.endswith(BEYOND)
+    codes: tuple[str, ...] = ()
 
 
-def judge_cell(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = ("force", "moment")) -> Cell:
+def judge_cell(trials: Sequence[Trial], names: tuple[str, str] = ("force", "moment")) -> Cell:
     """The cell of the trials of all seeds; names: of the two quantities.
 
-    red: an error that is no error of forceid's; or the verdict says ok and, over the seeds that say so, the
-    rms error exceeds twice the claimed one, or no number is claimed, or it exceeds twice the bound. coarse:
-    whether a method may be honestly worse than that; it is pale green then. Otherwise by the more frequent
-    verdict: green, amber where degraded and said so, or where the budget of the result, newtons per percent
-    and per millimeter, accounts for an input that is wrong; grey where refused.
+    red: an error that is no error of forceid's, or any record silently wrong. Otherwise by the more frequent
+    verdict: green, or pale beyond twice the bound; amber where degraded and said so, or where the budget of
+    the result, newtons per percent and per millimeter, accounts for an input that is wrong; grey where
+    refused.
 
-    >>> honest = Trial("ok", (0.1, 0.01), (0.1, 0.01), (0.08, 0.008))
-    >>> boastful = Trial("ok", (0.1, 0.01), (0.01, 0.01), (0.08, 0.008))
-    >>> judge_cell([honest], False).color, judge_cell([boastful], False).color
+    >>> honest = Trial("ok", (0.1, 0.01), (0.1, 0.01), (0.08, 0.008), over=(1.0, 1.0))
+    >>> boastful = Trial("ok", (0.1, 0.01), (0.01, 0.01), (0.08, 0.008), over=(10.0, 1.0))
+    >>> judge_cell([honest]).color, judge_cell([boastful]).color
     ('green', 'red')
     """
     verdicts = [t.verdict for t in trials]
     ok = [t for t in trials if t.verdict == "ok"]
-    answered = [t for t in trials if t.verdict in ("ok", "degraded")]
-    cause = "crashed" if "crashed" in verdicts else fault(ok, coarse, names)
+    wrong = [t for t in trials if t.silent and not t.budgeted]
+    budgeted = any(t.budgeted for t in trials)
     color: Color
-    if cause and "crashed" not in verdicts and budgeted(ok):
-        cause, color = "", "amber"
-    elif cause:
+    cause = "crashed" if "crashed" in verdicts else fault(wrong, names)
+    most = max(CAUTIOUS, key=verdicts.count)  # the first of the equally frequent
+    if cause:
         color = "red"
+    elif most == "ok":
+        far = bool(over_bound(ok).max(initial=0.0) > TWICE)
+        color = "amber" if budgeted else "pale" if far else "green"
     else:
-        most = max(CAUTIOUS, key=verdicts.count)  # the first of the equally frequent
-        fine = "pale" if coarse and rms_ratio(ok, "bound").max(initial=0.0) > TWICE else "green"
-        color = {"refused": "grey", "degraded": "amber"}.get(most, fine)  # type: ignore[assignment]
+        color = "grey" if most == "refused" else "amber"
+    careful = [t for t in trials if t.verdict == "degraded"]
     reasons = [t.reason for t in trials if t.reason]
+    answered = [t for t in trials if t.verdict in ("ok", "degraded")]
+    over = np.array([t.over for t in answered]).reshape(-1, 2)
     return Cell(
         color,
         cause,
-        plain_pair(rms_ratio(answered, "bound")),
-        plain_pair(rms_ratio(answered, "claimed")),
-        sum(bool(fault([t], coarse)) and not budgeted([t]) for t in trials),
+        plain_pair(over_bound(answered)),
+        plain_pair(over.max(0) if len(over) else over.sum(0) + np.nan),
+        len(wrong),
+        color == "amber" and bool(careful) and all(careful_in_vain(t.verdict, t.over) for t in careful),
+        color == "amber" and budgeted and most == "ok",
         len(ok),
         verdicts.count("degraded"),
         verdicts.count("refused"),
         max(reasons, key=reasons.count) if reasons else "",
+        tuple(dict.fromkeys(chain.from_iterable(t.codes for t in trials))),
     )
 
 
-def fault(trials: Sequence[Trial], coarse: bool, names: tuple[str, str] = ("force", "moment")) -> str:
-    """What is wrong with trials that say ok, together; empty where nothing is."""
-    ok = [t for t in trials if t.verdict == "ok"]
-    if not ok:
-        return ""
-    known = np.all(np.isfinite([t.bound for t in ok]), axis=0).tolist()
-    claims = rms_ratio(ok, "claimed")
-    if not np.isfinite(claims).all():
-        return "nothing claimed"
-    for name, ratio in zip(names, claims, strict=True):
-        if ratio > TWICE:
-            return f"{name} error {ratio:.1f} times the claimed one"
-    bounds = rms_ratio(ok, "bound")
-    for name, ratio, told in zip(names, bounds, known, strict=True):
-        if told and ratio > TWICE and not coarse:
-            return f"{name} error {ratio:.1f} times {BEYOND}"
-    return ""
+def fault(wrong: Sequence[Trial], names: tuple[str, str]) -> str:
+    """What is wrong with the worst of the records that are silently wrong; empty for none."""
+    ratios = [
+        (value, f"{name} error {value:.1f} times {what}")
+        for t in wrong
+        for what, off in (("the claimed one", t.over), ("that of the plain route", t.beside))
+        for name, value in zip(names, off, strict=True)
+        if np.isfinite(value)
+    ]
+    return max(ratios)[1] if ratios else "nothing claimed" if wrong else ""
 
 
-def budgeted(trials: Sequence[Trial]) -> bool:
-    """Whether claim and budget together account for the errors of trials that say ok."""
-    ok = [t for t in trials if t.verdict == "ok"]
-    told = np.square([t.told for t in ok]).mean(0) if ok else np.zeros(2)
-    if not told.any():
-        return False
-    error, claimed = (np.square([getattr(t, what) for t in ok]).mean(0) for what in ("error", "claimed"))
-    return bool((error <= TWICE**2 * (claimed + told)).all())
-
-
-def rms_ratio(trials: Sequence[Trial], what: Literal["bound", "claimed"]) -> np.ndarray:
-    """Rms error over rms bound or claim of all trials together, of both quantities (2,)."""
+def over_bound(trials: Sequence[Trial]) -> np.ndarray:
+    """Rms error over rms bound of all trials together, of both quantities (2,)."""
     if not trials:
         return np.full(2, np.nan)
-    error = np.square([t.error for t in trials]).mean(0)
-    other = np.square([getattr(t, what) for t in trials]).mean(0)
+    return ratio(*(np.sqrt(np.square([getattr(t, of) for t in trials]).mean(0)) for of in ("error", "bound")))
+
+
+def ratio(error: Sequence[float], other: Sequence[float]) -> np.ndarray:
+    """One over the other (2,); no error is 0 times anything."""
+    above, below = np.asarray(error, float), np.asarray(other, float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(error / other)
-    return np.asarray(np.where(error == 0, 0.0, ratio))
+        return np.asarray(np.where(above == 0, 0.0, above / below))
 
 
 def plain_pair(values: np.ndarray) -> tuple[float, float]:

@@ -15,8 +15,7 @@ M = TypeVar("M", bound=Make)
 @dataclass(frozen=True)
 class Failure:
     """A sweep. levels run from healthy to hopeless, in `unit`; breaks: what fails, in physical words; make:
-    the record of a level; deforms: whether it is about the model of the body, so that each is tried; other:
-    whether the load is not drawn from the prior of the bound, so that an honest claim may exceed it.
+    the record of a level; deforms: whether it is about the model of the body, so that each is tried.
     """
 
     name: str
@@ -27,7 +26,6 @@ class Failure:
     breaks: str
     make: Make
     deforms: bool = False
-    other: bool = False
 
 
 KNOWN: list[Failure] = []  # of every module that was imported

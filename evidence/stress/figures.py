@@ -18,11 +18,10 @@ from forceid.report.plots.style import INK, STYLE
 
 # told apart by lightness too, and by their marks
 COLORS = {"green": "#009E73", "pale": "#BDE3D5", "amber": "#F3C44C", "grey": "#CBCFD6", "red": "#A50F15"}
-HONEST_RED = "#E58A78"  # red for its distance from the bound only
 MARKS = {"green": "✓", "pale": "✓", "amber": "!", "grey": "–", "red": "✗"}
 MEANING = {
-    "green": "accurate: within twice the bound and twice the claim",
-    "pale": "honest, coarser than twice the bound",
+    "green": "accurate: within twice the claim and twice the bound",
+    "pale": "within twice the claim, beyond twice the bound",
     "amber": "degraded, and said so",
     "grey": "refused, and said why",
     "red": "silently wrong",
@@ -89,10 +88,11 @@ def draw_cells(
     ax.tick_params(length=0, labelcolor=INK)
     for i, cells in enumerate(rows):
         for j, one in enumerate(cells):
-            box = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=face_of(one), edgecolor="white", lw=1.5)
+            face = COLORS[one.color]
+            box = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=face, edgecolor="white", lw=1.5)
             ax.add_patch(box)
             number = short_number(levels[i][j]) if levels else ratio_text(one)
-            style: Any = {"color": "white" if face_of(one) in ON_DARK else INK, "fontsize": 8.5}
+            style: Any = {"color": "white" if face in ON_DARK else INK, "fontsize": 8.5}
             ax.text(j, i, f"{MARKS[one.color]} {number}".strip(), ha="center", va="center", **style)
     ax.set_xlim(-0.5, max(map(len, rows)) - 0.5)
     ax.set_ylim(len(rows) - 0.5, -0.5)
@@ -104,14 +104,7 @@ def add_legend(figure: Figure) -> None:
         Patch(facecolor=COLORS[color], edgecolor="#999999", lw=0.5, label=f"{MARKS[color]}  {text}")
         for color, text in MEANING.items()
     ]
-    text = f"{MARKS['red']}  honest, but beyond twice the bound, unsaid"
-    handles.append(Patch(facecolor=HONEST_RED, edgecolor="#999999", lw=0.5, label=text))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-
-
-def face_of(one: Cell) -> str:
-    """The color of a cell as drawn."""
-    return HONEST_RED if one.honest_red else COLORS[one.color]
 
 
 def ratio_text(one: Cell) -> str:

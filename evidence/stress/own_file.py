@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evidence.drawn.hidden_loads import WRONG
+from evidence.strangers.judged import LOADS, band_of, scores, silently_wrong
 from evidence.subjects.flights.twin import twin
 from forceid.config import Settings
 from forceid.errors import ForceIdError
@@ -19,7 +21,6 @@ from forceid.records import Array, Recording
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SILENT = 2.0  # error over claim beyond which an `ok` is wrong
 OF_FORCE, OF_MOMENT = "force error over claim", "moment error over claim"  # columns
 COLOR = {"right": "#1f7a43", "degraded": "#b06f10", "refused": "#6b7177", "silently wrong": "#b3281c"}
 
@@ -38,20 +39,24 @@ class Fault:
 
 @dataclass(frozen=True)
 class Met:
-    """A twin with a fault at a level: the verdict, and error over claim of force and moment."""
+    """A twin with a fault at a level: the verdict, and error over claim of force and moment in the band.
+
+    beside: over the error of the witness there.
+    """
 
     fault: str
     level: float
     verdict: str
     force: float
     moment: float
+    beside: tuple[float, ...] = ()
 
     @property
     def outcome(self) -> str:
         """Right, degraded, refused, or silently wrong."""
-        if self.verdict == "ok":
-            return "silently wrong" if np.nanmax([self.force, self.moment]) > SILENT else "right"
-        return self.verdict
+        if silently_wrong(self.verdict, (self.force, self.moment), self.beside):
+            return "silently wrong"
+        return "right" if self.verdict == "ok" else self.verdict
 
 
 def tracks(recording: Recording, position: Array) -> Recording:
@@ -134,15 +139,10 @@ def met(recording: Recording, fault: Fault | None, level: float, rng: np.random.
         found = estimate_recording(replace(faulty, truth={}), Settings())
     except ForceIdError:
         return Met(name, level, "refused", float("nan"), float("nan"))
-    inner = slice(len(found.time) // 8, len(found.time) - len(found.time) // 8)
-    ratio = {}
-    for load in ("force", "moment"):
-        off = (getattr(found, load) - faulty.truth[load])[inner]
-        std = getattr(found, f"{load}_std")[inner]
-        known = np.isfinite(off)
-        square, var = (off[known] ** 2).sum(), (std[known] ** 2).sum()
-        ratio[load] = float(np.sqrt(square / var)) if known.any() else 0.0
-    return Met(name, level, found.verdict.level, **ratio)
+    rate = 1 / float(np.median(np.diff(found.time)))
+    off = scores(found, [faulty.truth[load] for load in LOADS], band_of(found), rate)
+    force, moment = off["over"]
+    return Met(name, level, found.verdict.level, force, moment, off["beside"])
 
 
 def met_by(path: Path, seeds: int, short: bool) -> Iterator[Met]:
@@ -199,7 +199,8 @@ def told(path: Path, folder: Path, seeds: int, short: bool, command: str) -> str
     about = (
         f"`{command}`: default settings on twins of the recording ({seeds}), whose load is known, under "
         f"faults that grow. Without a fault: {plain['outcome']}, error over claim {plain[OF_FORCE]:.2g} "
-        f"(force), {plain[OF_MOMENT]:.2g} (moment). *Silently wrong*: `ok`, and one is above {SILENT:g}."
+        f"(force), {plain[OF_MOMENT]:.2g} (moment). *Silently "
+        f"wrong*: `ok`, and one is above {WRONG:g}, or twice that of the plain route."
     )
     listed = "\n".join(f"- {line}" for line in lines)
     pictured(folder, picture, drawn(rest, path.stem))

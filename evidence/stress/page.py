@@ -15,13 +15,13 @@ SHORT = {
 }  # fmt: skip
 INTRODUCTION = """# Where methods break: {groups}
 
-Every failure below is swept from healthy to hopeless: {cells} cells, {seeds} seeds each.
+Every failure below is swept from healthy to hopeless: {cells} cells of {seeds} records.
 
 {told}
 
 Cells: {legend}.
-Amber within twice claim and bound, so in vain: {needless}. Red for the bound alone: {honest}. Single
-records that are `ok` and past the limit: {alone}.
+Amber within 1.5 times the claim, so in vain: {needless}. Amber because the budget of the result accounts
+for a wrong input: {budgeted}. A cell is red for one silently wrong record; there are {silent}.
 
 ![all failures, {default}](overview.png)
 
@@ -35,7 +35,8 @@ def page_of(maps: Sequence[Map], seeds: int) -> str:
     subjects = [s for s in SUBJECTS if any(subject_of(m.failure) is s for m in maps)]
     head = INTRODUCTION.format(
         cells=total["cells"], seeds=seeds, legend=legend,
-        needless=total["needless amber"], alone=total["red alone"], honest=total["red, honest"],
+        needless=total["needless amber"], budgeted=total["amber by budget"],
+        silent=total["records silently wrong"],
         groups=", ".join(dict.fromkeys(m.failure.group.replace("_", " ") for m in maps)),
         told="\n\n".join(s.told for s in subjects), default=" and ".join(s.default for s in subjects),
     )  # fmt: skip

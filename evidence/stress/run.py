@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from evidence.journal import code_hash, sources_in
-from evidence.stress import cell
 from evidence.stress.cell import Cell, Trial, judge_cell
 from evidence.stress.failure import Failure
 from evidence.stress.failure_table import FAILURES
@@ -19,6 +18,7 @@ from evidence.stress.trial import attempt
 from evidence.subject import Contestant
 from forceid import __version__
 
+PAIRS = ("error", "claimed", "bound", "told", "over", "beside")  # of a trial, null where not known
 SHORT_LEVELS = (0, 2, 4)  # of the eight, in the short form
 ONCE = ("length",)  # groups of records so long that one seed tells
 
@@ -101,10 +101,7 @@ def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short:
         levels, rows, subject = levels_of(failure, short), [], subject_of(failure)
         for who in subject.contestants(failure, short):
             trials = [pooled[failure.name, level, who.name] for level in levels]
-            coarse = who.coarse or failure.other
-            cells = tuple(
-                judge_cell([trial_of(t) for t in some], coarse, subject.quantities) for some in trials
-            )
+            cells = tuple(judge_cell([trial_of(t) for t in some], subject.quantities) for some in trials)
             rows.append(MapRow(who, cells, sum(t["seconds"] for some in trials for t in some)))
         maps.append(Map(failure, levels, tuple(rows)))
     return maps
@@ -112,8 +109,8 @@ def maps_of(records: Iterable[dict[str, Any]], chosen: Sequence[Failure], short:
 
 def trial_of(plain: dict[str, Any]) -> Trial:
     """A trial from plain numbers, in which null stands for what is not known."""
-    both = {name: numbers(plain.get(name, (0, 0))) for name in ("error", "claimed", "bound", "told")}
-    return Trial(verdict=plain["verdict"], reason=plain["reason"], **both)
+    both = {name: numbers(plain[name]) for name in PAIRS}
+    return Trial(verdict=plain["verdict"], reason=plain["reason"], codes=tuple(plain["codes"]), **both)
 
 
 def threshold(levels: Sequence[float], cells: Sequence[Cell], *colors: str) -> float | None:
@@ -130,22 +127,16 @@ def leaves_green(levels: Sequence[float], cells: Sequence[Cell]) -> float | None
     return threshold(levels, cells, "amber", "grey", "red")
 
 
-def needless(one: Cell) -> bool:
-    """Whether a cell is amber though its errors are within twice the claimed ones and twice the bound."""
-    off = (*one.over_bound, *one.over_claim)
-    return one.color == "amber" and all(ratio <= cell.TWICE for ratio in off)
-
-
 def counts(rows: Iterable[MapRow]) -> dict[str, int]:
-    """How many cells are of each color, how many are needlessly amber, and how many seeds are red alone."""
+    """How many cells are of each color, and amber in vain or by budget; records that are silently wrong."""
     cells = [one for row in rows for one in row.cells]
     found = {
         color: sum(c.color == color for c in cells) for color in ("green", "pale", "amber", "grey", "red")
     }
     return found | {
-        "needless amber": sum(needless(c) for c in cells),
-        "red, honest": sum(c.honest_red for c in cells),
-        "red alone": sum(c.alone for c in cells),
+        "needless amber": sum(c.needless for c in cells),
+        "amber by budget": sum(c.budgeted for c in cells),
+        "records silently wrong": sum(c.silent for c in cells),
         "cells": len(cells),
     }
 
@@ -172,7 +163,7 @@ def as_plain(maps: Sequence[Map], seeds: int, short: bool) -> dict[str, Any]:
                         "leaves_green": leaves_green(m.levels, row.cells),
                         "first_red": threshold(m.levels, row.cells, "red"),
                         "seconds": row.seconds,
-                        "cells": [{**vars(c), "needless": needless(c)} for c in row.cells],
+                        "cells": [vars(c) for c in row.cells],
                     }
                     for row in m.rows
                 ],
@@ -189,8 +180,12 @@ def from_plain(plain: dict[str, Any]) -> list[Map]:
         failure, rows = by_name(told["name"]), []
         known = {who.name: who for who in subject_of(failure).contestants(failure, plain["short"])}
         for one in told["contestants"]:
-            cells = [{name: value for name, value in c.items() if name != "needless"} for c in one["cells"]]
-            pairs = [{name: numbers(c[name]) for name in ("over_bound", "over_claim")} for c in cells]
+            cells = one["cells"]
+            pairs = [
+                {name: numbers(c[name]) for name in ("over_bound", "over_claim")}
+                | {"codes": tuple(c["codes"])}
+                for c in cells
+            ]
             judged = tuple(Cell(**(c | pair)) for c, pair in zip(cells, pairs, strict=True))
             rows.append(MapRow(known[one["name"]], judged, one["seconds"]))
         maps.append(Map(failure, tuple(told["levels"]), tuple(rows)))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.stress.cell import Trial
+from evidence.stress.cell import Trial, plain_pair, ratio
 from evidence.stress.failure import Failure
 from evidence.stress.subjects import UNKNOWN, Subject
 from evidence.subject import Contestant
@@ -43,4 +43,8 @@ def tried(subject: Subject, case: Any, bound: tuple[float, float], who: Contesta
         said = f"{type(crash).__name__}: {crash}"
         return Trial("refused" if peer else "crashed", UNKNOWN, UNKNOWN, bound, said)
     claimed = UNKNOWN if refused else found.claimed or subject.promised(case)
-    return Trial(found.verdict or "ok", error, claimed, bound, next(iter(found.reasons), ""), found.told)
+    over = UNKNOWN if refused else found.over or plain_pair(ratio(error, claimed))
+    reason = next(iter(found.reasons), "")
+    return Trial(
+        found.verdict or "ok", error, claimed, bound, reason, found.told, over, found.beside, found.codes
+    )

@@ -56,7 +56,6 @@ from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import (
     judge_haste,
     judge_loads,
-    judge_momentum,
     judge_overlap,
     judge_roughness,
 )
@@ -70,6 +69,7 @@ from forceid.estimation.verdict.shape import (
     judge_size,
 )
 from forceid.estimation.verdict.tracks import judge_mending
+from forceid.estimation.verdict.turns import judge_momentum
 from forceid.estimation.witness.stand_in import stand_in
 from forceid.estimation.witness.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine

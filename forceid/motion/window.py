@@ -17,6 +17,7 @@ from forceid.records import Array
 Route = Literal["difference", "savgol", "spline"]
 DEGREE = 5  # of the spline: its second derivative is a smooth cubic
 ORDER = 6  # of the differences that tell noise from motion
+THIRD = 1 / 3  # of a wave, from the shortest window to the next: more, and a second power tells half the bias
 PILOT = 4.0  # variance of the pilot over that of the best window: quiet enough, and still less biased
 
 
@@ -42,13 +43,15 @@ class Window:
 class WindowChoice:
     """The window chosen, its target (time, k), and the target's variance (time, k): noise and bias.
 
-    bias_ratio: squared bias over noise variance, by which the variance exceeds that of the noise.
+    bias_ratio: squared bias over noise variance, by which the variance exceeds that of the noise. resolved:
+    whether powers of the window tell its bias, and the target does not change within the shortest one.
     """
 
     window: Window
     target: Array
     variance: Array
     bias_ratio: float
+    resolved: bool = True
 
 
 def windows(method: Route, time: Array) -> list[Window]:
@@ -155,14 +158,14 @@ def choose_window(
         fit = [i for i in pilots if candidates[i].count <= candidates[best].count]
         return max((i for i in fit if PILOT * noise(best) <= noise(i) < np.inf), default=first)
 
-    def best_after(pilot: int, scale: int) -> tuple[int, float]:
-        """Best candidate as the pilot sees it, and its squared bias over its noise variance."""
+    def best_after(pilot: int, scale: int, only: int | None = None) -> tuple[int, float]:
+        """Best candidate, or the only one, as the pilot sees it; its squared bias over its noise variance."""
         taper = smooth_taper(len(at(pilot)[0]))
         weight = taper / at(scale)[1].sum(1)
         risk: dict[int, float] = {}
         ratio: dict[int, float] = {}
         for i, w in enumerate(candidates):
-            if w.count < candidates[pilot].count:
+            if w.count < candidates[pilot].count or only not in (None, i):
                 continue
             (T, v), (T_0, v_0) = at(i), at(pilot)
             v_shared = shared_noise(w, candidates[pilot]) * v
@@ -186,12 +189,18 @@ def choose_window(
         higher = shorter(best)
     pilot = shorter(best)
     best, ratio = best_after(pilot, best)
-    chosen, power = candidates[best], candidates[best].bias_power
+    chosen, power, resolved = candidates[best], candidates[best].bias_power, True
     if chosen.order == order and chosen.count > candidates[pilot].count:
         ratio /= (1 - (candidates[pilot].count / chosen.count) ** power) ** 2  # the pilot has bias as well
+    elif best == pilot and (longer := next((i for i in pilots if i > best), None)) is not None:
+        # no shorter one shows its bias: from that of the next longer, whose powers are the same
+        less = (chosen.count / candidates[longer].count) ** power
+        apart = max(best_after(pilot, best, longer)[1], 0.0)
+        resolved = apart * noise(best) < THIRD**2 * float(np.nanmean((at(best)[0] ** 2).sum(1)))
+        ratio = apart * (less / (1 - less)) ** 2
     ratio = max(ratio, 5 / (2 * power))  # noise falls as length^-5: what a minimum of their sum has
     target, variance = at(best)
-    return WindowChoice(chosen, target, variance * (1 + ratio), ratio)
+    return WindowChoice(chosen, target, variance * (1 + ratio), ratio, resolved)
 
 
 def shared_noise(window: Window, pilot: Window) -> float:

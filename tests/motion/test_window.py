@@ -124,3 +124,25 @@ def test_noise_level_is_an_upper_bound_of_a_coarse_record():
 def test_noise_of_too_few_samples_is_refused():
     with pytest.raises(EstimationError, match="expected at least 12"):
         noise_variance(np.arange(8.0), np.zeros((8, 3)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("samples", [8, 12, 20])
+def test_the_bias_of_the_shortest_window_is_claimed_or_said(method, samples):
+    """Without noise the shortest window is best, and none shorter shows what it takes away."""
+    step = 2 * np.pi / RATES[1] / samples
+    time = step * np.arange(200)
+    z = np.sin(RATES[1] * time[:, None] + np.arange(3)) / RATES[1] ** 2
+    choice = choose_window(windows(method, time), estimator(time, z, 1e-20))
+    inner = slice(25, 175)
+    off = rms((choice.target + np.sin(RATES[1] * time[:, None] + np.arange(3)))[inner])
+    assert not choice.resolved or off < 2 * rms(np.sqrt(choice.variance[inner]))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_wave_of_few_samples_is_said_to_change_within_the_shortest_window(method):
+    for samples, resolved in ((60, True), (4, False)):
+        step = 2 * np.pi / RATES[1] / samples
+        time = step * np.arange(200)
+        z = np.sin(RATES[1] * time[:, None] + np.arange(3)) / RATES[1] ** 2
+        assert choose_window(windows(method, time), estimator(time, z, 1e-20)).resolved is resolved

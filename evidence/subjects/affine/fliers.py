@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from evidence.strangers.judged import band_of, over_claim
 from evidence.subject import Answer, at_once
 from evidence.subjects.affine.problem import AffineProblem
 from forceid.config import load_settings
@@ -27,9 +29,15 @@ def estimated_flight(problem: AffineProblem) -> Answer:
         return Answer((found.force, found.force), None, "refused", said.reasons)
     moment_var = np.diagonal(found.first_moment_cov, axis1=1, axis2=2)
     first = found.first_moment.reshape(-1, 9)
-    return judged_flight(
+    answer = judged_flight(
         problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons
     )
+    rate, everywhere = 1 / float(np.median(np.diff(found.time))), np.full(9, np.inf)  # no band of its own
+    over = (
+        over_claim(found.force - problem.motion, found.force_std, band_of(found)[:3], rate),
+        over_claim(first - problem.rate, np.sqrt(moment_var).reshape(-1, 9), everywhere, rate),
+    )
+    return replace(answer, over=over, codes=tuple(f.code for f in said.findings if f.level != "ok"))
 
 
 def judged_flight(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from evidence.strangers.judged import LOADS, band_of, scores
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.flights.failures.record import Faulty
@@ -18,6 +20,7 @@ from forceid.files.validate import check_recording
 from forceid.records import Array, Estimate, Recording
 
 METHODS = ("difference", "savgol", "spline", "filter", "smoother")
+UNKNOWN = (float("nan"), float("nan"))
 MODELS = ("rigid", "affine", "modal")
 
 Estimator = Callable[[Recording, Settings], Estimate]
@@ -32,9 +35,9 @@ def contestants(failure: Failure, short: bool = False) -> tuple[Contestant, ...]
 
 
 def contestant(method: str, model: str = "auto", estimator: Estimator = estimate_recording) -> Contestant:
-    """A method with a model; all but the smoother may honestly be worse than twice its bound."""
+    """A method with a model."""
     name = method if model == "auto" else f"{method}, {model}"
-    return at_once(name, partial(answered_flight, estimator, method, model), coarse=method != "smoother")
+    return at_once(name, partial(answered_flight, estimator, method, model))
 
 
 def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty) -> Answer:
@@ -43,20 +46,41 @@ def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty)
     estimate = estimator(case.recording, load_settings(method=method, model=model, **case.settings))
     if estimate.verdict.level == "refused":
         return Answer((estimate.force, estimate.moment), None, "refused", estimate.verdict.reasons)
-    force, force_std = estimate.force, estimate.force_std
+    judged: Estimate | WithLoads = estimate
+    truth = [case.recording.truth[name] for name in LOADS]
     if case.mixed is not None and estimate.loads is not None:
-        force = estimate.loads.load[:, :3]
-        force_std = np.sqrt(np.diagonal(estimate.loads.load_cov, axis1=1, axis2=2))[:, :3]
-    truth = case.recording.truth
-    wanted = truth["force" if force is estimate.force else "load"]
+        judged, truth[0] = with_loads(estimate), case.recording.truth["load"]
+    rate = 1 / float(np.median(np.diff(case.recording.motion.time)))
+    scored = scores(judged, truth, band_of(estimate), rate)
     return Answer(
-        (force, estimate.moment),
-        (central_rms_per_axis(force_std), central_rms_per_axis(estimate.moment_std)),
+        (judged.force, judged.moment),
+        (central_rms_per_axis(judged.force_std), central_rms_per_axis(judged.moment_std)),
         estimate.verdict.level,
         estimate.verdict.reasons,
-        (central_rms_per_axis(force - wanted), central_rms_per_axis(estimate.moment - truth["moment"])),
+        (central_rms_per_axis(judged.force - truth[0]), central_rms_per_axis(judged.moment - truth[1])),
         told=stated_cost(case, estimate),
+        over=scored["over"],
+        beside=scored["beside"] if method == "smoother" else UNKNOWN,  # others are coarse, and chosen so
+        codes=tuple(f.code for f in estimate.verdict.findings if f.level != "ok"),
     )
+
+
+@dataclass(frozen=True)
+class WithLoads:
+    """The loads that were asked for in place of the force, (time, 3) each."""
+
+    force: Array
+    force_std: Array
+    moment: Array
+    moment_std: Array
+
+
+def with_loads(estimate: Estimate) -> WithLoads:
+    """The first three loads of an estimate, and its moment."""
+    loads = estimate.loads
+    assert loads is not None
+    std = np.sqrt(np.diagonal(loads.load_cov, axis1=1, axis2=2))[:, :3]
+    return WithLoads(loads.load[:, :3], std, estimate.moment, estimate.moment_std)
 
 
 def errors(case: Faulty, answer: Answer) -> tuple[float, float]:

@@ -9,13 +9,13 @@ import numpy as np
 from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
-from forceid.estimation.loads.channels import angular_channel, check_turns
-from forceid.estimation.methods.noise import judge_filter, may_show, measured_errors, slow_and_small
+from forceid.estimation.loads.channels import angular_channel, check_turns, force_channel
+from forceid.estimation.methods.noise import SAID, judge_filter, may_show, measured_errors, slow_and_small
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import SCATTERED
+from forceid.estimation.verdict.finding import FEW, GROWTH, SCATTERED
 from forceid.flight.channels import Channel
-from forceid.flight.color import Colored
+from forceid.flight.color import Colored, LowPassed, followed_up_to
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -26,12 +26,17 @@ from forceid.motion import (
     choose_window,
     derivatives,
     fit_rotation,
+    noise_growth,
+    noise_variance,
     windows,
 )
 from forceid.principal import axial
 from forceid.records import Array, Body, Motion
 from forceid.rounding import SOLVED
+from forceid.significance import WHOLE
 from forceid.timing import stage
+
+ADDING = 252 / 924  # variance of the sixth difference of a walk, over that of its steps: C(10, 5) / C(12, 6)
 
 
 @stage("flight")
@@ -51,9 +56,11 @@ def estimate_classic(
         told = kin.stated
         kin = replace(kinematics(body, motion, settings, {"position": np.diag(std)}), color=errors.color)
         kin = replace(kin, stated=dict.fromkeys(told, True))
+    kin = with_errors_in_common(kin, motion.gravity)
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)
+    looks, resolved = [path], force.resolved
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
@@ -63,8 +70,8 @@ def estimate_classic(
         left, nis = np.zeros((len(time), 0)), np.full(len(time), np.nan)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
-    cov = np.full((len(time), 6, 6), np.nan)
-    cov[:, :3, :3] = force_cov(kin, path) * (1 + force.bias_ratio)
+    cov, lost = np.full((len(time), 6, 6), np.nan), np.asarray(~np.isfinite(kin.pose.center).all(1))
+    cov[:, :3, :3] = force_cov(kin, path) * local_bias(time, path, force, time[lost])
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = measured_angular_channel(kin)
@@ -72,10 +79,15 @@ def estimate_classic(
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
         turn = derivatives(channel.time, channel.z, chosen.window)
+        looks.append(turn)
+        resolved &= chosen.resolved
+        unseen = np.setdiff1d(time, channel.time[np.isfinite(channel.z).all(1)])
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
-        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * (1 + chosen.bias_ratio)
+        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * local_bias(
+            channel.time, turn, chosen, unseen
+        )
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
         if amplitude.size:
@@ -86,12 +98,64 @@ def estimate_classic(
         left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    said = (*said, *judge_filter(kin))
+    said = (*said, *judge_filter(kin, any(cut_by_filter(kin, d) for d in looks)))
     found = (*said, note("slow-errors")) if shared else said
-    lost = np.asarray(~np.isfinite(kin.pose.center).all(1))
+    if not resolved:
+        found = (*found, note("load-within-window"))
     if lost.mean() > SCATTERED:
         found = (*found, note("gaps-in-windows", lost=lost.sum(), frames=len(lost)))
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
+
+
+def with_errors_in_common(kin: Kinematics, gravity: Array) -> Kinematics:
+    """Kinematics with poses as noisy as their channels show, where that is more than their markers show.
+
+    As of late frames, which move all markers alike. Not where a record does not resolve the motion.
+    """
+    times = np.ones(6)
+    times[:3] = louder(force_channel(kin, gravity))
+    if kin.attitude:
+        times[3:] = louder(measured_angular_channel(kin))
+    return replace(kin, pose=replace(kin.pose, cov=kin.pose.cov * np.outer(times, times)))
+
+
+def louder(channel: Channel) -> float:
+    """How many times as large as predicted the white errors of a channel are; one where it is no news."""
+    seen = np.isfinite(channel.z).all(1)
+    if seen.sum() < FEW or not noise_growth(channel.time, channel.z) < GROWTH:
+        return 1.0
+    white = float(np.trace(channel.noise_cov[seen], axis1=1, axis2=2).mean()) / 3
+    adding = float(np.trace(channel.drift)) / 3 * float(np.median(np.diff(channel.time)))
+    axes = np.linalg.svd(np.diff(channel.z[seen], 6, axis=0), full_matrices=False)[2]
+    # axis by axis: late frames err along the motion alone
+    shown = np.mean([noise_variance(channel.time, channel.z @ a[:, None]) for a in axes])
+    times = float(np.sqrt(shown / (white + ADDING * adding)))
+    return times if times > SAID else 1.0
+
+
+def cut_by_filter(kin: Kinematics, d: Derivatives) -> bool:
+    """Whether the filter of low-passed tracks takes from what the window follows of a load."""
+    if not isinstance(kin.color, LowPassed):
+        return False
+    step = float(np.median(np.diff(kin.time)))
+    cut = followed_up_to(np.asarray(np.nanmedian(d.gain[:, :, 2, 2])), step) / (2 * np.pi)
+    return bool(kin.color.power(cut) < WHOLE)
+
+
+def local_bias(time: Array, d: Derivatives, choice: WindowChoice, at: Array) -> Array:
+    """Variance (time, 1, 1) of a load over that of its noise: with the bias of its window.
+
+    Near samples lost at s (k,) a window of as many samples is longer. What it lets through of the noise falls
+    as length^-4, and its squared bias grows as length^(2 power).
+    """
+    gain = d.gain[:, :, 2, 2].mean(1)
+    known, less = np.isfinite(gain), np.ones(len(time))
+    if known.any() and len(at):
+        k = np.searchsorted(at, time)
+        near = np.minimum(time - np.append(-np.inf, at)[k], np.append(at, np.inf)[k] - time)
+        short = near <= choice.window.seconds
+        less[short] = np.maximum(np.median(gain[known]) / gain[short], 1.0)
+    return np.asarray(1 + choice.bias_ratio * less ** (1 + choice.window.bias_power / 2))[:, None, None]
 
 
 def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> WindowChoice:

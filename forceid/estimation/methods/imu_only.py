@@ -40,9 +40,9 @@ from forceid.flight.model import Flight
 from forceid.flight.smoother import SETTLED, FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
-from forceid.records import Array, Body, Finding, Motion
+from forceid.records import Array, Body, Finding, Level, Motion
 from forceid.rounding import SOLVED
-from forceid.significance import TENTH
+from forceid.significance import SIGMAS, TENTH
 from forceid.timing import stage
 
 BIAS_PASSES = 0.5  # claimed error of the force over its size from which a bias passes for force
@@ -64,7 +64,6 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     if not reads_turn(motion):
         return judge_field(field_of(body, motion, settings), motion.gravity)
     inertia = inertia_of(body)
-    sensors = sensors_of(body, motion, settings, inertia.center)
     if not np.isfinite(inertia.tensor).all():
         return [note("no-inertia-for-sensors")]
     clean = cleaned(body, motion)[0]
@@ -75,9 +74,8 @@ def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Findi
     if turn > 2 * np.pi:
         return [note("turns-lost", turn_rad=turn)]
     found = [note("no-place")]
-    accelerometer = None if sensors is None else sensors.of(ACCELEROMETER)
-    if accelerometer is not None and "specific_force_bias" not in known(motion, settings):
-        found.append(note("bias-not-stated"))
+    if clean.specific_force is not None and "specific_force_bias" not in known(motion, settings):
+        found.append(note("bias-not-stated", biased=inertia.mass * ACCELEROMETER.offset))
     return found
 
 
@@ -124,7 +122,8 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     if turn > (1 + SOLVED) * TURN:
         findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > TENTH:
-        findings.append(note("path-not-at-rest", left=best.left))
+        at_rest: Level = "ok" if best.left <= 1 else "degraded"  # less than all else that is claimed
+        findings.append(note("path-not-at-rest", at_rest, left=best.left))
     if flight.sensors is None or flight.sensors.of(ACCELEROMETER) is None:
         gone = np.full_like(state.force, np.nan)
         cov = state.wrench_cov.copy()
@@ -136,9 +135,15 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
         size = float(np.sqrt(np.mean(state.force**2)))
         if claimed > BIAS_PASSES * size:
             findings.append(note("bias-as-force", claim=claimed, force=size))
-        elif "specific_force_bias" not in stated and with_body[0] < 0.5:
-            turning = float(np.linalg.norm(common_bias(best.flight, state)) * flight.mass)
-            findings.append(note("force-in-bias", force=turning))
+        if "specific_force_bias" not in stated:
+            biased = flight.mass * ACCELEROMETER.offset  # a force still in body axes reads as much
+            if with_body[0] < 0.5:  # a prior without one: it went into the bias
+                cov = state.wrench_cov.copy()
+                cov[:, :3, :3] += biased**2 * np.eye(3)
+                state = replace(state, wrench_cov=cov)
+            still = float(np.linalg.norm(np.einsum("tba,tb->ta", state.rotation, state.force).mean(0)))
+            if still > SIGMAS * biased:
+                findings.append(note("force-in-bias", force=still, biased=biased))
     if kin.inertia.point:
         state = with_known_moment(state, kin.inertia, None)
     elif kin.inertia.line is not None:
@@ -166,18 +171,6 @@ def mixed(states: list[FlightState], share: Array) -> FlightState:
     return replace(
         states[int(share.argmax())], force=mean[:, :3], moment=mean[:, 3:], wrench_cov=cov
     )  # fmt: skip
-
-
-def common_bias(flight: Flight, state: FlightState) -> Array:
-    """What the biases of the accelerometers have in common (3,) m/s2, body axes, over those of three axes."""
-    sensors = flight.sensors
-    assert sensors is not None
-    every = np.full(len(sensors.used), np.nan)
-    every[sensors.used] = state.bias
-    biases = every.reshape(len(sensors.instruments), -1, 3)[sensors.instruments.index(ACCELEROMETER)]
-    whole = np.isfinite(biases).all(1)
-    turned = np.einsum("sab,sb->sa", sensors.rotation[whole], biases[whole])
-    return np.asarray(turned.mean(0)) if whole.any() else np.zeros(3)
 
 
 def unmarked_kinematics(body: Body, motion: Motion, settings: Settings) -> Kinematics:

@@ -99,16 +99,17 @@ def widened_by_slow_errors(
     return replace(state, wrench_cov=cov)
 
 
-def judge_filter(kin: Kinematics, lines: bool = True) -> list[Finding]:
+def judge_filter(kin: Kinematics, missed: bool) -> list[Finding]:
     """Tracks that were low-passed: they show loads up to the cut, and a claim is of no faster ones.
 
-    lines: whether loads may hold any. One beyond half the rate of the frames that tell anything new shows as
-    its mirror image below, and which of both it is they do not say.
+    missed: whether the cut may have taken what is claimed to be followed, as of loads with lines: one beyond
+    half the rate of the frames that tell anything new shows as its mirror image below, and which of both it
+    is they do not say.
     """
     color = kin.color
     if not isinstance(color, LowPassed):
         return []
-    return [note("smoothed-at-source", "degraded" if lines else "ok", cut_hz=color.cut)]
+    return [note("smoothed-at-source", "degraded" if missed else "ok", cut_hz=color.cut)]
 
 
 def may_show(kin: Kinematics, motion: Motion) -> bool:

@@ -13,6 +13,7 @@ from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.measured_pose import judge_measured_pose
 from forceid.estimation.verdict.sampling import judge_times
 from forceid.estimation.verdict.tracks import lost_frames
+from forceid.estimation.verdict.turns import told_by_moment
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
@@ -51,7 +52,10 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     if turn > FAST and not (motion is not None and reads_turn(kin, motion)):
         step = float(np.median(np.diff(kin.time[np.isfinite(kin.pose.rotation).all((1, 2))])))
         taken, other = turn / (2 * np.pi * step), (2 * np.pi - turn) / (2 * np.pi * step)
-        found.append(note("fast-turn", degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other))
+        level: Level = "ok" if told_by_moment(kin) else "degraded"
+        found.append(
+            note("fast-turn", level, degrees=np.degrees(turn), rev_per_s=taken, other_rev_per_s=other)
+        )
     return found
 
 

@@ -1,4 +1,4 @@
-"""What loads say of themselves: vibration that passes for one, loads alike, turns taken for others."""
+"""What loads say of themselves: vibration that passes for one, loads alike."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from scipy.special import chdtri
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import marker_cov
-from forceid.flight.model import COARSE
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.motion import largest_turn, pose_gain
+from forceid.motion import pose_gain
 from forceid.principal import summation_operator, undetermined
 from forceid.records import Array, Finding, Loads
 from forceid.significance import DENIED
 
-KICK = 0.05  # part of its angular momentum that a moment may add to such a spin in each frame
 HASTE = 3000.0  # m/s2 that half of a record exceeds: meters where millimeters are meant fall at 9810
 
 
@@ -84,17 +82,3 @@ def judge_loads(loads: Loads | None) -> list[Finding]:
     if loads.dof and misfit > chdtri(loads.dof, DENIED):
         found.append(note("loads-unexplained", chi_square=misfit / loads.dof))
     return found
-
-
-def judge_momentum(kin: Kinematics, H: Array, moment: Array) -> list[Finding]:
-    """Turns that a moment as large as no other would have to make: what an aliased spin reads as."""
-    turn = largest_turn(kin.time, kin.pose.rotation)
-    if turn < COARSE:
-        return []
-    step = float(np.median(np.diff(kin.time)))
-    size, kick = (np.linalg.norm(v, axis=1) for v in (H, moment * step))
-    known = np.isfinite(size) & np.isfinite(kick)
-    if not known.any() or np.median(kick[known]) < KICK * np.median(size[known]):
-        return []
-    part = np.median(kick[known]) / np.median(size[known])
-    return [note("turn-by-moment", degrees=np.degrees(turn), part=part)]

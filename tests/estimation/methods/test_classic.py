@@ -1,21 +1,32 @@
 """Difference, Savitzky-Golay and spline: their windows, what they recover, and what they claim."""
 
+from dataclasses import replace
+
 import closed_forms as cf
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.failures.sensing import jitter
+from evidence.subjects.flights.trial import answered_flight
 from forceid.config import load_settings
 from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.loads.channels import force_channel
 from forceid.estimation.methods.classic import (
     choose_force,
     choose_moment,
+    cut_by_filter,
     estimate_classic,
+    local_bias,
+    louder,
     measured_angular_channel,
     spin,
 )
+from forceid.estimation.run import estimate_recording
+from forceid.flight.color import LowPassed
 from forceid.kalman.engines import engine
-from forceid.motion.window import windows
+from forceid.motion.derivative import derivatives
+from forceid.motion.window import Window, WindowChoice, windows
 
 ROUTES = ("difference", "savgol", "spline")
 
@@ -105,3 +116,42 @@ def test_engine_is_not_used(method):
     b = estimate_classic(recording.body, recording.motion, load_settings(method=method), engine("filterpy"))
     np.testing.assert_array_equal(a.state.force, b.state.force)
     assert a.engine == b.engine == "scipy"
+
+
+@pytest.mark.parametrize("method", ROUTES)
+@pytest.mark.parametrize("late", [0.3, 0.9])
+def test_frames_that_come_late_by_more_than_markers_show_are_in_the_claim(method, late):
+    over = []
+    for seed in range(4):
+        case = jitter(late, np.random.default_rng([seed, 2027]))
+        over.append(answered_flight(estimate_recording, method, "auto", case).over)
+    assert np.sqrt(np.mean(np.square(over), 0)).max() < 2.0
+
+
+def test_markers_that_err_alone_leave_the_noise_as_they_show_it():
+    recording = cf.toss()
+    kin = seen(recording)
+    assert louder(force_channel(kin, recording.motion.gravity)) == 1.0
+    assert louder(measured_angular_channel(kin)) == 1.0
+
+
+def test_windows_that_bridge_lost_samples_claim_the_bias_of_their_length():
+    time = cf.clock(200)
+    choice = WindowChoice(Window("savgol", 4, 10, 10 * (time[1] - time[0])), time, time, 0.5)
+    seen_at = np.delete(np.arange(200), np.arange(96, 104))
+    z = np.full((200, 1), np.nan)
+    z[seen_at] = np.sin(time[seen_at])[:, None]
+    growth = local_bias(time, derivatives(time, z, choice.window), choice, time[96:104])[:, 0, 0]
+    assert growth[:80] == pytest.approx(1.5)
+    assert growth[150:] == pytest.approx(1.5)
+    assert growth[100] > 3.0
+
+
+@pytest.mark.parametrize(("cut", "taken"), [(40.0, False), (6.0, True)])
+def test_a_filter_matters_where_the_window_follows_what_it_took(cut, taken):
+    kin = seen(cf.toss())
+    step = float(np.median(np.diff(kin.time)))
+    filtered = replace(kin, color=LowPassed(4, cut, step))
+    window = Window("savgol", 4, round(0.07 / step), 0.07)
+    assert cut_by_filter(filtered, derivatives(kin.time, kin.pose.center, window)) is taken
+    assert not cut_by_filter(kin, derivatives(kin.time, kin.pose.center, window))

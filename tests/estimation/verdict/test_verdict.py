@@ -33,6 +33,7 @@ from forceid.estimation.verdict.leakage import leakage
 from forceid.estimation.verdict.loads import judge_haste, judge_loads, judge_overlap, judge_roughness
 from forceid.estimation.verdict.shape import judge_reference, judge_shape, judge_size
 from forceid.estimation.verdict.tracks import judge_mending
+from forceid.estimation.verdict.turns import told_by_moment
 from forceid.motion.free_rotation import largest_turn
 from forceid.principal.loads import solve_loads
 from forceid.records import Finding
@@ -368,6 +369,25 @@ def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over(
         case = spin_per_frame(degrees, np.random.default_rng(0))
         estimate = estimate_recording(case.recording, load_settings(method="savgol"))
         assert ("turn-by-moment" in estimate.verdict.codes) is said
+
+
+@pytest.mark.parametrize(("degrees", "told"), [(150.0, True), (185.0, False), (240.0, False)])
+def test_a_turn_is_told_where_all_others_would_take_far_more_moment(degrees, told):
+    kin = seen(spin_per_frame(degrees, np.random.default_rng(0)).recording)
+    assert told_by_moment(kin) is told
+    levels = {f.code: f.level for f in judge_recording(kin)}
+    assert levels.get("fast-turn", "ok") == ("ok" if told or degrees > 200 else "degraded")
+
+
+def test_a_spin_about_an_axis_that_keeps_is_told_by_no_moment():
+    """Either sense takes none, but for the noise."""
+    recording = cf.toss()
+    kin = seen(recording)
+    axis = kin.inertia.tensor[2] / np.linalg.norm(kin.inertia.tensor[2])
+    turn = np.radians(160) * np.arange(len(kin.time))[:, None] * axis
+    wobble = Rotation.from_rotvec(1e-4 * np.random.default_rng(1).standard_normal(turn.shape))
+    steady = (wobble * Rotation.from_rotvec(turn)).as_matrix()
+    assert not told_by_moment(replace(kin, pose=replace(kin.pose, rotation=steady)))
 
 
 def test_an_innovation_that_chance_does_not_make_is_said_once():

@@ -41,7 +41,7 @@ def cell_of(name, level, answer=None, seeds=(1, 2)):
     who = takers(failure, True)[0] if answer is None else at_once("broken", answer)
     records = [attempt(subject_of(failure), failure, level, seed, (who,)) for seed in seeds]
     trials = [trial_of(finite_or_none(r["trials"][who.name])) for r in records]
-    return judge_cell(trials, False, subject_of(failure).quantities)
+    return judge_cell(trials, subject_of(failure).quantities)
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -22,7 +22,6 @@ from evidence.stress.run import (
     key_of,
     leaves_green,
     maps_of,
-    needless,
     plan,
     threshold,
     trial_of,
@@ -64,7 +63,7 @@ def cell_of(estimator=estimate_recording, seeds=(1, 2)):
     who = (contestant("smoother", estimator=estimator),)
     records = [attempt(FLIGHTS, HEALTHY, 0.0, seed, who) for seed in seeds]
     plain = [finite_or_none(r["trials"]["smoother"]) for r in records]
-    return judge_cell([trial_of(t) for t in plain], coarse=False)
+    return judge_cell([trial_of(t) for t in plain])
 
 
 def test_the_default_is_green_on_a_healthy_record():
@@ -128,15 +127,15 @@ def test_a_full_plan_holds_every_level_once_a_seed_and_very_long_records_once():
 
 def test_thresholds_are_the_first_levels_off_green_and_at_red(records):
     trials = [finite_or_none(r["trials"]["smoother"]) for r in records]
-    good = judge_cell([trial_of(trials[0])], coarse=False)
-    boast = judge_cell([trial_of({**trials[1], "claimed": [1e-9, 1e-9]})], coarse=False)
-    said = judge_cell([trial_of({**trials[2], "verdict": "degraded"})], coarse=False)
+    good = judge_cell([trial_of(trials[0])])
+    boast = judge_cell([trial_of({**trials[1], "over": [9.0, 1.0], "told": [0.0, 0.0]})])
+    said = judge_cell([trial_of({**trials[0], "verdict": "degraded"})])
     cells = (good, said, boast)
     assert leaves_green((1, 2, 3), cells) == 2
     assert threshold((1, 2, 3), cells, "red") == 3
     assert threshold((1, 2, 3), (good,), "red") is None
-    assert needless(said)
-    assert not needless(good)
+    assert said.needless
+    assert not good.needless
 
 
 def test_numbers_pictures_and_page_come_from_the_same_cells(records):

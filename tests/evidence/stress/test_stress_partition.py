@@ -29,7 +29,7 @@ DIRECT = WAYS[0]
 def cell_of(failure, level, solve=solved, who=DIRECT, seeds=(1, 2)):
     records = [attempt(PARTS, failure, level, seed, (solver(who, solve),)) for seed in seeds]
     trials = [trial_of(finite_or_none(r["trials"][who.name])) for r in records]
-    return judge_cell(trials, False, PARTS.quantities)
+    return judge_cell(trials, PARTS.quantities)
 
 
 def unaware(body, who):

@@ -16,13 +16,13 @@ SHORT = 160  # frames of a body that bends
 MARKED = 5  # of its nodes, where some carry none
 
 
-@failure("load", "Impact", "s", (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 5e-4), other=True)
+@failure("load", "Impact", "s", (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 5e-4))
 def impact(level: float, rng: np.random.Generator) -> Faulty:
     """A pulse shorter than the prior remembers, or than a frame."""
     return measured(Setup(impulse=0.1, pulse_width=level), rng)
 
 
-@failure("load", "Load at twice the spin", "N", (0, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3), other=True)
+@failure("load", "Load at twice the spin", "N", (0, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3))
 def spin_load(level: float, rng: np.random.Generator) -> Faulty:
     """A prior that falls with frequency takes an oscillation for noise."""
     return measured(Setup(spin=6.0, line=level), rng)
