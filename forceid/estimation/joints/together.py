@@ -22,13 +22,9 @@ from forceid.estimation.joints.constraints import (
 )
 from forceid.estimation.joints.link_loads import LinkLoad, link_loads
 from forceid.estimation.joints.linkage import Linkage, carried_over, pose_cov
-from forceid.estimation.joints.linked_flight import (
-    LinkedFlight,
-    LinkedPart,
-    linked_parts,
-    smooth_linked,
-    tuned_linked,
-)
+from forceid.estimation.joints.linked_flight import LinkedFlight, LinkedPart, linked_parts
+from forceid.estimation.joints.linked_smoothing import smooth_linked
+from forceid.estimation.joints.linked_tuning import tuned_linked
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
