@@ -6,6 +6,7 @@ Source: principal equations 2.8, 4f, 4h.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -17,15 +18,15 @@ from forceid.estimation.joints.linked_flight import LinkedFlight
 from forceid.estimation.joints.linked_model import linked_model
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.spectral_start import ENOUGH_SAMPLES
-from forceid.flight.tuning import PROBE
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
 SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
 DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
-ABOUT = 0.1  # of a logarithm: to which a standard error is found
+ABOUT = 0.1  # of a logarithm: to which sizes, rates and their standard errors are found
 FIRST_REACH = 0.5  # of a logarithm: about as far off as a first guess of sizes and rates may be
+WITHIN = {"initial_tr_radius": FIRST_REACH, "final_tr_radius": ABOUT}
 
 
 def tuned_linked(
@@ -83,11 +84,10 @@ def likeliest(value: Callable[[Array], float], near: Array, turned: Array) -> Ar
 
     Source: Ragonneau and Zhang, COBYQA.
     """
-    within = {"initial_tr_radius": FIRST_REACH, "final_tr_radius": PROBE}
     start = np.linalg.solve(turned, near)
-    return np.asarray(
-        turned @ minimize(lambda q: -value(turned @ q), start, method="COBYQA", options=within).x
-    )
+    least: Any = minimize  # whose types know no options of this method
+    found = least(lambda q: -value(turned @ q), start, method="COBYQA", options=WITHIN)
+    return np.asarray(turned @ found.x)
 
 
 def bending_of(flight: LinkedFlight) -> Bending:

@@ -21,7 +21,7 @@ from forceid.estimation.joints.constraints import (
     stacked_constraints,
 )
 from forceid.estimation.joints.link_loads import LinkLoad, link_loads
-from forceid.estimation.joints.linkage import Linkage, carried_over, pose_cov
+from forceid.estimation.joints.linkage import Linkage, about_center, at_joints, carried_over, pose_cov, split
 from forceid.estimation.joints.linked_flight import LinkedFlight, LinkedPart, linked_parts
 from forceid.estimation.joints.linked_smoothing import smooth_linked
 from forceid.estimation.joints.linked_tuning import tuned_linked
@@ -69,10 +69,10 @@ def smooth_linked_parts(
     found: list[tuple[float, LinkedFlight, Bending]] = []
     near = np.zeros(6)
     for order in (FREE, FREE - 1):  # the smoothest first
-        loads = link_loads(linkage, estimates, order)
-        if not loads:
+        guess = link_loads(linkage, estimates, order)
+        if not guess:
             return None, findings
-        flight = LinkedFlight(parted, loads, tied, unplaced)
+        flight = LinkedFlight(parted, guess, tied, unplaced)
         flight, bending, likely, near = tuned_linked(flight, passes, near)
         found.append((likely, flight, bending))
         if likely < max(value for value, *_ in found):
@@ -183,10 +183,17 @@ def constraints_of(
 def moment_unplaced(linkage: Linkage, estimates: list[Estimate]) -> Array:
     """Variance (time, part) of the moment on each part, N2 m2, since where joints are and how their axes
     stand is known by so much.
+
+    By what each joint passes: a light part between two others passes far more than moves it.
     """
-    tilt = np.einsum("tjaa->tj", linkage.tilt).max(1)
-    reach = np.einsum("tjaa->t", linkage.point_cov) / linkage.point.shape[1]
-    return np.stack([(e.force**2).sum(1) * reach + (e.moment**2).sum(1) * tilt for e in estimates], 1)
+    wrench, _ = about_center(linkage, estimates)
+    time, joints = len(wrench), linkage.point.shape[1]
+    passed = -(split(linkage) @ wrench.reshape(time, -1, 1)).reshape(time, -1, 6)[:, :joints]
+    force, moment, _ = at_joints(linkage, passed, np.zeros((time, 6 * joints, 6 * joints)))
+    reach, tilt = (np.einsum("tjaa->tj", cov) for cov in (linkage.point_cov, linkage.tilt))
+    each = (force**2).sum(2) * reach + (moment**2).sum(2) * tilt
+    held = [[k in ends for ends in linkage.links[:joints]] for k in range(len(estimates))]
+    return np.asarray(each @ np.array(held, float).T)
 
 
 def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> tuple[Array, float]:

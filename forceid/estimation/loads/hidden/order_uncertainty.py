@@ -131,7 +131,8 @@ def with_order(candidates: Candidates, likelihood: Array, orders: Array) -> Arra
     """Log-likelihood (candidate,) with what all others tell of the order, orders (order,) of all together."""
     others = orders - candidates.of_orders(likelihood)
     none = np.logaddexp.reduce(others) - np.log(len(others))
-    return likelihood + np.concatenate([[none], np.repeat(others, (len(likelihood) - 1) // len(others))])
+    each = np.repeat(others, (len(likelihood) - 1) // len(others))
+    return np.asarray(likelihood + np.concatenate([[none], each]))
 
 
 def grown_deviation(likelihood: Array, more: Array, claimed: float) -> float:

@@ -48,7 +48,7 @@ class Candidates:
         return np.asarray(-self.cost - self.inverse @ powers)
 
     def of_orders(self, likelihood: Array) -> Array:
-        """Log-likelihood (order,) of each of ORDERS with all of its candidates, none as a part of every order.
+        """Log-likelihood (order,) of each of ORDERS with all of its candidates; none is a part of every one.
 
         likelihood (candidate,): as of `log_likelihood`.
         """
