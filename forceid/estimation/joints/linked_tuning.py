@@ -16,17 +16,19 @@ from forceid.errors import EstimationError
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.linked_flight import LinkedFlight
 from forceid.estimation.joints.linked_model import linked_model
+from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.spectral_start import ENOUGH_SAMPLES
+from forceid.flight.tuning import PROBE
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
 SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
 DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
-ABOUT = 0.1  # of a logarithm: to which sizes, rates and their standard errors are found
+ABOUT = 0.1  # of a logarithm: to which a standard error is found
 FIRST_REACH = 0.5  # of a logarithm: about as far off as a first guess of sizes and rates may be
-WITHIN = {"initial_tr_radius": FIRST_REACH, "final_tr_radius": ABOUT}
+WITHIN = {"initial_tr_radius": FIRST_REACH, "final_tr_radius": PROBE}
 
 
 def tuned_linked(
@@ -58,7 +60,13 @@ def tuned_linked(
     free = np.array([0, 1] + [2, 3] * any(not load.force for load in flight.loads) + [4, 5] * bends)
     spread = np.eye(6)[free]
     turned = turning(flight.loads[0].kernel.order)[np.ix_(free, free)]
-    best = likeliest(lambda by: likely(by @ spread), near[free], turned) @ spread
+
+    def of_free(by: Array) -> float:
+        return likely(by @ spread)
+
+    # bending that noise hides is as likely as any less: quadratic models would wander there
+    found = bfgs_maximum(of_free, near[free]) if bends else likeliest(of_free, near[free], turned)
+    best = found @ spread
     highest = likely(best)
     bending = start.moved(as_far(likely, best, highest)[4:]) if bends else start
     return flight.moved(best), bending, highest, best
@@ -76,7 +84,7 @@ def turning(order: int) -> Array:
     the rate far less.
     """
     load = np.array([[1.0, order / 2], [0.0, 1.0]])
-    return block_diag(load, load, np.eye(2))
+    return block_diag(load, load, np.eye(2))  # bending as it is
 
 
 def likeliest(value: Callable[[Array], float], near: Array, turned: Array) -> Array:
