@@ -23,7 +23,9 @@ from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.link_loads import LinkLoad, link_loads
 from forceid.estimation.joints.linkage import at_joints, carried_over, linkage_of, split
-from forceid.estimation.joints.linked_flight import LinkedFlight, bending_of, linked_parts, smooth_linked
+from forceid.estimation.joints.linked_flight import LinkedFlight, linked_parts
+from forceid.estimation.joints.linked_smoothing import smooth_linked
+from forceid.estimation.joints.linked_tuning import bending_of
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole

@@ -52,11 +52,11 @@ class LinkLoad:
 
 @dataclass(frozen=True)
 class LoadSteps:
-    """Loads side by side over steps: states (axis * state) of the constant and of the process along each.
+    """Loads over steps, all or one for all: states of the constant and of the process along each axis.
 
-    F, Q, P0 of these; Y, H (step, axis, state): what each state adds to the second and the first integral of
-    its load; noise (step, axis, 2, 2) of these two, and with (step, axis, 2, state) that of the states; rows
-    (axis, states) that read the loads.
+    F, Q (step, axis, state, state) and P0 (axis, state, state) of these; Y, H (step, axis, state): what each
+    state adds to the second and the first integral of its load; noise (step, axis, 2, 2) of these two, and
+    beside (step, axis, 2, state) with that of the states; rows (axis, axis * state) that read the loads.
     """
 
     F: Array
@@ -79,21 +79,14 @@ def load_steps(loads: Sequence[LinkLoad], step: Array) -> LoadSteps:
     chain = load_chain(kernel.process, Start(0.0, 0.0, 1.0))
     chain.P0[:, MEAN, MEAN] = np.concatenate([load.mean for load in loads]) ** 2
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    F, Q = (a[which] for a in discretize_steps(chain, unique))
-    own, axes = slice(MEAN, None), len(kernel.std)
+    F, Q = discretize_steps(chain, unique)
+    if len(unique) > 1:
+        F, Q = F[which], Q[which]
+    own = slice(MEAN, None)
     read = np.concatenate([[1.0], kernel.process.output])
-
-    def diagonal(a: Array) -> Array:
-        n = a.shape[-1]
-        wide = np.zeros((*a.shape[:-3], axes, n, axes, n))
-        at = np.arange(axes)
-        wide[..., at, :, at, :] = np.moveaxis(a, -3, 0)
-        return wide.reshape(*a.shape[:-3], axes * n, axes * n)
-
     return LoadSteps(
-        diagonal(F[..., own, own]), diagonal(Q[..., own, own]), diagonal(chain.P0[:, own, own]),
-        F[..., 0, own], F[..., 1, own], Q[..., :MEAN, :MEAN], Q[..., :MEAN, own],
-        block_diag(*[read[None]] * axes),
+        F[..., own, own], Q[..., own, own], chain.P0[:, own, own], F[..., 0, own], F[..., 1, own],
+        Q[..., :MEAN, :MEAN], Q[..., :MEAN, own], block_diag(*[read[None]] * len(kernel.std)),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from forceid.estimation.loads.hidden.left_out import (
     lines_at_spin,
 )
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
-from forceid.estimation.loads.hidden.order_uncertainty import growth_along_own
+from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.loads.lines import widened_by_ringing
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
@@ -154,7 +154,8 @@ def allow_for_priors(problem: Problem) -> Problem:
     }
     known = {name: stated_of(problem.settings, name) for name in looks}
     rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
-    growth = growth_along_own(state, rivals)
+    problem = replace(problem, rivals=Rivals(rivals, state))
+    growth = Rivals(rivals, state).growth()
     for name, (signals, std) in told.items():
         own = looks[name].beside(slice(-signals.shape[2], None))
         growth, said = body_told.allow_for_told(own, std, state, growth, name)
@@ -267,4 +268,5 @@ def solution_of(problem: Problem) -> Solution:
         misfit * typical_variance(problem.plain),
         problem.ringing,
         problem.looks,
+        rivals=problem.rivals,
     )

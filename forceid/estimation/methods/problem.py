@@ -15,6 +15,7 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
+from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.ringing_body import Ringing
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.loads.lines import NO_LINES, Lines
@@ -82,6 +83,7 @@ class Problem:
     impulses: Impulses | None = None
     ringing: Ringing | None = None
     looks: Mapping[str, Whitened] = field(default_factory=dict)
+    rivals: Rivals | None = None
 
     @property
     def kin(self) -> Kinematics:
@@ -191,7 +193,8 @@ class Solution:
     acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
     of them. impulses: of loads that come in pieces; shown (6,): variance of the wrench that its innovations
     show at least, NaN where they do not; ringing: loads that may ring with the body unseen;
-    looks: channels as their priors whiten them; modal: forces on modes, where the method tells them itself.
+    looks: channels as their priors whiten them; modal: forces on modes, where the method tells them itself;
+    rivals: what other priors make of the growth.
     """
 
     kinematics: Kinematics
@@ -211,6 +214,7 @@ class Solution:
     ringing: Ringing | None = None
     looks: Mapping[str, Whitened] = field(default_factory=dict)
     modal: ModalForces | None = None
+    rivals: Rivals | None = None
 
     @property
     def grown(self) -> Array | None:

@@ -13,10 +13,10 @@ import forceid
 from forceid.cli.app import main
 from forceid.config import Settings
 from forceid.errors import ConfigError
-from forceid.estimation.joints import linked_flight
+from forceid.estimation.joints import linked_smoothing, linked_tuning
 from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.forces import joint_forces
-from forceid.estimation.joints.linked_flight import overlapping_windows
+from forceid.estimation.joints.linked_smoothing import overlapping_windows
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
@@ -149,7 +149,7 @@ def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate
 def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=TIME[:80])
-    monkeypatch.setattr(linked_flight, "bfgs_maximum", lambda _, start: start)
+    monkeypatch.setattr(linked_tuning, "likeliest", lambda _, start, turned: start)
     monkeypatch.setattr(joint_smoothing, "smooth_linked", lost)
     found = joint_forces(recording, jointed(parameters), estimate_whole)
     monkeypatch.setattr("forceid.estimation.joints.forces.smooth_linked_parts", lambda *_: (None, []))
@@ -345,7 +345,7 @@ def test_a_part_may_be_given_with_its_mass_and_without_the_masses_of_its_nodes()
 
 @pytest.mark.long
 def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
-    monkeypatch.setattr(linked_flight, "bfgs_maximum", lambda _, start: start)
+    monkeypatch.setattr(linked_tuning, "likeliest", lambda _, start, turned: start)
     parameters = chain(1)
     recording = seen(parameters, 1)
     solved = {}
@@ -356,8 +356,8 @@ def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
         return solved[recording.title]
 
     whole = joint_forces(recording, jointed(parameters), solve)
-    monkeypatch.setattr(linked_flight, "ROOM", 1)
-    monkeypatch.setattr(linked_flight, "FLIGHT_SAMPLES", 120)
+    monkeypatch.setattr(linked_smoothing, "ROOM", 1)
+    monkeypatch.setattr(linked_smoothing, "FLIGHT_SAMPLES", 120)
     pieces = joint_forces(recording, jointed(parameters), solve)
     assert len(list(overlapping_windows(150, 120))) == 2
     assert rms(pieces.force - whole.force) < 0.1 * rms(whole.force_std)

@@ -13,7 +13,8 @@ from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
 from forceid.estimation.joints.link_loads import first_guess, link_loads
 from forceid.estimation.joints.linkage import linkage_of
-from forceid.estimation.joints.linked_flight import OWN, LinkedFlight, linked_model, linked_parts
+from forceid.estimation.joints.linked_flight import OWN, LinkedFlight, linked_parts
+from forceid.estimation.joints.linked_model import linked_model
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.kalman import matern
@@ -39,7 +40,8 @@ def linked():
 
 def test_a_joint_load_gives_both_parts_opposite_momentum_and_no_spin_to_the_whole(linked):
     flight, linkage = linked
-    model, _, read = linked_model(flight, Bending(np.zeros(0), 1.0), slice(0, 40))
+    whole = linked_model(flight, Bending(np.zeros(0), 1.0), slice(0, 40))
+    model, read = whole.model, whole.read
     states = sum(len(part.model.x0) for part in flight.parts)
     momentum = [slice(k * states // 2 + 3, k * states // 2 + 6) for k in (0, 1)]
     spin = [slice(k * states // 2 + OWN - 3, k * states // 2 + OWN) for k in (0, 1)]

@@ -23,6 +23,7 @@ SEGMENTS = {  # mass kg, from joint to joint m, center as a part of that, gyrati
 UP = {"trunk": np.array([0.0, 0.0, 0.35])}  # m: its center is above the line of the hips
 JOINTS = {"knee": ("shank", "thigh"), "hip": ("thigh", "trunk"), "swing_hip": ("trunk", "swing_leg")}
 NAMES = list(SEGMENTS)
+INNER = slice(20, -20)
 
 
 def rotations(t, seed):
@@ -129,15 +130,23 @@ def test_the_recursion_ends_with_all_of_the_weight_in_the_mean():
 
 
 @pytest.mark.long
-def test_joint_loads_of_a_walker_are_those_of_the_recursion_within_their_claims():
+def test_joint_loads_of_a_walker_are_those_of_the_recursion():
     recording, settings, t = walked(0)
     found, (force, moment) = estimate_recording(recording, settings).interface, recursion(t, 0)
-    inner = slice(20, -20)
-    for true, loads, std in (
-        (force, found.force, found.force_std),
-        (moment, found.moment, found.moment_std),
-    ):
-        error = (loads - true)[inner]
-        assert (np.sqrt(((error / std[inner]) ** 2).mean((0, 2))) < 1.4).all()
-        assert np.sqrt((error**2).mean()) < 0.06 * np.sqrt((true[inner] ** 2).mean())
+    for true, loads in ((force, found.force), (moment, found.moment)):
+        error = (loads - true)[INNER]
+        assert np.sqrt((error**2).mean()) < 0.06 * np.sqrt((true[INNER] ** 2).mean())
     assert found.verdict.level == "ok"
+
+
+@pytest.mark.long
+def test_joint_moments_of_drawn_walkers_err_by_what_they_claim():
+    """All moments of ten walkers together: asked is an error over claim of 0.7 to 1.4."""
+    squares = []
+    for seed in range(1000, 1010):
+        recording, settings, t = walked(seed)
+        found, (_, moment) = estimate_recording(recording, settings).interface, recursion(t, seed)
+        squares.append((((found.moment - moment) / found.moment_std)[INNER] ** 2).mean((0, 2)))
+    each = np.sqrt(np.mean(squares, axis=0))
+    assert 0.7 < np.sqrt(np.mean(squares)) < 1.4
+    assert (each < 1.4).all()

@@ -8,7 +8,7 @@ weighed by its likelihood. Source: the error of a suboptimal smoother, Gelb (197
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,21 +16,48 @@ from scipy.optimize import brentq
 from forceid.errors import EstimationError
 from forceid.estimation.loads.hidden.left_out import followed_up_to
 from forceid.estimation.loads.hidden.slow_load import MOST_CYCLES, slow_growth, slow_turning_growth
-from forceid.estimation.loads.hidden.whitened import Whitened
+from forceid.estimation.loads.hidden.whitened import Candidates, Whitened
 from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState
-from forceid.flight.tuning import LEAK
+from forceid.flight.tuning import LEAK, ORDERS
 from forceid.records import Array
 
 POWERS_APART = 1e4  # times the power of the noise of a channel that what else is read may make of it
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
 
 
-def growth_along_own(state: FlightState, channels: Mapping[str, Whitened]) -> Array:
+@dataclass(frozen=True)
+class Rivals:
+    """Channels whose priors a record has to tell from others, by load, of a state that claims errors under
+    these priors.
+    """
+
+    looks: Mapping[str, Whitened]
+    state: FlightState
+
+    def growth(self, orders: Array | None = None) -> Array:
+        """The growth ([time,] 6, 6) of the errors; orders: as of `growth_along_own`."""
+        return growth_along_own(self.state, self.looks, orders)
+
+    @property
+    def orders(self) -> Array:
+        """Log-likelihood (order,) of each of ORDERS, were it that of all loads along all axes."""
+        found = np.zeros(len(ORDERS))
+        for look in self.looks.values():
+            powers = look.powers(look.innovation).T
+            each = zip(look.candidates, powers, strict=True)
+            found += np.sum([one.of_orders(one.log_likelihood(power)) for one, power in each], axis=0)
+        return found
+
+
+def growth_along_own(
+    state: FlightState, channels: Mapping[str, Whitened], orders: Array | None = None
+) -> Array:
     """Matrix (6, 6) that takes errors of a wrench as its priors claim them to errors under all candidates.
 
     One of each sample (time, 6, 6) where axes of a prior turn with the body. channels: that force and moment
-    drive, by name, under their priors. The load stays what it is.
+    drive, by name, under their priors. orders (order,): log-likelihood of each of ORDERS by all records of
+    loads that have it in common, these among them. The load stays what it is.
     """
     found = np.eye(6)
     for name, channel in channels.items():
@@ -39,7 +66,7 @@ def growth_along_own(state: FlightState, channels: Mapping[str, Whitened]) -> Ar
         if axes.ndim > found.ndim:
             found = np.tile(found, (len(axes), 1, 1))
         claimed = claimed_along(axes, state.wrench_cov[:, own, own])
-        found[..., own, own] = axes * growth_of(channel, claimed) @ axes.mT
+        found[..., own, own] = axes * growth_of(channel, claimed, orders) @ axes.mT
     return found
 
 
@@ -60,10 +87,11 @@ def grown(state: FlightState, growth: Array) -> FlightState:
     return replace(state, wrench_cov=np.where(known, cov, np.nan))
 
 
-def growth_of(found: Whitened, claimed: Array) -> Array:
+def growth_of(found: Whitened, claimed: Array, orders: Array | None = None) -> Array:
     """Factors (axis,), one at least, on the claimed variance (axis,) of a load along the axes of its prior.
 
-    On its deviation: the mean of the deviations under all candidates over the one claimed.
+    On its deviation: the mean of the deviations under all candidates over the one claimed. orders: as of
+    `growth_along_own`.
     """
     part, prior = found.channel, found.prior
     span, fastest = float(np.ptp(part.time)), found.groups[0][-1]
@@ -82,7 +110,9 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
             counted = np.where(wide < max(band, 2 / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2
         error, own = candidates.density(wide, counted), float(counted @ smooth[:, axis])
-        growth[axis] = grown_deviation(candidates.log_likelihood(powers[:, axis]), error - own, claimed[axis])
+        likely = candidates.log_likelihood(powers[:, axis])
+        likely = likely if orders is None else with_order(candidates, likely, orders)
+        growth[axis] = grown_deviation(likely, error - own, claimed[axis])
     # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little. Of one
     # that turns with the body none does in axes of the world, where these stretches are
     still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
@@ -95,6 +125,14 @@ def growth_of(found: Whitened, claimed: Array) -> Array:
     if still.any() and cycles < MOST_CYCLES:
         return np.where(still, np.maximum(growth, slow_growth(part, prior, cycles)), growth)
     return growth
+
+
+def with_order(candidates: Candidates, likelihood: Array, orders: Array) -> Array:
+    """Log-likelihood (candidate,) with what all others tell of the order, orders (order,) of all together."""
+    others = orders - candidates.of_orders(likelihood)
+    none = np.logaddexp.reduce(others) - np.log(len(others))
+    each = np.repeat(others, (len(likelihood) - 1) // len(others))
+    return np.asarray(likelihood + np.concatenate([[none], each]))
 
 
 def grown_deviation(likelihood: Array, more: Array, claimed: float) -> float:

@@ -47,6 +47,14 @@ class Candidates:
         """Of each candidate, with the odds that it has beforehand, given power times count (group,)."""
         return np.asarray(-self.cost - self.inverse @ powers)
 
+    def of_orders(self, likelihood: Array) -> Array:
+        """Log-likelihood (order,) of each of ORDERS with all of its candidates; none is a part of every one.
+
+        likelihood (candidate,): as of `log_likelihood`.
+        """
+        none, each = likelihood[0] - np.log(len(ORDERS)), likelihood[1:].reshape(len(ORDERS), -1)
+        return np.asarray(np.logaddexp(none, np.logaddexp.reduce(each, axis=1)))
+
     def density(self, frequency: Array, weight: Array) -> Array:
         """Sum (candidate,) over frequencies (frequency,) Hz of the density of the load, weighed."""
         found = np.zeros(len(self.order))

@@ -4,7 +4,7 @@ import numpy as np
 
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.left_out import densities
-from forceid.estimation.loads.hidden.order_uncertainty import growth_of, shares_lost
+from forceid.estimation.loads.hidden.order_uncertainty import Rivals, growth_of, shares_lost
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
@@ -67,6 +67,27 @@ def test_loads_of_any_order_lie_within_claims_that_allow_for_other_ones():
     assert 0.92 <= np.mean(list(allowed.values())) <= 0.98
     assert min(allowed.values()) > 0.89
     assert 0.8 < np.sqrt(np.mean(score)) < 1.2
+
+
+def test_an_order_that_short_records_share_makes_their_claims_grow_less_and_hold():
+    for order in (3, 4):
+        looks, records = [], [drawn(order, seed, samples=200) for seed in range(20, 28)]
+        for channel, load in records:
+            prior = tune_channel(channel, (1.0, 1.0), (), (order,))
+            looks.append((whitened(channel, prior, engine()), load))
+        orders = sum(Rivals({"force": look}, None).orders for look, _ in looks)
+        assert orders[0] < orders.max() - 10  # ORDERS[0] is the roughest
+        score, growth = [], []
+        for look, load in looks:
+            path = engine().smooth(channel_model(look.channel, look.prior), look.channel.moved)
+            along = look.prior.axes.T @ look.prior.rows
+            claimed = np.einsum("as,tsr,ar->ta", along, path.P, along)[INNER].mean(0)
+            growth.append([growth_of(look, claimed), growth_of(look, claimed, orders)])
+            off = (path.x @ along.T - load @ look.prior.axes)[INNER]
+            score.append(np.mean(off**2 / claimed / growth[-1][1] ** 2))
+        alone, shared = np.mean(growth, axis=(0, 2))
+        assert 1.0 <= shared < alone
+        assert 0.8 < np.sqrt(np.mean(score)) < 1.2
 
 
 def test_of_a_constant_load_the_claim_allows_for_what_would_not_show_and_grows_as_evidence_comes_near():
