@@ -47,11 +47,12 @@ The truth is integrated by DOP853 at a relative tolerance of 1e-9, begins anew a
 shares no code with the estimator. Force and moment are those at the instant of a sample, of a blow the mean
 over one.
 
-*Silently wrong*: the verdict is `ok`, and the rms error of force or moment is too large. It is so within the
-band (up to `band` Hz), over the central three quarters, beyond twice its rms claim, or beyond twice that of
-the plain route beside it (the witness). Beyond the band a result claims nothing of a load that it does not
-name: see the lines *at all frequencies*. Ends of a record count least, so that nothing faster leaks into a
-band.
+*Silently wrong*: the verdict is `ok`, and the rms error of force or moment is too large. It is so within
+the band (up to `band` Hz), over the central three quarters, beyond twice its rms claim, or beyond twice
+that of the plain route beside it (the witness). Where a band holds fewer than 13 numbers, and chance alone
+makes one error twice another, that is taken at all frequencies. Beyond the band a result claims nothing of
+a load that it does not name: see the lines *at all frequencies*. Ends of a record count least, so that
+nothing faster leaks into a band.
 *Needlessly degraded*: both errors are within {near} times their claims; where no moment is given, the force.
 Every record counts once. Intervals: 95 %, of shares by Clopper and Pearson, of coverage over records. An
 estimate is stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""

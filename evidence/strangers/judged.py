@@ -14,6 +14,8 @@ from forceid.records import Array
 
 LOADS = ("force", "moment")
 NEGLIGIBLE = 0.1  # times the claim
+TOLD = 13  # numbers: an rms of so many is twice another by chance in one of a hundred, F(13, 13) of 4
+SHARE = 0.38  # of the numbers in a band, that count by the weights of `slow_part`
 NEAR, FAR = 1.5, 3.0  # error over claim: one that is degraded was so in vain, or still claims too little
 HEADS = (
     "kind", "records", "ok and right", "degraded, within 1.5", "degraded, beyond 3", "silent", "refused",
@@ -80,10 +82,15 @@ def careful_in_vain(verdict: str, over: Sequence[float]) -> bool:
 
 
 def over_witness(error: Array, other: Array, band: Array, rate: float) -> float:
-    """Rms of an error (time, axis) over that of another, within the band (axis,) Hz, where both are known."""
+    """Rms of an error (time, axis) over that of another, within the band (axis,) Hz, where both are known.
+
+    At all frequencies where the band holds too few numbers to tell a factor of two from chance.
+    """
     both = np.isfinite(error + other).all(1)
     if not both.any():
         return float("nan")
+    if np.maximum(2 * SHARE * both.sum() / rate * band, 1.0).sum() < TOLD:
+        band = np.full(len(band), np.inf)
     squares = [
         sum(np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(off[both].T, band, strict=True))
         for off in (error, other)

@@ -20,7 +20,7 @@ from forceid.significance import OUTLIER, PATIENCE, TENTH
 
 ENOUGH_SAMPLES = 100  # of a stretch: start, speed and a constant load take three of its fifty ordinates
 FIRST_ORDER = 2  # order of references: continuous, and rough enough to leave no wave unseen
-STARTS = 8  # at which a search may begin: about two to an octave of a thousand samples
+BEGUN_AT = 8  # at which a search may begin: about two to an octave of a thousand samples
 WHITENINGS = 4  # at most: the second is of a reference about right
 
 Box = Callable[[int], tuple[Array, Array]]  # lowest and highest search points (axis, 2) of an order
@@ -78,10 +78,10 @@ class Sight:
 
         Ordinates say little of what is slower than the record, in which a load may have most of its size.
         """
-        low, high = self.edges((order,) * (1 + STARTS), shared)
-        rates = np.linspace(low[0, :, 1], high[0, :, 1], STARTS)
+        low, high = self.edges((order,) * (1 + BEGUN_AT), shared)
+        rates = np.linspace(low[0, :, 1], high[0, :, 1], BEGUN_AT)
         low[1:, :, 1] = high[1:, :, 1] = rates
-        points, noise, _ = self.spectrum.peaks(np.full(1 + STARTS, order), (low, high), same)
+        points, noise, _ = self.spectrum.peaks(np.full(1 + BEGUN_AT, order), (low, high), same)
         return points, noise
 
     @property

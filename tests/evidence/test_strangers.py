@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evidence.strangers.bodies import Solid, flung, world
-from evidence.strangers.judged import Judged, counted, over_claim, scores
+from evidence.strangers.judged import Judged, counted, over_claim, over_witness, scores
 from evidence.strangers.rigid import satellite
 from evidence.strangers.simulated import BODY, Camera, Scene, recorded
 
@@ -96,3 +96,14 @@ def test_only_an_ok_off_by_more_than_two_claims_or_witnesses_is_silent():
     assert counted("box", [replace(j, over=j.over or (np.nan, np.nan)) for j in all_of_them])[1:8] == list(
         "8211111"
     )
+
+
+def test_of_two_errors_alike_none_is_called_twice_the_other_by_chance():
+    """In bands of half a cycle to all frequencies; one four times the other is told from it."""
+    rng, rate, twice = np.random.default_rng(5), 100.0, 0
+    for band in (0.2, 1.0, 3.0, np.inf):
+        for _ in range(50):
+            one, other = rng.standard_normal((2, 300, 3))
+            twice += over_witness(one, other, np.full(3, band), rate) > 2
+            assert over_witness(4 * one, other, np.full(3, band), rate) > 2
+    assert twice <= 4  # of 200, two to be expected at most
