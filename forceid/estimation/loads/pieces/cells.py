@@ -1,4 +1,4 @@
-"""The load at samples near a short piece: its mean over the cell of a sample, from midpoint to midpoint.
+"""The load at samples near an edge: its mean over the cell of a sample, from midpoint to midpoint.
 
 What acts for a part of a step has no value at a sample that samples could show. What it gives, they do: the
 change of momentum over a cell, by the length of the cell. For a load that varies little within a step, that
@@ -46,8 +46,8 @@ def step_of(channel: Channel) -> float:
     return float(np.median(np.diff(channel.time[np.isfinite(channel.z).all(1)])))
 
 
-def cells_beside(channel: Channel, short: Sequence[Array], time: Array) -> Cells:
-    """The cells of frames, at time (time,) s, within a few steps of short pieces, (begin, end) s each."""
+def cells_beside(channel: Channel, short: Sequence[tuple[float, float]], time: Array) -> Cells:
+    """The cells of frames, at time (time,) s, within a few steps of edges and short pieces, (begin, end) s."""
     reach, near = OPEN * step_of(channel), np.zeros(len(time), bool)
     for begin, end in short:
         near |= (time > begin - reach) & (time < end + reach)

@@ -1,8 +1,8 @@
 """What a load is near its edges: the mean over all places that an edge may have, and claimed as their spread.
 
 The place of an edge is known as well as the likelihood of the channel tells it from others. Each place has a
-load of its own, before it, behind it and at some distance from it. Near a short piece loads are means over
-the cells of samples. Source: the law of total variance.
+load of its own, before it, behind it and at some distance from it. Near an edge loads are means over the
+cells of samples. Source: the law of total variance.
 """
 
 from __future__ import annotations
@@ -77,7 +77,9 @@ def spread_of(channel: Channel, prior: LoadPrior, time: Array, engine: Engine) -
             haste[1:-1] *= factor
             kinds[0] += [settled(evidence, replace(one, haste=haste)) for one in (pieces, wide)]
     impacts = impacts_in(evidence, pieces)
-    cells = cells_beside(channel, [pieces.edges[k : k + 2] for k in impacts], time)
+    # at samples beside edges the mean over their cells: so all samples give together what the load gives
+    beside = [*pieces.edges[:, None], *(pieces.edges[k : k + 2] for k in impacts)]
+    cells = cells_beside(channel, [(one[0], one[-1]) for one in beside], time)
     kinds += [list(impacts.values())] if impacts else []
     each = [[places_of(evidence, one) for one in kind] for kind in kinds]
     # by the volume of places one of a kind is likelier than another, and a kind by what it is at its best
