@@ -35,7 +35,9 @@ ORDERS = (1, 2, 3, 4, 6)  # of the priors that are tried, from rough to smooth
 MIDDLE = ORDERS[len(ORDERS) // 2]  # where nothing is known yet, or orders are no matter
 MISSED = 2  # orders in a row that may be no likelier: the search for one may have missed its peak
 FREE = 4  # order of a prior up to which the smoothest is taken that no rougher one beats clearly
-DOUBT = PATIENCE  # of a log-likelihood: what a search may gain beyond where it begins
+DOUBT = (
+    PATIENCE  # of a log-likelihood: by as much a spectrum may err between two orders, short records the most
+)
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
 LEAK = 0.01  # of the load on the strongest axis
@@ -103,18 +105,22 @@ def tune_loads(
         load: bool = True,
     ) -> Peak:
         if start is None and seen is not None:
-            start = likeliest(order, shared, same)[:2]
+            start = likeliest(order, shared, same)
         bounds = box(order) if load else (box(order)[0],) * 2
         return maximize(lambda p, s: objective(p, s, order), *bounds, shared, start, same)
 
-    def likeliest(order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags) -> Peak:
-        """Of where a search may begin, where the channel itself is likeliest."""
+    def likeliest(
+        order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags, *more: Array
+    ) -> tuple[Array, Array]:
+        """The likeliest of where a search may begin, and of `more` points (axis, 2) under the first noise."""
         assert seen is not None
         points, levels = seen.starts(order, shared, same)
-        value = np.nan_to_num(objective(points[:, :, None], levels, order)[..., 0], nan=WORST, neginf=WORST)
+        points = np.concatenate([points, np.reshape(more, (-1, axes, 2))])
+        levels = np.concatenate([levels, np.tile(levels[:1], (len(more), 1))])
+        value = objective(points[:, :, None], levels, order)[..., 0]
         alone = np.eye(axes, dtype=bool) if np.array_equal(*shared) else same
-        best = (value @ alone).argmax(0), np.arange(axes)
-        return points[best], levels[best], value[best]
+        which = (np.nan_to_num(value, nan=WORST, neginf=WORST) @ alone).argmax(0)
+        return points[which, np.arange(axes)], levels[which, np.arange(axes)]
 
     def pays_apart(order: int) -> Callable[[Peak], bool]:
         def pays(peak: Peak) -> bool:
@@ -144,20 +150,16 @@ def tune_loads(
         seen = first_sight(time, z, channels, limits if unstated else limits[:1] * 2) if stationary else None
         if unstated:  # a first look at the noise, under a prior of middle order
             (_, level, _), _ = by_axis(lambda same: search(2, limits, same), axes, pays_apart(2))
-    told: dict[int, Peak] = {}
     if seen is not None and near is None:
-        told = {order: likeliest(order, (level, level), together) for order in orders}
-        orders = in_doubt({order: float(value.sum()) for order, (*_, value) in told.items()})
+        expected = seen.peaks(orders, (level, level), together)[2]
+        orders = in_doubt(dict(zip(orders, expected.sum(1).tolist(), strict=True)))
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
-        if order in told:
-            first = told[order][:2]
-            if found:  # or as the order before, whichever is likelier
-                assert seen is not None
-                likes = np.clip(seen.alike(found[min(found)][0], min(found), order), *box(order))
-                more = objective(likes[None, :, None], level[None], order)[0, :, 0] > told[order][2]
-                first = np.where(more[:, None], likes, told[order][0]), level
+        if seen is not None and near is None:
+            # or as the order before
+            before = [np.clip(seen.alike(found[last][0], last, order), *box(order)) for last in [*found][-1:]]
+            first = likeliest(order, (level, level), together, *before)
         found[order] = search(order, (level, level), together, first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)
