@@ -47,7 +47,7 @@ def step_of(channel: Channel) -> float:
 
 
 def cells_beside(channel: Channel, short: Sequence[tuple[float, float]], time: Array) -> Cells:
-    """The cells of frames, at time (time,) s, within a few steps of edges and short pieces, (begin, end) s."""
+    """The cells of frames, at time (time,) s, within a few steps of an edge or a piece, (begin, end) s."""
     reach, near = OPEN * step_of(channel), np.zeros(len(time), bool)
     for begin, end in short:
         near |= (time > begin - reach) & (time < end + reach)
