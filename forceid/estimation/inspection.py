@@ -189,7 +189,7 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     kin = kinematics(body, motion, settings)
     findings = judge_recording(kin, motion)
     leaks = leakage(body, kin)
-    findings += [*judge_size(kin), *judge_leakage(leaks), *judge_shape(kin, motion, body)]
+    findings += [*judge_size(kin), *judge_leakage(leaks), *judge_shape(kin, body)]
     x = motion.position[:, kin.seen] if motion.position is not None else motion.center
     assert x is not None
     force = np.isfinite(kin.pose.center).any() and not refusing(findings)

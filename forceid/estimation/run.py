@@ -155,7 +155,7 @@ def estimate_beside(
         findings = judge_recording(kin, motion)
     if refusing(findings):
         return refused_estimate(recording, settings, findings), None
-    motion, mended = prepared(body, motion)
+    motion, mended = prepared(body, motion, None if segments else kin)
     if beside is not None:
         motion = beside.taken.removed(motion)
     if kin is None:
@@ -364,7 +364,7 @@ def assemble(
     force_std = deviation(state.wrench_cov)[:, :3]
     wild_said = any(f.code == "wild-innovations" for f in solution.findings)
     exceeds = None if solution.shown is None else solution.shown / typical_variance(state.wrench_cov)
-    shape_said = [*judge_shape(kin, motion, recording.body, left), *judge_common(kin)]
+    shape_said = [*judge_shape(kin, recording.body, left), *judge_common(kin)]
     if not settings.part:  # parts stand where their joints let them
         shape_said = [*judge_reference(recording.body, kin), *shape_said]
     findings = [

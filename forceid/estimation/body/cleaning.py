@@ -8,9 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from forceid.config import Settings
+from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
+from forceid.estimation.body.tracks.source_filter import source_filter, undone
 from forceid.estimation.body.tracks.spikes import clipped, spikes, wild_rates
+from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap
@@ -25,7 +28,8 @@ class Mended:
     stuck: frames, of all, in which a limit cut readings off, most of them at an edge m along an axis;
     exchanged: markers that had traded places, exchanges: how often they were put back, exchanged_s: when
     first; spikes: readings taken out, by marker, the most first, spikes_s: the first of them; readings: all;
-    rates: readings of gyros taken out, where there is no marker, rates_s: when first.
+    rates: readings of gyros taken out, where there is no marker, rates_s: when first. source: the filter that
+    tracks went through, left: what is left of it; None where none was undone.
     """
 
     exchanged: tuple[str, ...] = ()
@@ -40,13 +44,30 @@ class Mended:
     readings: int = 0
     rates: int = 0
     rates_s: float = np.nan
+    source: LowPassed | None = None
+    left: LowPassed | None = None
 
 
 @stage("kinematics")
-def prepared(body: Body, motion: Motion) -> tuple[Motion, Mended]:
-    """The motion cleaned, with lost nodes that carry mass bridged, and what was done about it."""
+def prepared(body: Body, motion: Motion, kin: Kinematics | None) -> tuple[Motion, Mended]:
+    """The motion as before a filter, cleaned, with lost nodes that carry mass bridged; what was done.
+
+    kin: what the motion shows as it is, None of one that sensors alone tell.
+    """
+    motion, *filtered = (motion, None, None) if kin is None else before_filter(motion, kin)
     motion, mended = cleaned(body, motion)
-    return without_gaps(body, motion), mended
+    return without_gaps(body, motion), replace(mended, source=filtered[0], left=filtered[1])
+
+
+def before_filter(motion: Motion, kin: Kinematics) -> tuple[Motion, LowPassed | None, LowPassed | None]:
+    """The motion as it was before its tracks went through a low-pass, that one, and what is left of it."""
+    if motion.position is None or motion.bridged is not None or not kin.attitude:
+        return motion, None, None
+    shown = np.where(kin.seen[:, None], motion.position, 0.0)
+    found = source_filter(motion.time, shown, lambda time, tracks: beyond_rigid(time, tracks, kin).y)
+    if found is None:
+        return motion, None, None
+    return replace(motion, position=undone(motion.position, *found)), *found
 
 
 def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:

@@ -13,7 +13,7 @@ from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND
-from forceid.records import Body, Finding, Motion
+from forceid.records import Body, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
 
@@ -51,7 +51,7 @@ def judge_size(kin: Kinematics) -> list[Finding]:
     return [note("too-light", mass_kg=mass, length_m=length)]
 
 
-def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None = None) -> list[Finding]:
+def judge_shape(kin: Kinematics, body: Body, left: float | None = None) -> list[Finding]:
     """What the model leaves of the shape, of markers and of mass that carries none.
 
     left: chi-square of what the rigid level leaves over that of the best one, where levels were compared:
@@ -61,7 +61,7 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
     if not kin.attitude or not dof.any():
         return []
     if kin.inertia.nodal is None and not (kin.model == "affine" and kin.inertia.affine is not None):
-        ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]), motion)
+        ratio, size = beyond_shapes(replace(kin, shapes=kin.shapes[:0]))
         ratio = max(ratio, left or 0.0)  # what the mass of a body known as a whole does beside is open
         if ratio < NIS_BAND[1]:
             return []
@@ -72,7 +72,7 @@ def judge_shape(kin: Kinematics, motion: Motion, body: Body, left: float | None 
     if kin.model == "affine" and hidden and (body.mode_shape is not None or body.stiffness is not None):
         return [note("unmarked-mass-in-modes", count=hidden)]
     if len(kin.shapes):
-        ratio, size = beyond_shapes(kin, motion)
+        ratio, size = beyond_shapes(kin)
     else:
         ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
         size = float(np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)))
@@ -102,13 +102,13 @@ def judge_common(kin: Kinematics) -> list[Finding]:
     return [note("errors-shared", agree_mm=noise * np.sqrt(ratio), noise_mm=noise)]
 
 
-def beyond_shapes(kin: Kinematics, motion: Motion) -> tuple[float, float]:
+def beyond_shapes(kin: Kinematics) -> tuple[float, float]:
     """Chi-square per degree of freedom of what rigid motion and shapes leave of the markers, and its rms m.
 
     Of the median frame, which a few wild ones do not move.
     """
-    assert motion.position is not None
-    seen = beyond_rigid(motion.time, motion.position, kin)
+    assert kin.markers is not None
+    seen = beyond_rigid(kin.time, kin.markers.measured, kin)
     left = null_space(seen.of(kin.shapes), rcond=SINGLE)  # (freedom, direction) that no shape moves
     z = (seen.y @ left)[np.isfinite(seen.y).all(1)]
     if not z.size:

@@ -30,6 +30,9 @@ def judge_mending(mended: Mended) -> list[Finding]:
         # beside an edge noise is cut off on one side, which pulls those that are left
         level: Level = "ok" if count <= MANY * frames else "degraded"
         found.append(note("markers-stuck", level, axis=mended.axis, edge_m=at, count=count, frames=frames))
+    if mended.source is not None and mended.left is not None:
+        cut, upto = mended.source.cut, mended.left.cut
+        found.append(note("filter-undone", order=mended.source.order, cut_hz=cut, upto_hz=upto))
     if mended.rates:
         found.append(note("gyro-spikes", count=mended.rates, time_s=mended.rates_s))
     if mended.exchanges:

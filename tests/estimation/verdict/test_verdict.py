@@ -65,7 +65,7 @@ def test_worst_finding_sets_the_level():
 def test_good_record_gives_no_finding():
     kin = seen(cf.toss())
     assert judge_recording(kin) == []
-    assert judge_shape(kin, cf.toss().motion, cf.toss().body) == []
+    assert judge_shape(kin, cf.toss().body) == []
     assert judge_tuning(kin, {"position": True}) == []  # stated: a floor by right
 
 
@@ -201,23 +201,23 @@ def test_mass_without_marker_on_a_deforming_body_is_said():
 
 def test_rigid_model_of_a_deforming_body_is_limited_by_the_model():
     recording = cf.toss(breath=0.05)
-    (found,) = judge_shape(seen(recording, model="rigid"), recording.motion, recording.body)
+    (found,) = judge_shape(seen(recording, model="rigid"), recording.body)
     assert "limited by the model" in found.text
     size = 0.05 * np.sqrt(0.5 * np.mean(cf.star().position ** 2)) * 1e3
     assert float(found.text.split(" mm rms")[0].split()[-1]) == pytest.approx(size, rel=0.1)
-    assert judge_shape(seen(recording), recording.motion, recording.body) == []
+    assert judge_shape(seen(recording), recording.body) == []
 
 
 def test_an_affine_model_of_a_body_that_bends_is_limited_by_the_model():
     recording = vibration(5e-3, np.random.default_rng(1)).recording
-    (found,) = judge_shape(seen(recording, model="affine"), recording.motion, recording.body)
+    (found,) = judge_shape(seen(recording, model="affine"), recording.body)
     assert "leave the affine shape" in found.text
-    assert judge_shape(seen(recording), recording.motion, recording.body) == []
+    assert judge_shape(seen(recording), recording.body) == []
 
 
 def test_an_affine_model_of_unmarked_mass_is_limited_where_the_file_knows_modes():
     recording = rigid_looking_mode(0.5, np.random.default_rng(1)).recording
-    (found,) = judge_shape(seen(recording, model="affine"), recording.motion, recording.body)
+    (found,) = judge_shape(seen(recording, model="affine"), recording.body)
     assert "3 nodes carry mass but no marker" in found.text
 
 
