@@ -542,9 +542,10 @@ Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_,
         S_inv[i * m + j] = sum;
       }
     const bool steady = stop - first > 1;
-    const double *G = G_.data() + r * n * n;
-    if (steady && G[0] == G[0]) { // Rauch, Tung and Striebel's gain is given: half the work
+    const bool given = r < G_.shape(0) && !std::isnan(G_.data()[r * n * n]);
+    if (steady && given) { // Rauch, Tung and Striebel's gain is given: half the work
       Buffer I_GF(n * n), inverse(n * n), off(n);
+      const double *G = G_.data() + r * n * n;
       multiply(G, F.at(0), I_GF.data(), n, n, n);
       for (int i = 0; i < n * n; ++i) I_GF[i] = (i % (n + 1) == 0) - I_GF[i];
       const Columns by_next(G, n, n), by_own(I_GF.data(), n, n);
@@ -567,7 +568,7 @@ Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_,
         std::copy(off.begin(), off.end(), rt);
       }
     }
-    const bool by_adjoint = steady && G[0] != G[0];
+    const bool by_adjoint = steady && !given;
     Size in_lanes = 0; // signals whose run is done but for its first sample
     if (by_adjoint) {
       closed_loop(F.at(0), H.at(0), K, A.data(), n, m);

@@ -71,11 +71,7 @@ def judge_shape(kin: Kinematics, body: Body, left: float | None = None) -> list[
     hidden = int(((kin.inertia.weight > 0) & ~kin.seen).sum())
     if kin.model == "affine" and hidden and (body.mode_shape is not None or body.stiffness is not None):
         return [note("unmarked-mass-in-modes", count=hidden)]
-    if len(kin.shapes):
-        ratio, size = beyond_shapes(kin)
-    else:
-        ratio = float(np.nansum(kin.pose.chi_square[dof]) / kin.pose.dof[dof].sum())
-        size = float(np.sqrt(np.nanmean(kin.pose.residual[:, kin.seen] ** 2)))
+    ratio, size = beyond_shapes(kin)
     if ratio < NIS_BAND[1]:
         return []
     return [note("shape-left", model=kin.model, off_mm=1e3 * size, chi_square=ratio)]

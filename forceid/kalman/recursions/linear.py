@@ -129,13 +129,15 @@ def backward(passes: Passes, model: StateSpace, f: Filtered, C: Array | None) ->
 def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     """Rauch, Tung and Striebel's gain P F^T P_pred^-1 of each run (run, state, state) that is long; else NaN.
 
-    It halves the work of many channels, and inverts two covariances: used where both are conditioned well.
+    None at all, (0, state, state), where no run is. It halves the work of many channels, and inverts two
+    covariances: used where both are conditioned well.
     """
     n, m = g.K.shape[-2:]
+    long = np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG_RUN)
+    if 2 * m < n or u.any() or not len(long):
+        return np.zeros((0, n, n))
     G = np.full(g.P.shape, np.nan)
-    if 2 * m < n or u.any():
-        return G
-    for r in np.flatnonzero(np.diff(np.append(g.start, g.time)) > LONG_RUN):
+    for r in long:
         if max(np.linalg.cond(correlations(a)[0]) for a in (g.P[r], g.P_pred[r])) < HARMLESS:
             G[r] = np.linalg.solve(g.P_pred[r], F[0, 0] @ g.P[r]).T
     return G

@@ -91,12 +91,13 @@ def adjoint_pass(
 ) -> Array:
     """Smoothed states (time, signal, state): x + P a, with the adjoint a of Bryson and Frazier (1963).
 
-    G (run, state, state): Rauch, Tung and Striebel's gain of a run where it is safe, else NaN.
+    G (run, state, state): Rauch, Tung and Striebel's gain of a run where it is safe, else NaN; (0, state,
+    state) where no run has one.
     """
     smoothed, z, a = np.empty_like(x), np.nan_to_num(z), np.zeros(x.shape[1:])
     for r, (first, stop) in reversed(list(enumerate(spans(start, len(z))))):
         S_inv = W[r].T @ W[r]
-        if stop - first > 1 and np.isfinite(G[r, 0, 0]):
+        if stop - first > 1 and r < len(G) and np.isfinite(G[r, 0, 0]):
             I_GF = np.eye(len(G[r])) - G[r] @ of(F, 0)
             smoothed[stop - 1] = x[stop - 1] + a @ P[r]
             b = x[first : stop - 1] @ I_GF.T

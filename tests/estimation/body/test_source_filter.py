@@ -77,6 +77,19 @@ def test_no_filter_is_found_in_raw_tracks_and_in_those_whose_errors_remember():
             assert before_filter(motion, kin)[1] is None
 
 
+def test_where_a_filter_bent_no_motion_the_ends_of_the_record_are_kept():
+    rng = np.random.default_rng(5)
+    turning, _ = swinging(rng)
+    slow = 0.1 * np.cos(2.0 * turning.motion.time)[:, None, None] + turning.body.position
+    still = Recording(turning.body, Motion(turning.motion.time, slow, gravity=np.zeros(3)))
+    for recording, bent in ((still, False), (turning, True)):
+        filtered = seen(recording, rng, cut=20.0)
+        kin = kinematics(filtered.body, filtered.motion, load_settings())
+        motion, source, _ = before_filter(filtered.motion, kin)
+        assert source is not None
+        assert np.isnan(motion.position[[0, -1]]).all() == bent
+
+
 def test_a_moment_that_swings_is_as_large_as_before_the_filter():
     rng = np.random.default_rng(2)
     recording, moment = swinging(rng)

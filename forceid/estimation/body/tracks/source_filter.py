@@ -11,7 +11,9 @@ half the rate, and is undone by its series. Source: theory of one model, section
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import correlate1d
@@ -23,7 +25,7 @@ from forceid.flight.channels import CHANNEL_SAMPLES, FLIGHT_SAMPLES, middle
 from forceid.flight.color import LowPassed
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array
-from forceid.significance import MEDIAN, NUMBER, TENTH
+from forceid.significance import MEDIAN, NUMBER, PATIENCE, TENTH
 
 BUTTERWORTH = (2, 3, 4)  # of Butterworth's filters: both ways, two and three fall as smoothing splines do
 RESTORED = 0.2  # cycles a sample up to which tracks are restored: beyond, the series gets long
@@ -38,79 +40,114 @@ WITHIN_CHANCE = 1.5  # times that of chance, that ordinates may have under the r
 WORTH = 1.1  # times a cut up to which tracks have to be restored
 MOST_LOST = 16  # samples at either end that no order of filter needs more of
 
+
+@dataclass(frozen=True)
+class Fit:
+    """A filter of an order and a cut (cycles a sample): how likely, and the noise m2 before it.
+
+    spread: of the ordinates, over that by chance.
+    """
+
+    order: int
+    cut: float
+    likely: float
+    spread: float
+    noise: float
+
+
 Rest = Callable[[Array, Array], Array]  # of tracks (time, node, 3) at times: (time, number) that is not rigid
 
 
-def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, LowPassed] | None:
-    """The filter that tracks (time, node, 3) went through, and the one that is left once it is undone.
+def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, LowPassed, bool] | None:
+    """The filter that tracks (time, node, 3) went through, what is left once it is undone, and whether it has
+    bent the motion.
 
     rest: what no rigid motion makes of tracks at some times. None where no filter shows, or none that is
     worth undoing.
     """
-    first, length = max(runs(np.isfinite(position).all((1, 2))), key=lambda run: run[1], default=(0, 0))
+    whole = np.asarray(np.isfinite(position).all((1, 2)))
+    first, length = max(runs(whole), key=lambda run: run[1], default=(0, 0))
     inner = middle(length, CHANNEL_SAMPLES)
     t, x = (a[first : first + length][inner] for a in (time, position))
     step = np.diff(t)
     if len(t) < IN_A_ROW or np.ptp(step) > TENTH * step.min():
         return None
-    numbers = rest(t, x)
-    f, power = spectrum(numbers)
+    f, power = spectrum(rest(t, x))
     behind = float(np.median(power[-IN_A_ROW // 4 :])) if power.size else np.inf
     hidden = np.flatnonzero(power <= OVER_LATER * behind)
     upto = min(float(f[hidden[0]]), RESTORED) if len(hidden) and hidden[0] else 0.0
     if (f < upto).sum() < IN_A_ROW // 4:
         return None
 
-    def fitted(order: int, log_cut: float, part: slice = slice(None)) -> tuple[float, float]:
-        return whiteness(rest, t[part], x[part], order, float(np.exp(log_cut)), upto)
+    def fitted(order: int, log_cut: float, part: slice = slice(None)) -> Fit:
+        return fit(rest, t[part], x[part], order, float(np.exp(log_cut)), upto)
 
     logs = np.linspace(np.log(0.5 * f[0]), np.log(upto), CUTS_TRIED)
-    first_look, best = middle(len(t), FLIGHT_SAMPLES), (-np.inf, 0, 0.0)
+    first_look, fits = middle(len(t), FLIGHT_SAMPLES), []
     for order in BUTTERWORTH:
-        at = int(np.argmax([fitted(order, log, first_look)[0] for log in logs]))
-        found = minimize_scalar(
-            partial(lambda order, log: -fitted(order, log)[0], order),
-            bounds=logs[[max(at - 1, 0), min(at + 1, CUTS_TRIED - 1)]],
+        at = int(np.argmax([fitted(order, log, first_look).likely for log in logs]))
+        beside = float(logs[max(at - 1, 0)]), float(logs[min(at + 1, CUTS_TRIED - 1)])
+        found: Any = minimize_scalar(
+            partial(lambda order, log: -fitted(order, log).likely, order), bounds=beside,
             options={"xatol": SHARP},
-        )
-        best = max(best, (-float(found.fun), order, float(found.x)))
-    _, order, log_cut = best
-    cut, spread = np.exp(log_cut), fitted(order, log_cut)[1]
-    if spread > WITHIN_CHANCE or upto < WORTH * cut:
+        )  # fmt: skip
+        fits.append(fitted(order, float(found.x)))
+    best = max(fits, key=lambda fit: fit.likely)
+    if best.spread > WITHIN_CHANCE or upto < WORTH * best.cut:
         return None
     one = float(np.median(step))
-    return LowPassed(order, cut / one, one), LowPassed(BUTTERWORTH[-1], upto / one, one)
+    source, left = (
+        LowPassed(*each, one) for each in ((best.order, best.cut / one), (BUTTERWORTH[-1], upto / one))
+    )
+    return source, left, bends(x, best, upto)
 
 
-def spectrum(y: Array) -> tuple[Array, Array]:
-    """Cycles a sample (bin,) and mean power (bin,) of numbers y (time, number)."""
+def spectrum(y: Array, first: int = TAPERED) -> tuple[Array, Array]:
+    """Cycles a sample (bin,) and mean power (bin,) of numbers y (time, number), from a `first` bin on."""
     n = len(y)
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** TAPERED
     taper /= np.sqrt((taper**2).sum())
     waves = np.fft.rfft((y - taper @ y / taper.sum()) * taper[:, None], axis=0)
-    kept = slice(TAPERED, -1)
-    return np.fft.rfftfreq(n)[kept], (np.abs(waves[kept]) ** 2).sum(1) / max(y.shape[1], 1)
+    kept = slice(first, -1)
+    return np.asarray(np.fft.rfftfreq(n)[kept], float), np.asarray(
+        (np.abs(waves[kept]) ** 2).sum(1) / max(y.shape[1], 1)
+    )
 
 
-def whiteness(
-    rest: Rest, time: Array, position: Array, order: int, cut: float, upto: float
-) -> tuple[float, float]:
-    """Log-likelihood of tracks that went through a filter, and the spread of ordinates over that by chance.
+def fit(rest: Rest, time: Array, position: Array, order: int, cut: float, upto: float) -> Fit:
+    """How well what no rigid motion makes is noise before a filter; half of the ordinates or more are.
 
-    cut and upto: cycles a sample, of the filter, and to which ordinates are looked at. Half of them or more
-    are those of noise.
+    cut and upto: cycles a sample, of the filter, and to which ordinates are looked at.
     """
     weights, inner = undoing(order, cut), slice(MOST_LOST, len(time) - MOST_LOST)
     y = rest(time[inner], correlate1d(position, weights, axis=0)[inner])
     f, power = spectrum(y)
     f, power, numbers = f[f < upto], power[f < upto], y.shape[1]
-    lags = np.arange(1, len(weights) // 2 + 1)
-    gain = weights[lags[-1]] + 2 * np.cos(2 * np.pi * f[:, None] * lags) @ weights[lags[-1] + 1 :]
-    noise = np.median(power)
+    noise = float(np.median(power))
     ratio = np.maximum(power / noise, np.finfo(float).tiny)
-    misfit = np.minimum(ratio, np.log(ratio) + 1 + NUMBER / (ALONE * numbers)) + np.log(noise / gain**2)
+    misfit = np.minimum(ratio, np.log(ratio) + 1 + NUMBER / (ALONE * numbers))
+    misfit += np.log(noise) - 2 * np.log(np.abs(gain(weights, f)))
     off = np.median(np.abs(np.log(ratio))) / (MEDIAN * np.sqrt(polygamma(1, numbers)))
-    return -ALONE * numbers * float(misfit.sum()), float(off)
+    return Fit(order, cut, -ALONE * numbers * float(misfit.sum()), float(off), noise)
+
+
+def bends(position: Array, found: Fit, upto: float) -> bool:
+    """Whether a filter has bent the motion that tracks (time, node, 3) show, and noise does not hide it."""
+    weights, inner = undoing(found.order, found.cut), slice(MOST_LOST, len(position) - MOST_LOST)
+    change = (correlate1d(position, weights, axis=0) - position)[inner]
+    f, power = spectrum(change.reshape(len(change), -1), 1)
+    kept = f < upto
+    changed = (1 - 1 / gain(weights, f[kept])) ** 2  # of noise; a tenth of its deviation is no bend
+    ratio = power[kept] / (found.noise * (TENTH**2 + changed))
+    numbers = ALONE * np.isfinite(position[0]).sum()
+    likelier = np.where(ratio > 1, numbers * (ratio - 1 - np.log(np.maximum(ratio, 1))), 0.0)
+    return bool(likelier.max() > PATIENCE + np.log(len(ratio)))
+
+
+def gain(weights: Array, f: Array) -> Array:
+    """What symmetric weights of neighbors make of waves of f (...) cycles a sample."""
+    lags = np.arange(len(weights)) - len(weights) // 2
+    return np.asarray(np.cos(2 * np.pi * f[..., None] * lags) @ weights)
 
 
 def undoing(order: int, cut: float) -> Array:
@@ -135,16 +172,22 @@ def undoing(order: int, cut: float) -> Array:
     return np.asarray(np.convolve(np.convolve(a, a[::-1]) / (2**order * b[0]) ** 2, total))
 
 
-def undone(position: Array, source: LowPassed, left: LowPassed) -> Array:
-    """Tracks (time, node, 3) as before a filter, but for what is `left` of it; NaN at their ends."""
+def undone(position: Array, source: LowPassed, left: LowPassed, bent: bool) -> Array:
+    """Tracks (time, node, 3) as before a filter, but for what is `left` of it.
+
+    bent: whether it has bent the motion; then their ends, which are not undone, are NaN, else as they are.
+    """
     weights = undoing(source.order, source.cut * source.step)
     lost = len(weights) // 2
     smooth = partial(sosfiltfilt, butter(left.order, 2 * left.cut * left.step, output="sos"), axis=0)
     out = np.full_like(position, np.nan)
     for k in range(position.shape[1]):
-        for first, length in runs(np.isfinite(position[:, k]).all(1)):
-            inner = slice(first + lost, first + length - lost)
-            restored = correlate1d(position[first : first + length, k], weights, axis=0)[lost : length - lost]
-            if len(restored) > IN_A_ROW // 2:
-                out[inner, k] = smooth(restored)
+        for first, length in runs(np.asarray(np.isfinite(position[:, k]).all(1))):
+            if length < IN_A_ROW:
+                continue
+            track, skipped = position[first : first + length, k], lost if bent else 0
+            restored = correlate1d(track, weights, axis=0)
+            restored[:lost], restored[length - lost :] = track[:lost], track[length - lost :]
+            inner = slice(skipped, length - skipped)
+            out[first : first + length, k][inner] = smooth(restored[inner])
     return out
