@@ -57,9 +57,13 @@ def tuned_linked(
             return -np.inf
 
     bends = bool(start.std.any())
-    free = np.array([0, 1] + [2, 3] * any(not load.force for load in flight.loads) + [4, 5] * bends)
+    tuned = [load for load in flight.loads if not load.keeps]
+    moved = [[0, 1] * any(load.force for load in tuned), [2, 3] * any(not load.force for load in tuned)]
+    free = np.array([*moved[0], *moved[1], *[4, 5] * bends], int)
+    if not len(free):
+        return flight, start, likely(np.zeros(6)), near
     spread = np.eye(6)[free]
-    turned = turning(flight.loads[0].kernel.order)[np.ix_(free, free)]
+    turned = turning(tuned[0].kernel.order)[np.ix_(free, free)]
 
     def of_free(by: Array) -> float:
         return likely(by @ spread)
@@ -100,8 +104,8 @@ def likeliest(value: Callable[[Array], float], near: Array, turned: Array) -> Ar
 
 def bending_of(flight: LinkedFlight) -> Bending:
     """Bending as fast as the forces in the links, before its size and rate are tuned."""
-    kernels = [load.kernel for load in flight.loads if load.force]
-    rate = np.exp(np.mean([np.log(k.rate[k.std.argmax()]) for k in kernels]))
+    kernels = [load.kernel for load in flight.loads if load.force and not load.keeps]
+    rate = np.exp(np.mean([np.log(k.rate[k.std.argmax()]) for k in kernels] or [0.0]))
     return Bending(flight.constraints.bends, float(rate))
 
 

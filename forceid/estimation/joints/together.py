@@ -63,19 +63,19 @@ def smooth_linked_parts(
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or not (parted := linked_parts(solutions)):
         return None, []
-    constraints, findings = constraints_of(linkage, joints, parts, parted, estimates, solutions)
+    constraints, held, findings = constraints_of(linkage, joints, parts, parted, estimates, solutions)
     tied = stacked_constraints(constraints, len(linkage.center), len(parts))
     unplaced = moment_unplaced(linkage, estimates)
     found: list[tuple[float, LinkedFlight, Bending]] = []
     near = np.zeros(6)
-    for order in (FREE, FREE - 1):  # the smoothest first
-        guess = link_loads(linkage, estimates, order)
+    for order in (FREE, FREE - 1, FREE - 2):  # the smoothest first
+        guess = link_loads(linkage, estimates, order, held)
         if not guess:
             return None, findings
         flight = LinkedFlight(parted, guess, tied, unplaced)
         flight, bending, likely, near = tuned_linked(flight, passes, near)
         found.append((likely, flight, bending))
-        if likely < max(value for value, *_ in found):
+        if likely < max(value for value, *_ in found) + np.log(CHANCE):
             break
     smoothed = smooth_under_orders(found, passes)
     if smoothed is None:
@@ -156,8 +156,9 @@ def constraints_of(
     linked: list[LinkedPart],
     estimates: list[Estimate],
     solutions: list[Solution | None],
-) -> tuple[list[Constraints], list[Finding]]:
-    """What the joints keep of the poses, and of accelerations where no part bends; which of them move.
+) -> tuple[list[Constraints], list[int], list[Finding]]:
+    """What the joints keep of the poses, and of accelerations where no part bends; of how much of what each
+    joint passes these tell; which of them move.
 
     A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid
     hold it exactly, and parts that may bend as far as the markers let them: how fast these ring nobody says.
@@ -166,7 +167,7 @@ def constraints_of(
     centers = np.stack([e.center for e in estimates], 1)
     spread = [pose_cov(solution, len(centers)) for solution in solutions]
     motions = [motion_of(part) for part in linked]
-    constraints, findings = [], []
+    constraints, held, findings = [], [0] * len(joints), []
     for index, joint in enumerate(joints):
         kept = held_poses(joint, parts, linkage.on[index], rotation, frame, linkage.point[:, index])
         size, times = changed(kept, centers, spread)
@@ -174,10 +175,11 @@ def constraints_of(
             findings.append(note("joint-moves", joint=joint.name, times=times, kind=joint.kind))
         elif all(parts[k].rigid for k in joint.moving):
             constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
+            held[index] = kept.gap.shape[1]
         else:
             findings.append(note("joint-may-bend", joint=joint.name))
             constraints.append(replace(kept, bends=size))
-    return constraints, findings
+    return constraints, held, findings
 
 
 def moment_unplaced(linkage: Linkage, estimates: list[Estimate]) -> Array:
