@@ -28,7 +28,9 @@ from forceid.rounding import SINGLE
 
 COMPARED_AT = 3.0  # times its rate, where the axes of a load are compared
 UNKNOWN = 10.0  # sizes of a load as first seen, to which its mean is unknown: as at the start of a flight
-KEEPING_ORDER = 2  # of a load that keeps a joint: the lowest that does not jump between samples
+KEEPING_ORDER = (
+    3  # of a load that keeps a joint: the lowest without kinks, which would shake parts between samples
+)
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class LinkLoad:
 
     Of a unit along an axis, passed (time, 6, axis) is its wrench about the center of all parts, and on_parts
     (time, part * 6, axis) the wrench on every part about its own; mean (axis,): standard deviation of the
-    constant beside the process. keeps: whether accelerations tell it, and its process is wide and not tuned.
+    constant beside the process. keeps: whether accelerations tell it: its process is wide, not tuned, and has
+    no constant beside.
     """
 
     link: int
@@ -51,8 +54,8 @@ class LinkLoad:
     @property
     def rows(self) -> Array:
         """Rows (axis, axis * state) that read the load out of its constants and processes."""
-        read = np.concatenate([[1.0], self.kernel.process.output])
-        return np.kron(np.eye(len(self.mean)), read)
+        output = self.kernel.process.output
+        return np.kron(np.eye(len(self.mean)), output if self.keeps else np.concatenate([[1.0], output]))
 
     def moved(self, by: Array) -> LinkLoad:
         """The same with its kernel moved, for a search: forces by by[:2], moments by by[2:4]."""
@@ -87,7 +90,7 @@ def load_steps(load: LinkLoad, step: Array) -> LoadSteps:
     F, Q = discretize_steps(chain, unique)
     if len(unique) > 1:
         F, Q = F[which], Q[which]
-    own = slice(MEAN, None)
+    own = slice(MEAN + load.keeps, None)
     return LoadSteps(
         F[..., own, own], Q[..., own, own], chain.P0[:, own, own], F[..., 0, own], F[..., 1, own],
         Q[..., :MEAN, :MEAN], Q[..., :MEAN, own],

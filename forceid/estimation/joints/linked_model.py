@@ -25,7 +25,7 @@ class LinkedModel:
     """All parts under their loads and constraints over a run of samples: model, what it measures, and rows
     (time, part * 6, state) that read the wrenches.
 
-    step (step,) s; push, one of each load (step, state, axis, 2): what its second and its first integral do to
+    step (step,) s; push, one of each load (step, state, axis, 2): what its second and first integrals do to
     the states of the parts, which come first; quiet (step, state, state): Q of these without the loads.
     Behind them stand constants, then the states of bending, then those of each load, `driven`.
     """
@@ -57,7 +57,11 @@ class LinkedModel:
             size = steps.F.shape[-1]
             for axis, at in enumerate(range(driven.start, driven.stop, size)):
                 one = slice(at, at + size)
-                F[:, one, one], Q[:, one, one], P0[one, one] = steps.F[:, axis], steps.Q[:, axis], steps.P0[axis]
+                F[:, one, one], Q[:, one, one], P0[one, one] = (
+                    steps.F[:, axis],
+                    steps.Q[:, axis],
+                    steps.P0[axis],
+                )
         if self.bent.stop > self.bent.start:
             bends = bending.model(self.step)
             F[:, self.bent, self.bent], Q[:, self.bent, self.bent] = bends.F, bends.Q

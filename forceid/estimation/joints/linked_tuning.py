@@ -19,16 +19,15 @@ from forceid.estimation.joints.linked_model import linked_model
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.spectral_start import ENOUGH_SAMPLES
-from forceid.flight.tuning import PROBE
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
 SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
 DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
-ABOUT = 0.1  # of a logarithm: to which a standard error is found
+ABOUT = 0.1  # of a logarithm, to which sizes and rates are found: a tenth to a third of their standard errors
 GUESSED_WITHIN = 0.5  # of a logarithm: about as far off as a first guess of sizes and rates may be
-WITHIN = {"initial_tr_radius": GUESSED_WITHIN, "final_tr_radius": PROBE}
+WITHIN = {"initial_tr_radius": GUESSED_WITHIN, "final_tr_radius": ABOUT}
 
 
 def tuned_linked(
