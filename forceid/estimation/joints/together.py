@@ -126,7 +126,7 @@ def smooth_under_orders(
 def grown_together(solutions: Sequence[Solution | None]) -> float:
     """Factor on claimed deviations that allows for what the record does not tell of the priors.
 
-    One for all, lest balances that are all but exact were upset. The loads of all links have one order: so
+    One for all, lest balances that are all but exact were upset. What drives the parts has one order: so
     all parts tell it, and each axis its own rate and size.
     """
     told = [(s.growth, s.rivals) for s in solutions if s is not None]
