@@ -28,9 +28,7 @@ from forceid.rounding import SINGLE
 
 COMPARED_AT = 3.0  # times its rate, where the axes of a load are compared
 UNKNOWN = 10.0  # sizes of a load as first seen, to which its mean is unknown: as at the start of a flight
-KEEPING_ORDER = (
-    3  # of a load that keeps a joint: the lowest without kinks, which would shake parts between samples
-)
+KEEPING_ORDER = 3  # of a load that keeps a joint: the lowest without kinks, which shake parts inside a step
 
 
 @dataclass(frozen=True)
