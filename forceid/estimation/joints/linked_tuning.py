@@ -25,7 +25,7 @@ from forceid.records import Array
 BEGINNING = 8  # samples that tell where parts begin
 SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
 DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
-ABOUT = 0.1  # of a logarithm: to which sizes, rates and a standard error are found, below half a log-likelihood
+ABOUT = 0.1  # of a logarithm: to which sizes, rates and a standard error are found
 GUESSED_WITHIN = 0.5  # of a logarithm: about as far off as a first guess of sizes and rates may be
 WITHIN = {"initial_tr_radius": GUESSED_WITHIN, "final_tr_radius": ABOUT}
 
