@@ -18,18 +18,19 @@ from evidence.drawn.records.joined_nets import MASSES, joined_nets
 from evidence.subjects.flights.true_prior import fitted_prior
 from evidence.written import asked, paged, table
 from forceid.config import Settings
-from forceid.estimation.joints import together as joint_smoothing
 from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
+from forceid.estimation.joints.holding import constraints_of
 from forceid.estimation.joints.link_loads import LinkLoad, link_loads
 from forceid.estimation.joints.linkage import at_joints, carried_over, linkage_of, split
 from forceid.estimation.joints.linked_flight import LinkedFlight, linked_parts
 from forceid.estimation.joints.linked_smoothing import smooth_linked
 from forceid.estimation.joints.linked_tuning import bending_of
 from forceid.estimation.joints.parts import parts_of
+from forceid.estimation.joints.together import moment_unplaced
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole
-from forceid.flight.tuning import FREE, ORDERS
+from forceid.flight.tuning import FREE
 from forceid.kalman.engines import engine
 from forceid.records import Array, Estimate, Motion, Recording
 from forceid.scenes.flights import hinged
@@ -91,11 +92,11 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
             arm = truth["joint_point"][:, j] - estimates[end].center
             M = sign * truth["joint_moment"][:, j] + np.cross(arm, F)
             wrench[:, 6 * end : 6 * end + 6] += np.concatenate([F, M], 1)
-    loads = told_loads(estimates[0].time, link_loads(linkage, estimates, FREE), wrench)
     linked = linked_parts(solutions)
-    ties, _ = joint_smoothing.constraints_of(linkage, joints, parts, linked, estimates, solutions)
+    ties, kept, _ = constraints_of(linkage, joints, parts, linked, estimates, solutions)
+    loads = told_loads(estimates[0].time, link_loads(linkage, estimates, FREE, kept), wrench)
     tied = stacked_constraints(ties, len(wrench), len(parts))
-    flight = LinkedFlight(linked, loads, tied, joint_smoothing.moment_unplaced(linkage, estimates))
+    flight = LinkedFlight(linked, loads, tied, moment_unplaced(linkage, estimates))
     w, C = smooth_linked(flight, bending_of(flight), passes)
     to_joints = -split(linkage) @ carried_over(linkage)
     g = np.einsum("tij,tj->ti", to_joints, w.reshape(len(w), -1)).reshape(len(w), len(joints), 6)
@@ -106,12 +107,15 @@ def told_smoother(recording: Recording, settings: Settings, solved: Solved) -> t
 def told_loads(time: Array, loads: Sequence[LinkLoad], wrench: Array) -> list[LinkLoad]:
     """Loads of links with the priors that the true wrenches (time, part * 6) on the parts call for."""
     true = (np.linalg.pinv(np.concatenate([load.on_parts for load in loads], 2)) @ wrench[..., None])[..., 0]
-    order, found, at = FREE, list[LinkLoad](), 0
+    found, at = list[LinkLoad](), 0
     for load in loads:
-        count = load.on_parts.shape[2]
-        seen = np.pad(true[:, at : at + count], ((0, 0), (0, 3 - count)))
-        tuned, axes = fitted_prior(time, seen, (order,) if found else ORDERS)
-        order, at = tuned.kernel.order, at + count
+        count, first = load.on_parts.shape[2], at
+        at += count
+        if load.keeps:
+            found.append(load)
+            continue
+        seen = np.pad(true[:, first:at], ((0, 0), (0, 3 - count)))
+        tuned, axes = fitted_prior(time, seen)
         passed, on_parts = (
             np.pad(a, ((0, 0), (0, 0), (0, 3 - count))) @ axes for a in (load.passed, load.on_parts)
         )

@@ -192,13 +192,13 @@ struct Rest {
 // One step of the covariance, prediction and update in Joseph's form.
 template <int N, int M> struct Covariance {
   const int n, m;
-  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, W_t, PH, white, I_KH, work, work2;
+  Buffer P_pred, P, K, W, H_s, H_t, R_s, S, W_t, PH, white, work, work2;
   int count = 0; // of the channels seen
   std::vector<int> channel;
 
   Covariance(int n_, int m_)
       : n(N ? N : n_), m(M ? M : m_), P_pred(n * n), P(n * n), K(n * m), W(m * m), H_s(m * n), H_t(n * m),
-        R_s(m * m), S(m * m), W_t(m * m), PH(n * m), white(n * m), I_KH(n * n), work(std::max(n, m) * std::max(n, m)),
+        R_s(m * m), S(m * m), W_t(m * m), PH(n * m), white(n * m), work(std::max(n, m) * std::max(n, m)),
         work2(std::max(n, m) * std::max(n, m)), channel(m) {}
 
   void predict(const double *F, const double *Q) {
@@ -245,27 +245,36 @@ template <int N, int M> struct Covariance {
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < c; ++j) K[i * m + channel[j]] = work2[i * c + j];
     // P - white white^T is as good as Joseph's form until it takes most of a variance away
-    transpose(white.data(), H_t.data(), n, c);
-    multiply(white.data(), H_t.data(), P.data(), n, c, n);
     double taken = 0.0;
     for (int i = 0; i < n; ++i) {
-      taken = std::max(taken, P_pred[i * n + i] > 0.0 ? P[i * n + i] / P_pred[i * n + i] : 0.0);
-      for (int j = 0; j < n; ++j) P[i * n + j] = P_pred[i * n + j] - P[i * n + j];
+      double own = 0.0;
+      for (int j = 0; j < c; ++j) own += white[i * c + j] * white[i * c + j];
+      taken = std::max(taken, P_pred[i * n + i] > 0.0 ? own / P_pred[i * n + i] : 0.0);
     }
-    if (taken > MOST) joseph(c);
+    if (taken > MOST) {
+      joseph(c);
+      return true;
+    }
+    transpose(white.data(), H_t.data(), n, c);
+    multiply(white.data(), H_t.data(), P.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) P[i] = P_pred[i] - P[i];
     return true;
   }
 
+  // A P A^T + K R K^T with A = 1 - K H, without A: what takes as many products as there are channels, no more
   void joseph(int c) { // gain of the channels seen in work2
     const int n = N ? N : this->n;
-    multiply(work2.data(), H_s.data(), I_KH.data(), n, c, n);
-    for (int i = 0; i < n * n; ++i) I_KH[i] = -I_KH[i];
-    for (int i = 0; i < n; ++i) I_KH[i * n + i] += 1.0;
+    transpose(PH.data(), H_t.data(), n, c); // H P
+    multiply(work2.data(), H_t.data(), P.data(), n, c, n);
+    for (int i = 0; i < n * n; ++i) P[i] = P_pred[i] - P[i]; // A P
+    transpose(P.data(), work.data(), n, n);
+    multiply(H_s.data(), work.data(), H_t.data(), c, n, n);
+    transpose(H_t.data(), PH.data(), c, n); // A P H^T
+    multiply(work2.data(), R_s.data(), white.data(), n, c, c);
+    for (int i = 0; i < n * c; ++i) PH[i] -= white[i];
     transpose(work2.data(), H_t.data(), n, c); // K^T
-    multiply(work2.data(), R_s.data(), PH.data(), n, c, c);
-    sandwich(I_KH.data(), P_pred.data(), P.data(), work.data(), n);
     multiply(PH.data(), H_t.data(), work.data(), n, c, n);
-    for (int i = 0; i < n * n; ++i) P[i] += work[i];
+    for (int i = 0; i < n * n; ++i) P[i] -= work[i];
     symmetrize(P.data(), n);
   }
 };

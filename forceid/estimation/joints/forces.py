@@ -14,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.config import Settings
+from forceid.estimation.joints.holding import chance_limit
 from forceid.estimation.joints.link_loads import unseen_ringing
 from forceid.estimation.joints.linkage import about_center, at_joints, linkage_of, split
 from forceid.estimation.joints.parts import Joint, Part, parts_of
-from forceid.estimation.joints.together import chance_limit, smooth_linked_parts
+from forceid.estimation.joints.together import smooth_linked_parts
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing

@@ -2,8 +2,10 @@
 
 A joint load acts on two parts, with opposite signs and at one place, so their wrenches balance by
 construction and no balance has to be enforced. A force has its process along axes that stand in the world, a
-moment along the directions that the joint passes, which turn with a part. Source: principal equations 2.8,
-4e, 4h; theory of one model 2.
+moment along the directions that the joint passes, which turn with a part. What keeps a joint together where
+accelerations are held follows from the motion and from what drives the parts. A prior of its own would count
+twice what no record shows, so that it has one that tells nothing. Source: principal equations 2.8, 4e, 4h;
+theory of one model 2.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from forceid.estimation.joints.linkage import Linkage
 from forceid.estimation.loads.hidden.ringing_body import ringing_alike
@@ -27,6 +28,7 @@ from forceid.rounding import SINGLE
 
 COMPARED_AT = 3.0  # times its rate, where the axes of a load are compared
 UNKNOWN = 10.0  # sizes of a load as first seen, to which its mean is unknown: as at the start of a flight
+KEEPING_ORDER = 3  # of a load that keeps a joint: the lowest without kinks, which shake parts inside a step
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class LinkLoad:
 
     Of a unit along an axis, passed (time, 6, axis) is its wrench about the center of all parts, and on_parts
     (time, part * 6, axis) the wrench on every part about its own; mean (axis,): standard deviation of the
-    constant beside the process.
+    constant beside the process. keeps: whether accelerations tell it: its process is wide, not tuned, and has
+    no constant beside.
     """
 
     link: int
@@ -44,19 +47,28 @@ class LinkLoad:
     mean: Array
     passed: Array
     on_parts: Array
+    keeps: bool = False
+
+    @property
+    def rows(self) -> Array:
+        """Rows (axis, axis * state) that read the load out of its constants and processes."""
+        output = self.kernel.process.output
+        return np.kron(np.eye(len(self.mean)), output if self.keeps else np.concatenate([[1.0], output]))
 
     def moved(self, by: Array) -> LinkLoad:
         """The same with its kernel moved, for a search: forces by by[:2], moments by by[2:4]."""
+        if self.keeps:
+            return self
         return replace(self, kernel=self.kernel.moved(by[:2] if self.force else by[2:4]))
 
 
 @dataclass(frozen=True)
 class LoadSteps:
-    """Loads over steps, all or one for all: states of the constant and of the process along each axis.
+    """A load over steps, all or one for all: states of the constant and of the process along each axis.
 
     F, Q (step, axis, state, state) and P0 (axis, state, state) of these; Y, H (step, axis, state): what each
-    state adds to the second and the first integral of its load; noise (step, axis, 2, 2) of these two, and
-    beside (step, axis, 2, state) with that of the states; rows (axis, axis * state) that read the loads.
+    state adds to the second and the first integral of the load; noise (step, axis, 2, 2) of these two, and
+    beside (step, axis, 2, state) with that of the states.
     """
 
     F: Array
@@ -66,33 +78,30 @@ class LoadSteps:
     H: Array
     noise: Array
     beside: Array
-    rows: Array
 
 
-def load_steps(loads: Sequence[LinkLoad], step: Array) -> LoadSteps:
-    """The loads over steps (step,) s; all of one order."""
-    kernel = Matern(
-        loads[0].kernel.order,
-        np.concatenate([load.kernel.std for load in loads]),
-        np.concatenate([load.kernel.rate for load in loads]),
-    )
-    chain = load_chain(kernel.process, Start(0.0, 0.0, 1.0))
-    chain.P0[:, MEAN, MEAN] = np.concatenate([load.mean for load in loads]) ** 2
+def load_steps(load: LinkLoad, step: Array) -> LoadSteps:
+    """A load over steps (step,) s."""
+    chain = load_chain(load.kernel.process, Start(0.0, 0.0, 1.0))
+    chain.P0[:, MEAN, MEAN] = load.mean**2
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
     F, Q = discretize_steps(chain, unique)
     if len(unique) > 1:
         F, Q = F[which], Q[which]
-    own = slice(MEAN, None)
-    read = np.concatenate([[1.0], kernel.process.output])
+    own = slice(MEAN + load.keeps, None)
     return LoadSteps(
         F[..., own, own], Q[..., own, own], chain.P0[:, own, own], F[..., 0, own], F[..., 1, own],
-        Q[..., :MEAN, :MEAN], Q[..., :MEAN, own], block_diag(*[read[None]] * len(kernel.std)),
+        Q[..., :MEAN, :MEAN], Q[..., :MEAN, own],
     )  # fmt: skip
 
 
-def link_loads(linkage: Linkage, estimates: Sequence[Estimate], order: int) -> list[LinkLoad]:
+def link_loads(
+    linkage: Linkage, estimates: Sequence[Estimate], order: int, kept: Sequence[int] = ()
+) -> list[LinkLoad]:
     """The loads of all links before a record of all parts is seen: as large and as fast as the wrenches on
     the parts call for, each estimated by itself. None where no three samples tell them.
+
+    kept: how many of what each of the first links passes accelerations tell, which come first.
     """
     parts = linkage.arms.shape[1]
     length = float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1)))) or 1.0
@@ -106,15 +115,19 @@ def link_loads(linkage: Linkage, estimates: Sequence[Estimate], order: int) -> l
     size = (np.linalg.pinv(A[known] / unit, rcond=SINGLE) @ (wrench[known] / unit))[..., 0]
     time, loads, at = estimates[0].time[known], list[LinkLoad](), 0
     for link, on in enumerate(each):
-        for force, own in ((True, slice(0, 3)), (False, slice(3, on.shape[2]))):
+        told, count = (kept[link] if link < len(kept) else 0), on.shape[2]
+        for own in (slice(0, 3), slice(3, told), slice(max(3, told), count)):
             if own.stop > own.start:
                 seen, axes = size[:, at + own.start : at + own.stop], np.eye(own.stop - own.start)
+                force, keeps = own.start == 0, own.stop <= told
                 if force:
                     axes = np.linalg.eigh(np.cov(seen.T))[1]
                 kernel, mean = first_guess(time, seen @ axes, order)
+                if keeps:
+                    kernel = Matern(KEEPING_ORDER, mean, np.full(len(mean), fastest(time)))
                 passed = linkage.passes[link][:, :, own] @ axes
-                loads.append(LinkLoad(link, force, kernel, mean, passed, on[:, :, own] @ axes))
-        at += on.shape[2]
+                loads.append(LinkLoad(link, force, kernel, mean, passed, on[:, :, own] @ axes, keeps))
+        at += count
     return loads
 
 
@@ -139,8 +152,13 @@ def first_guess(time: Array, seen: Array, order: int) -> tuple[Matern, Array]:
     size = np.maximum(size, SINGLE * largest)
     change = np.sqrt((np.gradient(varying, time, axis=0) ** 2).mean(0))
     fast = np.sqrt(max(2 * order - 3, 1)) * change / size
-    rate = np.clip(fast, 1.0 / span, 0.5 / float(np.median(np.diff(time))))
+    rate = np.clip(fast, 1.0 / span, fastest(time))
     return widened(Matern(order, size, rate)), np.full(seen.shape[1], UNKNOWN * largest)
+
+
+def fastest(time: Array) -> float:
+    """The largest rate of a load that samples follow, 1/s: one beyond half a turn a sample passes noise."""
+    return 0.5 / float(np.median(np.diff(time)))
 
 
 def widened(kernel: Matern) -> Matern:
@@ -171,7 +189,8 @@ def unseen_ringing(
         own = slice(6 * link, 6 * link + 6)
         for force, axes in ((True, passes[:, :, :3]), (False, passes[:, :, 3:])):
             name = "force" if force else "moment"
-            under = [load for load in loads or () if load.link == link and load.force == force]
+            own_loads = [load for load in loads or () if load.link == link and not load.keeps]
+            under = [load for load in own_loads if load.force == force]
             each = [
                 one.hidden_under(name, load.kernel.density(2 * np.pi * one.frequency[:, None]))
                 for one in held

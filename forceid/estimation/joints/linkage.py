@@ -112,14 +112,18 @@ def joint_ends(
 
 
 def passed(joint: Joint, R: Array) -> Array:
-    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with a part that it holds."""
+    """Wrenches (time, 6, k) about the joint that it can pass; its axis turns with a part that it holds.
+
+    Forces, then moments across the axis of a hinge, then that about it.
+    """
     force = np.broadcast_to(np.eye(6, 3), (len(R), 6, 3))
     if joint.free == "all":
         return force
-    if joint.free == "none" or joint.axis is None:
+    if joint.axis is None:
         return np.broadcast_to(np.eye(6), (len(R), 6, 6))
     across = np.linalg.svd(joint.axis[None])[2][1:].T
-    moment = np.concatenate([np.zeros((len(R), 3, 2)), R @ across], 1)
+    turning = across if joint.free == "one" else np.column_stack([across, joint.axis])
+    moment = np.concatenate([np.zeros((len(R), 3, turning.shape[1])), R @ turning], 1)
     return np.concatenate([force, moment], 2)
 
 

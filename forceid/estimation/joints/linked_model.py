@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.link_loads import LinkLoad, load_steps
-from forceid.estimation.joints.linked_flight import OWN, LinkedFlight
+from forceid.estimation.joints.linked_flight import OWN, LinkedFlight, LinkedPart
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
@@ -25,37 +25,43 @@ class LinkedModel:
     """All parts under their loads and constraints over a run of samples: model, what it measures, and rows
     (time, part * 6, state) that read the wrenches.
 
-    step (step,) s; push (step, state, axis, 2): what the second and the first integral of each load do to the
-    states of the parts, which come first; quiet (step, state, state): Q of these without the loads. Behind
-    them stand constants, then the states of bending, then those of the loads.
+    step (step,) s; push, one of each load (step, state, axis, 2): what its second and first integrals do to
+    the states of the parts, which come first; quiet (step, state, state): Q of these without the loads.
+    Behind them stand constants, then the states of bending, then those of each load, `driven`.
     """
 
     model: StateSpace
     z: Array
     read: Array
     step: Array
-    push: Array
+    push: Sequence[Array]
     quiet: Array
     bent: slice
-    driven: slice
+    driven: Sequence[slice]
 
     def under(self, loads: Sequence[LinkLoad], bending: Bending) -> StateSpace:
-        """The model with other kernels of the loads and other bending, written over the one before."""
-        F, Q, P0, steps = self.model.F, self.model.Q, self.model.P0, load_steps(loads, self.step)
-        count, parts = self.push.shape[:2]
-        own, by = slice(0, parts), self.push
-        by_Y, by_H = by[..., :1], by[..., 1:]
-        F[:, own, self.driven] = (by_Y * steps.Y[:, None] + by_H * steps.H[:, None]).reshape(count, parts, -1)
-        beside = by_Y * steps.beside[:, None, :, 0] + by_H * steps.beside[:, None, :, 1]
-        Q[:, own, self.driven] = beside.reshape(count, parts, -1)
-        Q[:, self.driven, own] = Q[:, own, self.driven].mT
-        noise = np.stack([(by * steps.noise[:, None, :, k]).sum(-1) for k in (0, 1)], -1)
-        wide = by.reshape(count, parts, -1)
-        Q[:, own, own] = self.quiet + noise.reshape(count, parts, -1) @ wide.mT
-        size, at = steps.F.shape[-1], self.driven.start
-        for axis in range(steps.F.shape[1]):
-            one = slice(at + axis * size, at + (axis + 1) * size)
-            F[:, one, one], Q[:, one, one], P0[one, one] = steps.F[:, axis], steps.Q[:, axis], steps.P0[axis]
+        """The model with other kernels of the loads, of the same orders, and other bending, written over the
+        one before.
+        """
+        F, Q, P0, own = self.model.F, self.model.Q, self.model.P0, slice(0, self.quiet.shape[-1])
+        Q[:, own, own] = self.quiet
+        for load, by, driven in zip(loads, self.push, self.driven, strict=True):
+            steps, shape = load_steps(load, self.step), (*by.shape[:2], -1)
+            by_Y, by_H = by[..., :1], by[..., 1:]
+            F[:, own, driven] = (by_Y * steps.Y[:, None] + by_H * steps.H[:, None]).reshape(shape)
+            beside = by_Y * steps.beside[:, None, :, 0] + by_H * steps.beside[:, None, :, 1]
+            Q[:, own, driven] = beside.reshape(shape)
+            Q[:, driven, own] = Q[:, own, driven].mT
+            noise = np.stack([(by * steps.noise[:, None, :, k]).sum(-1) for k in (0, 1)], -1)
+            Q[:, own, own] += noise.reshape(shape) @ by.reshape(shape).mT
+            size = steps.F.shape[-1]
+            for axis, at in enumerate(range(driven.start, driven.stop, size)):
+                one = slice(at, at + size)
+                F[:, one, one], Q[:, one, one], P0[one, one] = (
+                    steps.F[:, axis],
+                    steps.Q[:, axis],
+                    steps.P0[axis],
+                )
         if self.bent.stop > self.bent.start:
             bends = bending.model(self.step)
             F[:, self.bent, self.bent], Q[:, self.bent, self.bent] = bends.F, bends.Q
@@ -69,33 +75,36 @@ def linked_model(flight: LinkedFlight, bending: Bending, run: slice) -> LinkedMo
     step, count = slice(run.start, run.stop - 1), run.stop - run.start
     beside = [standing(tied.spread), bending.model(clock)]
     each = [cut(part.model, run) for part in flight.parts] + [cut(model, run) for model in beside]
-    on = np.concatenate([load.on_parts[run] for load in flight.loads], 2)
-    starts = np.cumsum([0, *(len(m.x0) for m in each)])
-    parts, loads = int(starts[len(flight.parts)]), load_steps(flight.loads, clock[step])
-    blank = np.zeros((count - 1, *[loads.rows.shape[1]] * 2))
+    each_load = [load.rows.shape[1] for load in flight.loads]
+    starts = np.cumsum([0, *(len(m.x0) for m in each), *each_load])
+    parts, size = int(starts[len(flight.parts)]), int(starts[-1])
+    blank = np.zeros((count - 1, *[sum(each_load)] * 2))
     F, Q = (block_diagonal(*(getattr(m, name) for m in each), blank) for name in "FQ")
-    by_Y, by_H = (
-        np.concatenate(
-            [
-                getattr(part, name)[step] @ half(on[:, 6 * k : 6 * k + 6])
-                for k, part in enumerate(flight.parts)
-            ],
-            1,
-        )
-        for name in ("to_Y", "to_H")
-    )
     for k, at in enumerate(starts[: len(flight.parts)]):
         turning = slice(at + OWN - 3, at + OWN)
         lost = np.nan_to_num(flight.unplaced[step, k]) * clock[step] ** 2
         Q[:, turning, turning] += lost[:, None, None] * np.eye(3)
-    driven = slice(int(starts[-1]), F.shape[-1])
-    read = np.zeros((count, on.shape[1], F.shape[-1]))
-    read[:, :, driven] = on @ loads.rows
+    read, push, driven = np.zeros((count, 6 * len(flight.parts), size)), list[Array](), list[slice]()
+    for load, at, states in zip(flight.loads, starts[len(each) :], each_load, strict=False):
+        driven.append(slice(int(at), int(at) + states))
+        read[:, :, driven[-1]] = load.on_parts[run] @ load.rows
+        push.append(pushed(flight.parts, load.on_parts[run], step))
     model, z = with_constraints(flight, bending, each, (F, Q), read, run)
-    quiet, bent = Q[:, :parts, :parts].copy(), slice(int(starts[-2]), int(starts[-1]))
-    found = LinkedModel(model, z, read, clock[step], np.stack([by_Y, by_H], 3), quiet, bent, driven)
+    quiet, bent = Q[:, :parts, :parts].copy(), slice(int(starts[len(each) - 1]), int(starts[len(each)]))
+    found = LinkedModel(model, z, read, clock[step], push, quiet, bent, driven)
     found.under(flight.loads, bending)
     return found
+
+
+def pushed(parts: Sequence[LinkedPart], on: Array, step: slice) -> Array:
+    """What second and first integral of a load do to the parts (step, state, axis, 2); on (time, part * 6,
+    axis): what a unit of it does at the samples at the ends of the steps.
+    """
+    by = [
+        [getattr(part, name)[step] @ half(on[:, 6 * k : 6 * k + 6]) for k, part in enumerate(parts)]
+        for name in ("to_Y", "to_H")
+    ]
+    return np.stack([np.concatenate(each, 1) for each in by], 3)
 
 
 def with_constraints(

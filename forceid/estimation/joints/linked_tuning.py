@@ -19,16 +19,15 @@ from forceid.estimation.joints.linked_model import linked_model
 from forceid.estimation.loads.ascent import bfgs_maximum
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.spectral_start import ENOUGH_SAMPLES
-from forceid.flight.tuning import PROBE
 from forceid.kalman.engines import Engine
 from forceid.records import Array
 
 BEGINNING = 8  # samples that tell where parts begin
 SIZE_OF_BENDING = 4  # among the numbers that are tuned: level and rate of forces, of moments, of bending
 DOUBLED = 8  # times at most: joints of parts that bend by so much more hold next to nothing
-ABOUT = 0.1  # of a logarithm: to which a standard error is found
+ABOUT = 0.1  # of a logarithm: to which sizes, rates and a standard error are found
 GUESSED_WITHIN = 0.5  # of a logarithm: about as far off as a first guess of sizes and rates may be
-WITHIN = {"initial_tr_radius": GUESSED_WITHIN, "final_tr_radius": PROBE}
+WITHIN = {"initial_tr_radius": GUESSED_WITHIN, "final_tr_radius": ABOUT}
 
 
 def tuned_linked(
@@ -57,9 +56,13 @@ def tuned_linked(
             return -np.inf
 
     bends = bool(start.std.any())
-    free = np.array([0, 1] + [2, 3] * any(not load.force for load in flight.loads) + [4, 5] * bends)
+    tuned = [load for load in flight.loads if not load.keeps]
+    moved = [[0, 1] * any(load.force for load in tuned), [2, 3] * any(not load.force for load in tuned)]
+    free = np.array([*moved[0], *moved[1], *[4, 5] * bends], int)
+    if not len(free):
+        return flight, start, likely(np.zeros(6)), near
     spread = np.eye(6)[free]
-    turned = turning(flight.loads[0].kernel.order)[np.ix_(free, free)]
+    turned = turning(tuned[0].kernel.order)[np.ix_(free, free)]
 
     def of_free(by: Array) -> float:
         return likely(by @ spread)
@@ -100,8 +103,8 @@ def likeliest(value: Callable[[Array], float], near: Array, turned: Array) -> Ar
 
 def bending_of(flight: LinkedFlight) -> Bending:
     """Bending as fast as the forces in the links, before its size and rate are tuned."""
-    kernels = [load.kernel for load in flight.loads if load.force]
-    rate = np.exp(np.mean([np.log(k.rate[k.std.argmax()]) for k in kernels]))
+    kernels = [load.kernel for load in flight.loads if load.force and not load.keeps]
+    rate = np.exp(np.mean([np.log(k.rate[k.std.argmax()]) for k in kernels] or [0.0]))
     return Bending(flight.constraints.bends, float(rate))
 
 

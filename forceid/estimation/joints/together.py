@@ -6,36 +6,27 @@ Source: principal equations 2.8, 4f, 4h.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from forceid.config import Settings
 from forceid.estimation.joints.bending import Bending
-from forceid.estimation.joints.constraints import (
-    Constraints,
-    PartMotion,
-    accelerated,
-    held_poses,
-    stacked_constraints,
-)
+from forceid.estimation.joints.constraints import stacked_constraints
+from forceid.estimation.joints.holding import constraints_of
 from forceid.estimation.joints.link_loads import LinkLoad, link_loads
-from forceid.estimation.joints.linkage import Linkage, about_center, at_joints, carried_over, pose_cov, split
-from forceid.estimation.joints.linked_flight import LinkedFlight, LinkedPart, linked_parts
+from forceid.estimation.joints.linkage import Linkage, about_center, at_joints, carried_over, split
+from forceid.estimation.joints.linked_flight import LinkedFlight, linked_parts
 from forceid.estimation.joints.linked_smoothing import smooth_linked
 from forceid.estimation.joints.linked_tuning import tuned_linked
 from forceid.estimation.joints.parts import Joint, Part
 from forceid.estimation.methods.problem import Solution
-from forceid.estimation.verdict.catalogue import note
 from forceid.flight.tuning import FREE
 from forceid.kalman.engines import Engine, engine
 from forceid.principal import transport
 from forceid.records import Array, Estimate, Finding
 from forceid.rounding import SINGLE
-from forceid.significance import CHANCE, DENIED, SIGMAS
-
-HELD = 0.004  # standard deviations of parts by themselves, to which accelerations are held
+from forceid.significance import CHANCE, SIGMAS
 
 
 @dataclass(frozen=True)
@@ -63,19 +54,19 @@ def smooth_linked_parts(
     passes = engine(settings.engine)
     if sharp(linkage, solutions) or not (parted := linked_parts(solutions)):
         return None, []
-    constraints, findings = constraints_of(linkage, joints, parts, parted, estimates, solutions)
+    constraints, held, findings = constraints_of(linkage, joints, parts, parted, estimates, solutions)
     tied = stacked_constraints(constraints, len(linkage.center), len(parts))
     unplaced = moment_unplaced(linkage, estimates)
     found: list[tuple[float, LinkedFlight, Bending]] = []
     near = np.zeros(6)
-    for order in (FREE, FREE - 1):  # the smoothest first
-        guess = link_loads(linkage, estimates, order)
+    for order in (FREE, FREE - 1, FREE - 2):  # the smoothest first
+        guess = link_loads(linkage, estimates, order, held)
         if not guess:
             return None, findings
         flight = LinkedFlight(parted, guess, tied, unplaced)
         flight, bending, likely, near = tuned_linked(flight, passes, near)
         found.append((likely, flight, bending))
-        if likely < max(value for value, *_ in found):
+        if likely < max(value for value, *_ in found) + np.log(CHANCE):
             break
     smoothed = smooth_under_orders(found, passes)
     if smoothed is None:
@@ -88,11 +79,22 @@ def smooth_linked_parts(
         own = slice(6 * k, 6 * k + 6)
         C[:, own, own] += solution.smoothing.allowance
     C *= grown_together(solutions) ** 2
-    moved = w - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
-    claimed = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
-    if np.nanmean(moved**2 / claimed) > SIGMAS**2:
-        return None, findings  # parts that contradict each other are for the test of consistency
+    if contradicted(w, C, estimates):
+        return None, findings  # for the test of consistency
     return Together(transport(w, linkage.arms), carry @ C @ carry.mT, loads), findings
+
+
+def contradicted(wrench: Array, cov: Array, estimates: Sequence[Estimate]) -> bool:
+    """Whether wrenches (time, part, 6) of parts smoothed together, of covariance (time, part * 6, part * 6),
+    are off those of the parts by themselves beyond the claims of both.
+
+    A light part between large loads knows its own wrench, their difference, better than all parts together
+    know it: these know nothing of how smooth that difference is.
+    """
+    moved = wrench - np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1)
+    alone = np.stack([np.diagonal(e.wrench_cov, axis1=1, axis2=2) for e in estimates], 1)
+    claimed = alone + np.diagonal(cov, axis1=1, axis2=2).reshape(alone.shape)
+    return bool(np.nanmean(moved**2 / claimed) > SIGMAS**2)
 
 
 def smooth_under_orders(
@@ -124,7 +126,7 @@ def smooth_under_orders(
 def grown_together(solutions: Sequence[Solution | None]) -> float:
     """Factor on claimed deviations that allows for what the record does not tell of the priors.
 
-    One for all, lest balances that are all but exact were upset. The loads of all links have one order: so
+    One for all, lest balances that are all but exact were upset. What drives the parts has one order: so
     all parts tell it, and each axis its own rate and size.
     """
     told = [(s.growth, s.rivals) for s in solutions if s is not None]
@@ -149,37 +151,6 @@ def sharp(linkage: Linkage, solutions: list[Solution | None]) -> bool:
     return max(noise, default=0.0) < SINGLE * float(np.sqrt(np.nanmean((linkage.arms**2).sum(-1))))
 
 
-def constraints_of(
-    linkage: Linkage,
-    joints: tuple[Joint, ...],
-    parts: tuple[Part, ...],
-    linked: list[LinkedPart],
-    estimates: list[Estimate],
-    solutions: list[Solution | None],
-) -> tuple[list[Constraints], list[Finding]]:
-    """What the joints keep of the poses, and of accelerations where no part bends; which of them move.
-
-    A joint that moves by more than chance is not held. Of others, parts that are stated to be rigid
-    hold it exactly, and parts that may bend as far as the markers let them: how fast these ring nobody says.
-    """
-    rotation, frame = [p.reference.rotation for p in linked], [p.flight.pose_cov for p in linked]
-    centers = np.stack([e.center for e in estimates], 1)
-    spread = [pose_cov(solution, len(centers)) for solution in solutions]
-    motions = [motion_of(part) for part in linked]
-    constraints, findings = [], []
-    for index, joint in enumerate(joints):
-        kept = held_poses(joint, parts, linkage.on[index], rotation, frame, linkage.point[:, index])
-        size, times = changed(kept, centers, spread)
-        if times:
-            findings.append(note("joint-moves", joint=joint.name, times=times, kind=joint.kind))
-        elif all(parts[k].rigid for k in joint.moving):
-            constraints += [kept, accelerated(joint, parts, motions, give(joint, linked, estimates))]
-        else:
-            findings.append(note("joint-may-bend", joint=joint.name))
-            constraints.append(replace(kept, bends=size))
-    return constraints, findings
-
-
 def moment_unplaced(linkage: Linkage, estimates: list[Estimate]) -> Array:
     """Variance (time, part) of the moment on each part, N2 m2, since where joints are and how their axes
     stand is known by so much.
@@ -194,62 +165,3 @@ def moment_unplaced(linkage: Linkage, estimates: list[Estimate]) -> Array:
     each = (force**2).sum(2) * reach + (moment**2).sum(2) * tilt
     held = [[k in ends for ends in linkage.links[:joints]] for k in range(len(estimates))]
     return np.asarray(each @ np.array(held, float).T)
-
-
-def changed(constraints: Constraints, center: Array, pose_cov: list[Array]) -> tuple[Array, float]:
-    """By how much what a joint keeps of the poses changes (row,), m and rad; and the larger of place and
-    directions in standard deviations of the poses as known, zero where chance explains both.
-
-    center (time, part, 3) m; pose_cov (time, 6, 6) of each part, along its reference. A part that bends moves
-    its joint by less than the noise of a frame, and a joint that is held all the same claims far too little.
-    """
-    T, n = constraints.gap.shape
-    rows = constraints.on_motion.reshape(T, n, -1, 9)
-    off = constraints.gap - np.einsum("trpa,tpa->tr", rows[..., :3], center)
-    noise = sum(
-        np.einsum("tra,tab,trb->tr", rows[:, :, k, :6], cov, rows[:, :, k, :6])
-        for k, cov in enumerate(pose_cov)
-    )
-    known = np.isfinite(off).all(1) & np.isfinite(noise).all(1)
-    design = constraints.offset[known].reshape(-1, constraints.offset.shape[2])
-    constant = np.linalg.lstsq(design, off[known].ravel(), rcond=None)[0]
-    left = (off[known].ravel() - design @ constant).reshape(-1, n)
-    size, times = np.zeros(n), 0.0
-    for part in (slice(0, 3), slice(3, n)):
-        if part.start < n:
-            square, by_chance = np.mean(left[:, part] ** 2), np.mean(noise[known][:, part])
-            size[part] = np.sqrt(square)
-            if square / by_chance > chance_limit(left[:, part], part.stop - part.start):
-                times = max(times, float(np.sqrt(square / by_chance)))
-    return size, times
-
-
-def motion_of(part: LinkedPart) -> PartMotion:
-    """A part along its reference."""
-    reference, flight = part.reference, part.flight
-    H, T, _ = reference.moment.read(reference.chain)
-    return PartMotion(reference.rotation, H, T, flight.mass, flight.inertia, flight.h, flight.gravity)
-
-
-def give(joint: Joint, linked: list[LinkedPart], estimates: list[Estimate]) -> Array:
-    """Variances (time, 2) of accelerations, of place and angle, to which a joint keeps its parts."""
-    found = []
-    for k in joint.moving:
-        cov = np.diagonal(estimates[k].wrench_cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(2)
-        flight = linked[k].flight
-        light = np.linalg.eigvalsh(flight.inertia)[:, 0]
-        found.append(cov / np.stack([np.full(len(cov), flight.mass**2), light**2], 1))
-    return np.asarray(HELD**2 * sum(found))
-
-
-def chance_limit(series: Array, dof: int) -> float:
-    """The mean square per degree of freedom, of `dof` a sample, that chance reaches in one honest record in
-    ten thousand; series (time, column) turns about its mean as often as its samples are independent.
-
-    >>> slow = np.sin(np.arange(400.0)[:, None] / 40)
-    >>> chance_limit(slow, 3) > chance_limit(slow[:, [0]] * (-1) ** np.arange(400)[:, None], 3) > 1
-    True
-    """
-    turns = np.diff(np.sign(series - series.mean(0)), axis=0) != 0
-    independent = max(1.0, float(turns.sum(0).mean()))
-    return float(chdtri(dof * independent, DENIED) / (dof * independent))

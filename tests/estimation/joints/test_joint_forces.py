@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -135,6 +136,23 @@ def test_nees_of_drawn_joint_loads_is_no_larger_than_its_band(blocks):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_joints_under_a_fast_drive_err_by_what_they_claim(blocks):
+    """Drives of 6 Hz on a slow swing: what keeps the joints together may not be a second prior of these."""
+    squares = []
+    for seed in range(530, 533):
+        parameters = chain(seed, blocks, drawn_frequency=6.0)
+        recording = seen(parameters, seed, time=LONG)
+        found = joint_forces(recording, jointed(parameters), estimate_whole)
+        assert found.verdict.level == "ok"
+        off, std = errors(found, recording.truth), np.concatenate([found.force_std, found.moment_std], -1)
+        ratios = [rms(off[INNER][..., own]) / rms(std[INNER][..., own]) for own in (slice(0, 3), slice(3, 6))]
+        assert max(ratios) < 2.0
+        squares.append(np.square(ratios))
+    assert 0.7 < np.sqrt(np.mean(squares)) < 1.4
+
+
+@pytest.mark.long
 def test_what_joints_keep_of_the_motion_makes_forces_several_times_more_accurate(monkeypatch):
     parameters = chain(0)
     recording = seen(parameters, 0, time=LONG)
@@ -156,6 +174,14 @@ def test_parts_whose_covariance_is_lost_to_rounding_are_not_smoothed_together(mo
     apart = joint_forces(recording, jointed(parameters), estimate_whole)
     assert np.isfinite(found.wrench_cov).all()
     np.testing.assert_array_equal(found.force, apart.force)
+
+
+def test_a_light_part_that_knows_its_wrench_better_alone_contradicts_no_chain():
+    time, tight, wide = 50, np.tile(np.eye(6), (50, 1, 1)), np.tile(400.0 * np.eye(6), (50, 1, 1))
+    alone = SimpleNamespace(force=np.zeros((time, 3)), moment=np.zeros((time, 3)), wrench_cov=tight)
+    moved = np.full((time, 1, 6), 10.0)
+    assert not joint_smoothing.contradicted(moved, wide, [alone])
+    assert joint_smoothing.contradicted(moved, tight, [alone])
 
 
 def lost(flight, bending, engine):

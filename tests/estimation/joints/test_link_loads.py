@@ -1,6 +1,7 @@
 """Loads of links as processes that move both parts, and what parts that ring pass unseen."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from evidence.drawn.records import joined_nets as nets
 from forceid.estimation.joints.bending import Bending
 from forceid.estimation.joints.constraints import stacked_constraints
 from forceid.estimation.joints.forces import joint_forces
-from forceid.estimation.joints.link_loads import first_guess, link_loads
+from forceid.estimation.joints.link_loads import KEEPING_ORDER, first_guess, link_loads
 from forceid.estimation.joints.linkage import linkage_of
 from forceid.estimation.joints.linked_flight import OWN, LinkedFlight, linked_parts
 from forceid.estimation.joints.linked_model import linked_model
@@ -56,6 +57,23 @@ def test_a_joint_load_gives_both_parts_opposite_momentum_and_no_spin_to_the_whol
     # the place of the joint moves by second order in the step while it is halfway
     assert np.abs(about).max() < 1e-3 * np.abs(pushed[:, spin[0]]).max()
     np.testing.assert_allclose(read[:, :3] + read[:, 6:9], 0.0, atol=1e-12)
+
+
+def test_loads_of_a_link_may_differ_in_order_and_what_accelerations_tell_is_not_tuned(linked):
+    flight, linkage = linked
+    estimates = [
+        SimpleNamespace(
+            time=part.flight.time, force=np.ones((40, 3)), moment=np.ones((40, 3)) + np.eye(40, 3)
+        )
+        for part in flight.parts
+    ]
+    across, about = link_loads(linkage, estimates, 4, kept=[5])[1:]
+    assert [load.on_parts.shape[2] for load in (across, about)] == [2, 1]
+    assert across.moved(np.ones(4)) is across
+    assert about.moved(np.ones(4)).kernel.rate > about.kernel.rate
+    both = replace(flight, loads=[across, replace(about, kernel=replace(about.kernel, order=2))])
+    whole = linked_model(both, Bending(np.zeros(0), 1.0), slice(0, 40))
+    assert [own.stop - own.start for own in whole.driven] == [2 * KEEPING_ORDER, 1 + 2]
 
 
 def test_a_first_guess_is_as_large_and_as_fast_as_a_drawn_process():
