@@ -6,12 +6,11 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.stats import binomtest, t
+from scipy.stats import t
 
 from evidence.calibration.distributions import WORDS
 from evidence.calibration.judged import PATIENCE, Outcome
-from evidence.drawn.hidden_loads import WRONG
-from evidence.strangers.judged import LOADS, NEAR
+from evidence.judged import LOADS, NEAR, WRONG, share
 from evidence.written import tabled
 
 Test = Callable[[Outcome], bool]
@@ -56,12 +55,6 @@ nothing faster leaks into a band.
 *Needlessly degraded*: both errors are within {near} times their claims; where no moment is given, the force.
 Every record counts once. Intervals: 95 %, of shares by Clopper and Pearson, of coverage over records. An
 estimate is stopped after {patience:.0f} s of CPU. CPU times are measured beside other work."""
-
-
-def share(part: int, whole: int) -> str:
-    """A share with its exact 95 % interval."""
-    low, high = binomtest(part, whole).proportion_ci(method="exact")
-    return f"{100 * part / whole:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 
 def coverage(of: Sequence[Outcome], load: int) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
+from evidence.judged import silent_share
 from evidence.written import asked, each, tabled
 from forceid.records import Recording
 from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample_times
@@ -77,9 +78,12 @@ def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str
                 *held,
                 f"{error_over_claim(of, FORCE):.2f}, {error_over_claim(of, MOMENT):.2f}",
                 str(ok),
+                silent_share(c.silent for c in of),
             ]
         )
-    return tabled((title, "records", "force", "moment", "error over claim F, T", "ok"), rows)
+    return tabled(
+        (title, "records", "force", "moment", "error over claim F, T", "ok", "silently wrong"), rows
+    )
 
 
 def main() -> int:

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.judged import LOADS, RULE, scores, silent_share, silently_wrong
 from evidence.written import asked, each, paged, tabled
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -30,6 +31,7 @@ NEAR = 0.05  # s: what is nearer to an event counts as near
 HEADS = (
     "event", "flights", "ok", "degraded", "found", "edge off, samples", "impulse over claim",
     "near: force, moment over claim", "away: force, moment over claim", "away, over without the event",
+    "silently wrong",
 )  # fmt: skip
 ABOUT = """\
 `{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to
@@ -132,6 +134,9 @@ def judged(seed: int, k: int, kinds: tuple[str, ...]) -> dict[str, Any]:
             row[f"{name}_{load}"] = float(np.sqrt((error[own] ** 2).mean() / (std[own] ** 2).mean()))
     plain = beside.force - case["without"][1]
     row["over"] = float(np.sqrt(((result.force - F)[away] ** 2).mean() / (plain[away] ** 2).mean()))
+    ratios = scores(result, (F, M))
+    row |= {f"{load}_{of}": r for of in ("over", "beside") for load, r in zip(LOADS, ratios[of], strict=True)}
+    row["silent"] = silently_wrong(result.verdict.level, ratios["over"], ratios["beside"])
     row["found"] = result.impulses is not None
     if result.impulses is not None:
         row |= of_edges(result.impulses, case, result.force)
@@ -169,7 +174,8 @@ def of_kind(rows: list[dict[str, Any]], kind: str) -> list[str]:
         ", ".join(middle(f"{where}_{load}") for load in ("force", "moment")) for where in ("near", "away")
     ]
     counts = map(str, (len(own), *verdicts, sum(row["found"] for row in own)))
-    return [kind, *counts, middle("off"), middle("impulse"), *pairs, middle("over")]
+    silent = silent_share(row["silent"] for row in own)
+    return [kind, *counts, middle("off"), middle("impulse"), *pairs, middle("over"), silent]
 
 
 def main() -> int:
@@ -179,13 +185,13 @@ def main() -> int:
     silent = [
         f"- flight {row['record']}, {row['kind']}: {', '.join(f'{n} {row[n]:.2f}' for n in row if '_' in n)}"
         for row in rows
-        if row["verdict"] == "ok"
-        and max(row["near_force"], row["near_moment"], row["away_force"], row["away_moment"]) > 2
+        if row["silent"]
     ]
     paged(
-        given.output, "edges", "Loads that change character", ABOUT.format(command=given.command),
+        given.output, "edges", "Loads that change character", ABOUT.format(command=given.command), RULE,
         tabled(HEADS, [of_kind(rows, kind) for kind in (*given.only, "all")]),
-        *["`ok`, and an error over twice its claim:"] * bool(silent), *["\n".join(silent)] * bool(silent),
+        *["Silently wrong, over claim (over: in the band), and beside the plain route:"] * bool(silent),
+        *["\n".join(silent)] * bool(silent),
     )  # fmt: skip
     return 0
 

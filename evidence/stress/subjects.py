@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from evidence import subject
-from evidence.drawn import hidden_loads
-from evidence.strangers import judged
+from evidence import judged, subject
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant
 from evidence.subjects.affine import bodies as affine_bodies
@@ -97,7 +95,6 @@ FLIGHTS = Subject(
         trial,
         subject,
         judged,
-        hidden_loads,
     ),
     trial.errors,
     bound=trial.bound_of_trial,

@@ -8,7 +8,7 @@ import pytest
 from evidence.calibration import record
 from evidence.calibration.distributions import ERRORS, LOADS, PLACES, STATED, TOLD, drawn_kinds
 from evidence.calibration.judged import Outcome
-from evidence.calibration.page import page, share
+from evidence.calibration.page import page
 from evidence.calibration.record import GRAVITY, drawn_record
 
 STENCIL = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # of a first derivative, to order 8
@@ -98,7 +98,6 @@ def test_the_page_counts_a_made_up_silent_record_once_with_an_exact_interval():
     text = "\n".join(page(rows, 1, "command"))
     assert "| silently wrong | 1 of 3 | 33.3 % (0.8 to 90.6) |" in text
     assert "| `wild` | 1 | 1 | 1 |" in text
-    assert share(0, 200) == "0.0 % (0.0 to 1.8)"  # 1 - 0.025^(1/200)
 
 
 def test_stated_noise_is_the_deviation_of_the_readings(monkeypatch):
