@@ -16,10 +16,11 @@ from scipy.stats import binomtest
 from forceid.records import Array
 
 LOADS = ("force", "moment")
+UNKNOWN = (np.nan, np.nan)  # of both
 WRONG = 2.0  # times the claim, or the error of the plain route: beyond it an `ok` is silently wrong
 NEAR, FAR = 1.5, 3.0  # error over claim: one that is degraded was so in vain, or still claims too little
 NEGLIGIBLE = 0.1  # times the claim
-COARSE = ("difference", "savgol", "spline", "filter")  # methods that are chosen so: their claims count alone
+COARSE_METHODS = ("difference", "savgol", "spline", "filter")  # chosen so: their claims count alone
 TOLD = 13  # numbers: an rms of so many is twice another by chance in one of a hundred, F(13, 13) of 4
 SHARE = 0.38  # of the numbers in a band, that count by the weights of `slow_part`
 RULE = (
@@ -115,10 +116,10 @@ def over_claim(error: Array, std: Array, band: Array, rate: float) -> float:
     3.0
     """
     error, std = judged_part(error), judged_part(std)  # first: the claims of its ends hold of its ends alone
-    (error, std), band = given(band, error, std)
+    (error, std), band = given_parts(band, error, std)
     if not error.size:
         return float("nan")
-    return float(np.sqrt(mean_square(error, band, rate) / np.mean(std**2)))
+    return float(np.sqrt(mean_square_within(error, band, rate) / np.mean(std**2)))
 
 
 def over_witness(error: Array, other: Array, band: Array, rate: float) -> float:
@@ -127,15 +128,15 @@ def over_witness(error: Array, other: Array, band: Array, rate: float) -> float:
     At all frequencies where the band holds too few numbers to tell a factor of two from chance. Central
     three quarters.
     """
-    (error, other), band = given(band, judged_part(error), judged_part(other))
+    (error, other), band = given_parts(band, judged_part(error), judged_part(other))
     if not error.size:
         return float("nan")
     if np.maximum(2 * SHARE * len(error) / rate * band, 1.0).sum() < TOLD:
         band = np.full(len(band), np.inf)
-    return float(np.sqrt(mean_square(error, band, rate) / mean_square(other, band, rate)))
+    return float(np.sqrt(mean_square_within(error, band, rate) / mean_square_within(other, band, rate)))
 
 
-def given(band: Array, *series: Array) -> tuple[list[Array], Array]:
+def given_parts(band: Array, *series: Array) -> tuple[list[Array], Array]:
     """Series (time, n) and their band (n,), of components given at all, at samples where all of these are."""
     there = np.isfinite(sum(series))
     components = there.any(0)
@@ -143,7 +144,7 @@ def given(band: Array, *series: Array) -> tuple[list[Array], Array]:
     return [values[at][:, components] for values in series], np.asarray(band)[components]
 
 
-def mean_square(error: Array, band: Array, rate: float) -> float:
+def mean_square_within(error: Array, band: Array, rate: float) -> float:
     """Mean square of an error (time, n) within the band (n,) Hz."""
     return float(np.mean([np.mean(slow_part(e, b, rate) ** 2) for e, b in zip(error.T, band, strict=True)]))
 
@@ -154,7 +155,7 @@ def band_of(found: Any) -> Array:
     return np.where(np.isfinite(band), band, np.inf)
 
 
-def rate_of(time: Array) -> float:
+def samples_a_second(time: Array) -> float:
     """Samples a second (time,) s."""
     return 1 / float(np.median(np.diff(time)))
 
@@ -169,9 +170,9 @@ def scores(
     rate: those of an estimate.
     """
     band = band_of(found) if band is None else np.where(np.isfinite(band), band, np.inf)
-    rate = rate_of(found.time) if rate is None else rate
+    rate = samples_a_second(found.time) if rate is None else rate
     over, plain, relative, beside, beside_plain = [], [], [], [], []
-    witness = None if getattr(found, "method", "") in COARSE else getattr(found, "witness", None)
+    witness = None if getattr(found, "method", "") in COARSE_METHODS else getattr(found, "witness", None)
     for k, (name, true) in enumerate(zip(LOADS, truth, strict=True)):
         error, std = getattr(found, name) - true, getattr(found, f"{name}_std")
         flat, claimed = (a.reshape(len(a), -1) for a in (error, std))

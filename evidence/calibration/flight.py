@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from evidence.calibration import distributions as of
 from evidence.calibration.bodies import Moved
 from evidence.calibration.loads import Load, State, given
+from evidence.vectors import hat
 from forceid.records import Array
 
 EXACT = 1e-9  # relative; the absolute one is this of what is typical of each coordinate
@@ -28,11 +29,6 @@ class Flown:
     F: Array
     force: Array
     moment: Array
-
-
-def hat(v: Array) -> Array:
-    """The matrix of the cross product with v."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def rotation(q: Array) -> Array:

@@ -9,13 +9,12 @@ import numpy as np
 
 from evidence.calibration.patience import within
 from evidence.calibration.record import DrawnRecord, drawn_record
-from evidence.drawn.records.scored import QUANTILE
-from evidence.judged import LOADS, WRONG, Judged, judged_part, scores
+from evidence.judged import LOADS, UNKNOWN, WRONG, Judged, judged_part, scores
 from evidence.strangers.attempt import attempt
 from forceid.records import Estimate
+from forceid.significance import QUANTILE
 
 PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
-UNKNOWN = (np.nan, np.nan)
 KINDS = ("load", "error", "told", "place", "stated", "soft")  # by which results are counted
 
 

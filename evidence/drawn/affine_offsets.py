@@ -18,8 +18,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import GRAVITY, estimated_score, stacked, told_whole
+from evidence.drawn.records.scored import estimated_score, stacked, told_whole
 from evidence.judged import RULE, silent_share
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.records import Body, Motion, Recording
 

@@ -16,7 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
+from evidence.drawn.records.scored import (
+    FORCE,
+    MOMENT,
+    RecordScore,
+    error_over_claim,
+    estimated_score,
+    stacked,
+)
 from evidence.judged import silent_share
 from evidence.written import asked, each, tabled
 from forceid.records import Recording
@@ -54,12 +61,6 @@ def share_inside(cases: list[RecordScore], of: slice) -> float:
     """Share inside the intervals, of components that have a truth."""
     inside = stacked(cases, "inside")[:, of]
     return float(np.nanmean(inside)) if np.isfinite(inside).any() else np.nan
-
-
-def error_over_claim(cases: list[RecordScore], of: slice) -> float:
-    """Rms over records and axes of the error over what is claimed."""
-    ratio = stacked(cases, "square")[:, of] / stacked(cases, "claimed")[:, of]
-    return float(np.sqrt(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.nan
 
 
 def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str:

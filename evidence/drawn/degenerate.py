@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.records.degenerate_bodies import ENOUGH, DrawnBody, draw_body
-from evidence.judged import LOADS, RULE, Judged, scores, silent_share
+from evidence.judged import LOADS, RULE, UNKNOWN, Judged, scores, silent_share
 from evidence.written import asked, each, paged, tabled
 from forceid.config import Settings
 from forceid.errors import ForceIdError
@@ -55,8 +55,8 @@ class BodyOutcome(Judged):
     said: str = ""
     missing: tuple[str, ...] = ()
     undue: tuple[str, ...] = ()
-    over: tuple[float, ...] = (np.nan, np.nan)
-    beside: tuple[float, ...] = (np.nan, np.nan)
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
     seconds: float = float(PATIENCE)
 
 

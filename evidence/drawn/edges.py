@@ -20,13 +20,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from evidence.judged import LOADS, RULE, scores, silent_share, silently_wrong
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array, Body, Motion, Recording
 
 KINDS = ("step", "contact", "half_sine", "impact")
-GRAVITY = np.array([0.0, 0.0, -9.81])
 NEAR = 0.05  # s: what is nearer to an event counts as near
 HEADS = (
     "event", "flights", "ok", "degraded", "found", "edge off, samples", "impulse over claim",

@@ -57,7 +57,7 @@ def amplitude_of(error: Array, frequency: float, t: Array) -> float:
     return float(2 * np.abs(weight @ (error * np.exp(-2j * np.pi * frequency * t))) / weight.sum())
 
 
-def unseen(case: DrawnRecord, found: Estimate) -> float:
+def unseen_wave(case: DrawnRecord, found: Estimate) -> float:
     """Amplitude of an oscillation beyond the band that is left in the error, over what hides there."""
     if case.kind != "oscillation":
         return 0.0
@@ -78,11 +78,12 @@ def run(case: DrawnRecord) -> dict[str, Any]:
         found = estimate_recording(case.recording, load_settings(model="rigid"))
     except EstimationError as e:
         return row | {"verdict": "refused", "reasons": [str(e)]}
-    level, ratios = found.verdict.level, scores(found, [case.load(name) for name in LOADS])
+    left, level = unseen_wave(case, found), found.verdict.level
+    ratios = scores(found, [case.load(name) for name in LOADS])
     for of, tail in (("over", ""), ("plain", "_plain"), ("beside", "_beside")):
         row |= {f"{name}{tail}": ratio for name, ratio in zip(LOADS, ratios[of], strict=True)}
     return row | {
-        "verdict": level, "reasons": list(found.verdict.reasons), "unseen": (left := unseen(case, found)),
+        "verdict": level, "reasons": list(found.verdict.reasons), "unseen": left,
         "wrong": silently_wrong(level, ratios["over"], ratios["beside"]),
         "missed": level == "ok" and left > 1,
         "orders": [found.tuned[f"{name}_order"] for name in LOADS],

@@ -45,7 +45,7 @@ CHAINS = {
 
 NETS = {"soft": (6.0, 12.0), "stiff": (400.0, 400.0)}  # Hz, of the softest mode of a net
 
-EVERYWHERE = np.full(6, np.inf)  # Hz: joints claim no band
+ALL_FREQUENCIES = np.full(6, np.inf)  # Hz: joints claim no band
 
 Solved = dict[str, tuple[Estimate, Solution | None]]
 
@@ -149,7 +149,7 @@ def flights(name: str, seeds: range) -> Iterator[tuple[list[Array], float, bool,
         claimed = np.diagonal(found.wrench_cov, axis1=2, axis2=3)
         limit = np.diagonal(told_cov, axis1=2, axis2=3)
         sizes = [joint_rms(judged_part(a)) for a in (off, np.sqrt(claimed), np.sqrt(np.maximum(limit, 0)))]
-        ratios = scores(found, [flight.truth[f"joint_{load}"] for load in LOADS], EVERYWHERE, RATE)
+        ratios = scores(found, [flight.truth[f"joint_{load}"] for load in LOADS], ALL_FREQUENCIES, RATE)
         silent = silently_wrong(found.verdict.level, ratios["over"])
         yield sizes, joint_nees(judged_part(off), judged_part(found.wrench_cov)), silent, took
 
@@ -177,7 +177,7 @@ def between_nets(stiffness: str, seeds: range) -> dict[str, str | float]:
         recording = joined_nets(seed, NETS[stiffness], NOISE)
         found = joint_forces(recording, settings, estimate_whole)
         off = found.force - recording.truth["joint_force"]  # a ball passes no moment
-        ratios.append(over_claim(off[:, 0], found.force_std[:, 0], EVERYWHERE[:3], RATE))
+        ratios.append(over_claim(off[:, 0], found.force_std[:, 0], ALL_FREQUENCIES[:3], RATE))
         levels.append(found.verdict.level)
         silent.append(silently_wrong(levels[-1], ratios[-1:]))
     return {

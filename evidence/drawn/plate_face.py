@@ -19,8 +19,9 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score, told_whole
+from evidence.drawn.records.scored import FORCE, MOMENT, estimated_score, told_whole
 from evidence.judged import RULE, silent_share
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Body, Motion, Recording
 

@@ -19,7 +19,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.records.scored import GRAVITY, low_passed
+from evidence.drawn.records.scored import low_passed
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording

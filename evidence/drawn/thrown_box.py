@@ -25,13 +25,12 @@ from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import RecordScore, estimated_score
 from evidence.judged import LOADS, RULE, silent_share
-from evidence.subjects.affine.bodies import hat
+from evidence.vectors import GRAVITY, hat
 from evidence.written import asked, each, paged, tabled
 from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Array
 
 BANDS = (10.0, 30.0, 100.0, 300.0, 600.0)  # Hz, sample rates
-GRAVITY = 9.81
 NOISE = 2e-3, 0.03  # rad/s and m/s2: of a reading, about what parts for a telephone have at 100 Hz
 BIAS = 0.01, 0.1  # rad/s and m/s2: of such a part at one temperature
 SENSORS = ("angular_velocity", "specific_force")
@@ -76,7 +75,7 @@ def draw_throw(rng: np.random.Generator) -> Thrown:
     kind = str(rng.choice(["none", "world", "body"]))
     slow = float(rng.uniform(0.2, min(5.0, rate / 20)))  # Hz: how fast loads change
     strong = 0.0 if kind == "none" else float(np.exp(rng.uniform(np.log(0.03), 0)))
-    push = waves(rng, slow, strong * mass * GRAVITY)
+    push = waves(rng, slow, strong * mass * -GRAVITY[2])
     twist = waves(rng, slow, strong * float(np.linalg.eigvalsh(inertia)[0]) * 20.0)
 
     def in_body(load: Callable[[Array], Array], t: Array, R: Array) -> Array:
@@ -132,7 +131,7 @@ def write_throw(path: Path, thrown: Thrown) -> None:
         f["motion/time"] = thrown.time
         f["motion/angular_velocity"] = thrown.omega[:, None]
         f["motion/specific_force"] = thrown.pulled[:, None]
-        f["motion"].attrs["gravity"] = [0.0, 0.0, -GRAVITY]
+        f["motion"].attrs["gravity"] = GRAVITY
 
 
 def stated_settings(thrown: Thrown) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evidence.judged import FAR, LOADS, NEAR, Judged, silent_share
+from evidence.judged import FAR, LOADS, NEAR, UNKNOWN, Judged, silent_share
 
 HEADS = (
     "kind", "records", "ok and right", "degraded, within 1.5", "degraded, beyond 3", "silent", "refused",
@@ -30,11 +30,11 @@ class StrangerOutcome(Judged):
     seed: int
     verdict: str
     codes: tuple[str, ...]
-    over: tuple[float, ...] = (np.nan, np.nan)
-    beside: tuple[float, ...] = (np.nan, np.nan)
-    plain: tuple[float, ...] = (np.nan, np.nan)
-    beside_plain: tuple[float, ...] = (np.nan, np.nan)
-    relative: tuple[float, ...] = (np.nan, np.nan)
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
+    plain: tuple[float, ...] = UNKNOWN
+    beside_plain: tuple[float, ...] = UNKNOWN
+    relative: tuple[float, ...] = UNKNOWN
     facts: str = ""
     seconds: float = 0.0
 

@@ -14,12 +14,11 @@ from typing import Literal
 
 import numpy as np
 
-from evidence.judged import Judged, silently_wrong
+from evidence.judged import UNKNOWN, Judged, silently_wrong
 
 Color = Literal["green", "pale", "amber", "grey", "red"]
 TWICE = 2.0  # times the bound that an estimate may be off and be called accurate, not coarse
 CAUTIOUS = ("refused", "degraded", "ok")  # among verdicts equally frequent, the first
-UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from evidence import judged, subject
+from evidence.judged import UNKNOWN
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant
 from evidence.subjects.affine import bodies as affine_bodies
@@ -26,7 +27,6 @@ from evidence.subjects.parts import bodies as parted_bodies
 from evidence.subjects.parts import trial as partition_trial
 
 Pair = tuple[float, float]
-UNKNOWN = (float("nan"), float("nan"))
 
 
 def unknown(case: Any) -> Pair:

@@ -28,19 +28,17 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, QUANTILE, scored, told_whole
-from evidence.judged import RULE, judged_part, over_claim, rate_of, silent_share, silently_wrong
+from evidence.drawn.records.scored import FORCE, MOMENT, scored, told_whole
+from evidence.judged import RULE, judged_part, over_claim, samples_a_second, silent_share, silently_wrong
+from evidence.vectors import EYE, GRAVITY
 from evidence.written import asked, each, paged, pictured, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array, Body, Estimate, Motion, Recording, deviation
 from forceid.report.plots.style import BLUE, STYLE, draw_band, draw_estimate, draw_line, label
+from forceid.significance import QUANTILE
 
-EYE, LAWS, LEVELS = (
-    np.eye(3),
-    ("neo-Hookean", "St. Venant-Kirchhoff", "springs"),
-    ("rigid", "affine", "modal"),
-)
+LAWS, LEVELS = ("neo-Hookean", "St. Venant-Kirchhoff", "springs"), ("rigid", "affine", "modal")
 LEAST, MOST, ENOUGH = 0.35, 1.8, 1.2  # stretch; errors over those of the best level
 FOLDED = 0.15  # det F: a flight that comes so near to a collapse ends there
 ENTRIES = [f"{f}{arm}" for f in "xyz" for arm in "xyz"]  # force along, arm along
@@ -135,7 +133,7 @@ def judged(index: int, seed: int) -> dict[str, Any] | None:
             if found.first_moment is not None and found.first_moment_cov is not None:
                 error = (found.first_moment - truth["first_moment"]).reshape(-1, 9)
                 std = deviation(found.first_moment_cov)
-                first = over_claim(error, std, np.full(9, np.inf), rate_of(found.time))
+                first = over_claim(error, std, np.full(9, np.inf), samples_a_second(found.time))
                 held = np.mean(judged_part(np.abs(error) <= QUANTILE * std))
     auto, each_level = scores["auto"], [scores[level] for level in LEVELS]
     best = [np.nanmin([s.error(of) for s in each_level]) for of in (FORCE, MOMENT)]

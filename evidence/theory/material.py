@@ -28,8 +28,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import QUANTILE
 from evidence.judged import RULE, judged_part, over_claim, rms, silent_share, silently_wrong
+from evidence.vectors import EYE, GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.affine.applied import AppliedPrior, Elastic, flow, model_of, row_by_row
@@ -39,8 +39,8 @@ from forceid.estimation.run import estimate_recording
 from forceid.kalman.building.process import discretize, matern
 from forceid.kalman.engines import engine
 from forceid.records import Array, Body, Motion, Recording, deviation
+from forceid.significance import QUANTILE
 
-EYE, GRAVITY = np.eye(3), np.array([0.0, 0.0, -9.81])
 STIFFNESS = (0.3, 2000.0)  # J, shear modulus
 STRAIN, SPIN = 0.05, 6.0  # of the start; rad/s
 RATE, DURATION, SIGMA = 500.0, 1.0, 3e-4  # Hz, s, m

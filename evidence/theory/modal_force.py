@@ -20,7 +20,15 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.records.bent_plate import flown
-from evidence.judged import LOADS, RULE, over_claim, rate_of, rms, scores, silent_share, silently_wrong
+from evidence.judged import (
+    LOADS,
+    RULE,
+    over_claim,
+    rms,
+    scores,
+    silent_share,
+    silently_wrong,
+)
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
@@ -29,7 +37,7 @@ from forceid.records import Array, deviation
 NOISE = ((2e-4, 500.0), (1e-4, 1000.0), (1e-3, 250.0))  # m, Hz
 CASES = tuple((*noise, markers) for noise in NOISE for markers in (40, 8))
 ABOVE = 1.3  # error over claim that counts as above it
-JUDGED = (*LOADS, "modal", "loads")
+CLAIMED = (*LOADS, "modal", "loads")
 
 
 def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
@@ -47,7 +55,7 @@ def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
     row = {"ok": found.verdict.level == "ok", "modes": 0} | dict(zip(LOADS, ratios["over"], strict=True))
 
     def over(error: Array, cov: Array) -> float:
-        return over_claim(error, deviation(cov), np.full(error.shape[1], np.inf), rate_of(found.time))
+        return over_claim(error, deviation(cov), np.full(error.shape[1], np.inf), case[1])
 
     if found.modal is not None:
         g = np.einsum("kna,tl,lna->tk", found.modal.shape, truth, pattern)
@@ -55,7 +63,7 @@ def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
     if not found.loads.null_space.shape[1]:
         error = found.loads.load - truth
         row |= {"loads": over(error, found.loads.load_cov), "off": rms(error) / rms(truth)}
-    judged = [row[name] for name in JUDGED if name in row]
+    judged = [row[name] for name in CLAIMED if name in row]
     return row | {"silent": silently_wrong(found.verdict.level, judged, ratios["beside"])}
 
 
@@ -66,7 +74,7 @@ def line(case: tuple[float, float, int], seeds: range, jobs: int) -> dict[str, s
         "noise (mm), rate (Hz), markers": f"{1e3 * case[0]:.1f}, {case[1]:.0f}, {case[2]}",
         "modes told": f"{np.median([r['modes'] for r in rows if r['modes']] or [0]):.0f}",
     }
-    for name in JUDGED:
+    for name in CLAIMED:
         ratio = np.array([r[name] for r in rows if name in r] or [np.nan])
         said |= {
             f"{name}: error over claim": f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})",

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, RecordScore, estimated_score
+from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score
 from evidence.drawn.records.spring_net import drawn_net
 from evidence.judged import RULE, silent_share
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.principal import mass_properties
 from forceid.records import Body, Motion, Recording

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import GRAVITY
-from evidence.subjects.affine.bodies import hat
+from evidence.vectors import GRAVITY, hat
 from forceid.records import Array, Body, Motion, Recording
 
 KINDS = ("oscillation", "step", "event", "wheel", "nothing")

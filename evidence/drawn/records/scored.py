@@ -10,17 +10,15 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.judged import Judged, judged_part, scores
+from evidence.judged import UNKNOWN, Judged, judged_part, scores
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array, Body, Estimate, Recording
+from forceid.significance import QUANTILE
 
-QUANTILE = 1.959964  # of the normal distribution: 95 % lie within
 FORCE, MOMENT = slice(3), slice(3, 6)
-GRAVITY = np.array([0.0, 0.0, -9.81])
 NONE = np.full(6, np.nan)
-UNKNOWN = (np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -84,6 +82,13 @@ def estimated_score(recording: Recording, turn: Array | None = None, **settings:
 def stacked(scores: Iterable[RecordScore], name: str) -> Array:
     """One number by component of every score (score, 6)."""
     return np.array([getattr(score, name) for score in scores])
+
+
+def error_over_claim(scores: Iterable[RecordScore], of: slice) -> float:
+    """Rms over records and axes of the error over what is claimed."""
+    each = list(scores)
+    ratio = stacked(each, "square")[:, of] / stacked(each, "claimed")[:, of]
+    return float(np.sqrt(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.nan
 
 
 def pooled(scores: Iterable[RecordScore], of: slice) -> tuple[float, float, float]:

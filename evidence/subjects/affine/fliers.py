@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from evidence.judged import band_of, over_claim, rate_of, rms
+from evidence.judged import band_of, over_claim, rms, samples_a_second
 from evidence.subject import Answer, at_once
 from evidence.subjects.affine.problem import AffineProblem
 from forceid.config import load_settings
@@ -32,7 +32,7 @@ def estimated_flight(problem: AffineProblem) -> Answer:
     answer = judged_flight(
         problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons
     )
-    rate, everywhere = rate_of(found.time), np.full(9, np.inf)  # no band of its own
+    rate, everywhere = samples_a_second(found.time), np.full(9, np.inf)  # no band of its own
     over = (
         over_claim(found.force - problem.motion, found.force_std, band_of(found)[:3], rate),
         over_claim(first - problem.rate, np.sqrt(moment_var).reshape(-1, 9), everywhere, rate),

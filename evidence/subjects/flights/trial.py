@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from evidence.judged import LOADS, band_of, judged_part, rate_of, scores
+from evidence.judged import LOADS, band_of, judged_part, samples_a_second, scores
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.flights.failures.record import Faulty
@@ -49,7 +49,7 @@ def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty)
     truth = [case.recording.truth[name] for name in LOADS]
     if case.mixed is not None and estimate.loads is not None:
         judged, truth[0] = with_loads(estimate), case.recording.truth["load"]
-    scored = scores(judged, truth, band_of(estimate), rate_of(estimate.time))
+    scored = scores(judged, truth, band_of(estimate), samples_a_second(estimate.time))
     return Answer(
         (judged.force, judged.moment),
         (central_rms_per_axis(judged.force_std), central_rms_per_axis(judged.moment_std)),
