@@ -37,7 +37,8 @@ ABOUT = """\
 `{command}`: drawn rigid bodies with 4 to 14 markers at 100 to 500 Hz, noise of 0.2 to 1 mm, stated to
 half of them. They fly under slow forces and moments, and beside these a force at a point off the mass \
 center. *step*: for good, 0.3 to 3 times the weight; *contact*: 0.01 to 0.3 s, 1 to 8 times the weight, \
-with sharp ends; *half_sine*: the same without; *impact*: within a sample, 0.2 to 2 m/s.
+with sharp ends; *half_sine*: the same without; *impact*: within a sample, 0.2 to 2 m/s. Of the event the \
+truth is the mean over a sample, from midpoint to midpoint.
 
 *found*: edges of the force were found. Medians are told. *edge off*: how far the
 nearest edge found is from a true one. *over claim*: of the impulse of the force, and of force and moment
@@ -86,12 +87,21 @@ def drawn_flight(seed: int, k: int, kind: str) -> dict[str, Any]:
             event = size * shape * on * direction
             return F + event, M + np.cross(lever, event)
 
+        def given(t: Array) -> Array:
+            """What the event has given until times, over its size."""
+            for_so_long = np.clip(t - begin, 0.0, length)
+            if kind != "half_sine":
+                return np.asarray(for_so_long)
+            return np.asarray(length / 2 * (1 - np.cos(np.pi * for_so_long / length)))
+
         path = flown(time, start, mass, J, load, [begin, begin + length])
         R = Rotation.from_quat(path[:, 6:10]).as_matrix()
         position = path[:, None, :3] + np.einsum("tab,nb->tna", R, place) + errors
-        loads = [load(t, begin <= t < begin + length) for t in time]
+        over = rate * (given(time + 0.5 / rate) - given(time - 0.5 / rate))  # mean over the cell of a sample
+        F, M = (np.array(a) for a in zip(*[load(t, False) for t in time], strict=True))
+        event = size * np.outer(over, direction)
         motion = Motion(time=time, position=position, gravity=GRAVITY, noise_std=stated)
-        found[name] = (Recording(body, motion), *(np.array(a) for a in zip(*loads, strict=True)))
+        found[name] = (Recording(body, motion), F + event, M + np.cross(lever, event))
     found["impulse"] = force * length * direction if np.isfinite(length) else None
     return found
 
