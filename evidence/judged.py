@@ -23,6 +23,7 @@ NEGLIGIBLE = 0.1  # times the claim
 COARSE_METHODS = ("difference", "savgol", "spline", "filter")  # chosen so: their claims count alone
 TOLD = 13  # numbers: an rms of so many is twice another by chance in one of a hundred, F(13, 13) of 4
 SHARE = 0.38  # of the numbers in a band, that count by the weights of `slow_part`
+UNBANDED = "`ok`, twice the claim at all frequencies"
 RULE = (
     "*Silently wrong*: `ok`, and within the band an error beyond twice its claim, or twice that of the plain "
     "route ([drawn records](calibration.md)), with the exact 95 % interval."
@@ -50,6 +51,15 @@ class Judged:
     def needless(self) -> bool:
         """Whether it is degraded, though all that is given is within its claim."""
         return self.verdict == "degraded" and self.worst <= NEAR
+
+
+def unbanded(verdict: str, plain: Sequence[float]) -> bool:
+    """Whether a record calls itself ok, and one error at all frequencies is above two of its claims.
+
+    Beyond the band a result claims nothing of a load that it does not name, so that this is told, not held
+    against it.
+    """
+    return verdict == "ok" and float(np.nan_to_num(plain).max(initial=0.0)) > WRONG
 
 
 def silently_wrong(verdict: str, *ratios: Sequence[float]) -> bool:

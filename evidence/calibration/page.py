@@ -10,7 +10,7 @@ from scipy.stats import t
 
 from evidence.calibration.distributions import WORDS
 from evidence.calibration.judged import PATIENCE, Outcome
-from evidence.judged import LOADS, NEAR, WRONG, share
+from evidence.judged import LOADS, NEAR, share, unbanded
 from evidence.written import tabled
 
 Test = Callable[[Outcome], bool]
@@ -22,9 +22,7 @@ SHARES: dict[str, Test] = {
     "of these beyond twice the plain route": lambda o: o.beyond_witness,
     "of these under a body told wrong, and not said so": lambda o: o.silent and o.drawn["told"] == "wrong",
     "of these under blows": lambda o: o.silent and o.drawn["load"] == "impacts",
-    "`ok`, and beyond twice the claim at all frequencies": lambda o: (
-        o.verdict == "ok" and o.worst_plain > WRONG
-    ),
+    "`ok`, and beyond twice the claim at all frequencies": lambda o: unbanded(o.verdict, o.plain),
     "needlessly degraded": lambda o: o.needless,
     "of these within at all frequencies": lambda o: o.needless and o.worst_plain <= NEAR,
     "degraded": lambda o: o.verdict == "degraded",

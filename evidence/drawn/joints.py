@@ -15,7 +15,17 @@ from time import process_time
 import numpy as np
 
 from evidence.drawn.records.joined_nets import MASSES, joined_nets
-from evidence.judged import LOADS, RULE, judged_part, over_claim, scores, silent_share, silently_wrong
+from evidence.judged import (
+    LOADS,
+    RULE,
+    UNBANDED,
+    judged_part,
+    over_claim,
+    scores,
+    silent_share,
+    silently_wrong,
+    unbanded,
+)
 from evidence.subjects.flights.true_prior import fitted_prior
 from evidence.written import asked, paged, table
 from forceid.config import Settings
@@ -191,7 +201,7 @@ def between_nets(stiffness: str, seeds: range) -> dict[str, str | float]:
 def alone(stiffness: str, seeds: range) -> dict[str, str | float]:
     """A row on the parts of such pairs, each estimated by itself: the other one is what pulls at it."""
     settings = nets_on_a_ball()
-    ratios, levels, silent, said = [], [], [], 0
+    ratios, levels, silent, fast, said = [], [], [], [], 0
     for seed in seeds:
         recording = joined_nets(seed, NETS[stiffness], NOISE)
         clean = joined_nets(seed, NETS[stiffness], 0.0).motion.position
@@ -206,6 +216,7 @@ def alone(stiffness: str, seeds: range) -> dict[str, str | float]:
             ratios.append(judged["over"])
             levels.append(found.verdict.level)
             silent.append(silently_wrong(levels[-1], judged["over"], judged["beside"]))
+            fast.append(unbanded(levels[-1], judged["plain"]))
             said += "body-rings" in found.verdict.codes
     each = np.array(ratios)
     row: dict[str, str | float] = {"parts": f"{stiffness}, {len(each)} parts"}
@@ -216,7 +227,7 @@ def alone(stiffness: str, seeds: range) -> dict[str, str | float]:
     return row | {
         "`body-rings`": said,
         "ok, degraded, refused": ", ".join(str(levels.count(v)) for v in ("ok", "degraded", "refused")),
-        "silently wrong": silent_share(silent),
+        "silently wrong": silent_share(silent), UNBANDED: sum(fast),
     }  # fmt: skip
 
 

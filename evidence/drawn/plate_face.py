@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import FORCE, MOMENT, estimated_score, told_whole
-from evidence.judged import RULE, silent_share
+from evidence.judged import RULE, UNBANDED, silent_share, unbanded
 from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Body, Motion, Recording
@@ -99,6 +99,7 @@ def rows_of(kind: tuple[int, int], said: tuple[str, ...], lines: str) -> list[di
             "moment (N m)": moment[0], "moment over the better": moment[1], "moment over untold": moment[2],
             "force over claim": auto.over[0], "moment over claim": auto.over[1],
             "verdict": auto.verdict, "silent": auto.silent,
+            "unbanded": unbanded(auto.verdict, auto.plain),
         })  # fmt: skip
     return rows
 
@@ -116,6 +117,7 @@ def found(rows: list[dict[str, Any]]) -> str:
         ["`auto` over the better of rigid and modal, largest: force, moment", largest("over the better")],
         ["told over told nothing, largest: force, moment", largest("over untold")],
         ["silently wrong", silent_share(row["silent"] for row in rows)],
+        [UNBANDED, str(sum(row["unbanded"] for row in rows))],
     ])  # fmt: skip
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score
 from evidence.drawn.records.spring_net import drawn_net
-from evidence.judged import RULE, silent_share
+from evidence.judged import RULE, UNBANDED, silent_share, unbanded
 from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.principal import mass_properties
@@ -111,6 +111,7 @@ def main() -> None:
                 "largest": f"{np.nanmax(over):.2f}",
                 "ok": f"{sum(f[tell].verdict == 'ok' for f in every)} of {len(every)}",
                 "silently wrong": silent_share(f[tell].silent for f in every),
+                UNBANDED: str(sum(unbanded(f[tell].verdict, f[tell].plain) for f in every)),
                 "not known": str(np.isnan(over).any(1).sum()),
                 "longest (s)": f"{max(f[tell].seconds for f in every):.1f}",
             }

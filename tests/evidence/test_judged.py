@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from evidence.judged import Judged, over_claim, over_witness, scores, silent_share, silently_wrong
+from evidence.judged import Judged, over_claim, over_witness, scores, silent_share, silently_wrong, unbanded
 
 
 def test_error_over_claim_leaves_out_what_is_beyond_the_band():
@@ -86,6 +86,12 @@ def test_an_ok_that_claims_nothing_is_silently_wrong_and_a_refusal_is_not():
     assert silently_wrong("ok", (np.nan, np.nan), (np.nan,))
     assert not silently_wrong("refused", (np.nan, np.nan), (np.nan,))
     assert not silently_wrong("ok", (1.0, np.nan), (np.nan,))
+
+
+def test_beyond_the_band_only_an_ok_beyond_twice_its_claim_is_told():
+    assert unbanded("ok", (np.nan, 2.1))
+    assert not unbanded("ok", (1.9, np.nan))
+    assert not unbanded("degraded", (9.0, 9.0))
 
 
 def test_any_series_counts_not_force_and_moment_alone():

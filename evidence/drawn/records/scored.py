@@ -26,7 +26,7 @@ class RecordScore(Judged):
     """Means over the judged part of a record, by component of force and moment (6,), NaN where none is known.
 
     square: of the error squared; claimed: of the variance; inside: of what lies in the 95 % interval. over,
-    beside: of an estimate, by the judge, force and moment.
+    beside, plain: of an estimate, by the judge, force and moment.
     """
 
     square: Array = field(default_factory=lambda: NONE)
@@ -40,6 +40,7 @@ class RecordScore(Judged):
     seconds: float = 0.0
     over: tuple[float, ...] = UNKNOWN
     beside: tuple[float, ...] = UNKNOWN
+    plain: tuple[float, ...] = UNKNOWN
 
     def error(self, of: slice) -> float:
         """Rms error of the components."""
@@ -57,7 +58,7 @@ def scored(found: Any, force: Array, moment: Array, **more: Any) -> RecordScore:
     inside = np.where(np.isfinite(error), error**2 <= QUANTILE**2 * var, np.nan)
     if isinstance(found, Estimate):
         ratios = scores(found, (force, moment))
-        more |= {name: ratios[name] for name in ("over", "beside")}
+        more |= {name: ratios[name] for name in ("over", "beside", "plain")}
     return RecordScore((error**2).mean(0), var.mean(0), inside.mean(0), **more)
 
 
