@@ -24,10 +24,7 @@ COARSE_METHODS = ("difference", "savgol", "spline", "filter")  # chosen so: thei
 TOLD = 13  # numbers: an rms of so many is twice another by chance in one of a hundred, F(13, 13) of 4
 SHARE = 0.38  # of the numbers in a band, that count by the weights of `slow_part`
 UNBANDED = "`ok`, twice the claim at all frequencies"
-RULE = (
-    "*Silently wrong*: `ok`, and within the band an error beyond twice its claim, or twice that of the plain "
-    "route ([drawn records](calibration.md)), with the exact 95 % interval."
-)
+RULE = "*Silently wrong*: as of [drawn records](calibration.md), with the 95 % interval of the share."
 
 
 class Judged:
@@ -72,24 +69,24 @@ def silently_wrong(verdict: str, *ratios: Sequence[float]) -> bool:
     return verdict == "ok" and bool(len(known) == 0 or known.max() > WRONG)
 
 
-def share(part: int, whole: int) -> str:
-    """A share in percent, with its exact 95 % interval by Clopper and Pearson.
+def interval(part: int, whole: int) -> str:
+    """The exact 95 % interval of a share, in percent, by Clopper and Pearson.
 
-    >>> share(0, 200)  # 1 - 0.025^(1/200)
-    '0.0 % (0.0 to 1.8)'
+    >>> interval(0, 200)  # 1 - 0.025^(1/200)
+    '0.0 to 1.8'
     """
     low, high = binomtest(part, whole).proportion_ci(method="exact")
-    return f"{100 * part / whole:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+    return f"{100 * low:.1f} to {100 * high:.1f}"
 
 
 def silent_share(silent: Iterable[bool]) -> str:
-    """How many records are silently wrong, of each whether it is, and the interval of their share.
+    """How many records are silently wrong, of each whether it is, and the exact 95 % interval of their share.
 
     >>> silent_share([False] * 200)
-    '0 of 200: 0.0 % (0.0 to 1.8)'
+    '0 of 200 (0.0 to 1.8 %)'
     """
     each = list(silent)
-    return f"{sum(each)} of {len(each)}: {share(sum(each), len(each))}"
+    return f"{sum(each)} of {len(each)} ({interval(sum(each), len(each))} %)"
 
 
 def judged_part(values: Array) -> Array:

@@ -10,7 +10,7 @@ from scipy.stats import t
 
 from evidence.calibration.distributions import WORDS
 from evidence.calibration.judged import PATIENCE, Outcome
-from evidence.judged import LOADS, NEAR, share, unbanded
+from evidence.judged import LOADS, NEAR, interval, unbanded
 from evidence.written import tabled
 
 Test = Callable[[Outcome], bool]
@@ -76,7 +76,10 @@ def quantiles(of: Sequence[Outcome], part: float) -> str:
 def summary(of: Sequence[Outcome]) -> str:
     """All records at a glance."""
     counts = {name: sum(map(test, of)) for name, test in SHARES.items()}
-    rows = [[name, f"{n} of {len(of)}", share(n, len(of))] for name, n in counts.items()]
+    rows = [
+        [name, f"{n} of {len(of)}", f"{100 * n / len(of):.1f} % ({interval(n, len(of))})"]
+        for name, n in counts.items()
+    ]
     ok, seconds = [o for o in of if o.verdict == "ok"], np.array([o.seconds for o in of])
     for load, name in enumerate(LOADS):
         rows.append([f"{name}: in 95 % intervals of `ok` records", "", coverage(ok, load)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evidence.judged import share
+from evidence.judged import interval
 from evidence.stress.figures import contestant_row, short_number
 from evidence.stress.run import Map, counts, leaves_green
 from evidence.stress.subjects import SUBJECTS, default_of, subject_of
@@ -38,7 +38,7 @@ def page_of(maps: Sequence[Map], seeds: int) -> str:
     head = INTRODUCTION.format(
         cells=total["cells"], seeds=seeds, legend=legend,
         needless=total["needless amber"], budgeted=total["amber by budget"],
-        silent=f"{silent} of {records}: {share(silent, records)}",
+        silent=f"{silent} of {records} ({interval(silent, records)} %)",
         groups=", ".join(dict.fromkeys(m.failure.group.replace("_", " ") for m in maps)),
         told="\n\n".join(s.told for s in subjects), default=" and ".join(s.default for s in subjects),
     )  # fmt: skip
