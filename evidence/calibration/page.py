@@ -41,8 +41,8 @@ ABOUT = """\
 {words}
 
 The truth is integrated by DOP853 at a relative tolerance of 1e-9, begins anew at every step and blow, and
-shares no code with the estimator. Force and moment are those at the instant of a sample, of a blow the mean
-over one.
+shares no code with the estimator. Force and moment are those at the instant of a sample, of a blow or a
+jump the mean over one.
 
 *Silently wrong*: the verdict is `ok`, and the rms error of force or moment is too large. It is so within
 the band (up to `band` Hz), over the central three quarters, beyond twice its rms claim, or beyond twice

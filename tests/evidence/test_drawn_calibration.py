@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evidence.calibration import record
+from evidence.calibration import distributions, record
 from evidence.calibration.distributions import ERRORS, LOADS, PLACES, STATED, TOLD, drawn_kinds
 from evidence.calibration.judged import Outcome
 from evidence.calibration.page import page
@@ -62,6 +62,18 @@ def test_momenta_change_as_force_and_moment_say(monkeypatch, load, soft):
         off = gained[1:] - gained[0] - gave
         # sums in place of integrals: of a blow of 2 ms in steps of 0.1 ms, 2 pi / 8 * (0.1 / 2)^2 of it
         assert np.abs(off).max() < 2.5e-3 * np.abs(gave).max() + 1e-6 * size
+
+
+def test_of_a_load_that_jumps_the_truth_is_the_mean_over_a_sample(monkeypatch):
+    monkeypatch.setattr(distributions, "BESIDE", 0.0)  # nothing smooth acts beside the jumps
+    case = of_kind(monkeypatch, load="steps", soft=False, place="anywhere", markers=7, weight=True)
+    coarse, finer = case.recording.truth["force"], 50  # of a sample
+    count = len(coarse)
+    fine = case.again(np.arange((count - 1) * finer + 1) / (200.0 * finer)).force
+    cells = fine[finer // 2 + 1 : -finer // 2].reshape(count - 2, finer, 3)
+    jump = np.abs(np.diff(fine, axis=0)).max()
+    assert np.abs(np.diff(coarse, axis=0)).max() > 0.1 * jump
+    assert np.abs(cells.mean(1) - coarse[1:-1]).max() < jump / finer
 
 
 def outcome(verdict, over=(1.0, 1.0), beside=(1.0, 1.0), **more):
