@@ -73,20 +73,20 @@ def interval(part: int, whole: int) -> str:
     """The exact 95 % interval of a share, in percent, by Clopper and Pearson.
 
     >>> interval(0, 200)  # 1 - 0.025^(1/200)
-    '0.0 to 1.8'
+    '0.0–1.8'
     """
     low, high = binomtest(part, whole).proportion_ci(method="exact")
-    return f"{100 * low:.1f} to {100 * high:.1f}"
+    return f"{100 * low:.1f}–{100 * high:.1f}"
 
 
 def silent_share(silent: Iterable[bool]) -> str:
     """How many records are silently wrong, of each whether it is, and the exact 95 % interval of their share.
 
     >>> silent_share([False] * 200)
-    '0 of 200 (0.0 to 1.8 %)'
+    '0/200 (0.0–1.8 %)'
     """
     each = list(silent)
-    return f"{sum(each)} of {len(each)} ({interval(sum(each), len(each))} %)"
+    return f"{sum(each)}/{len(each)} ({interval(sum(each), len(each))} %)"
 
 
 def judged_part(values: Array) -> Array:

@@ -108,7 +108,7 @@ def test_the_page_counts_a_made_up_silent_record_once_with_an_exact_interval():
         outcome("degraded", degrading=("wild",)),
     ]
     text = "\n".join(page(rows, 1, "command"))
-    assert "| silently wrong | 1 of 3 | 33.3 % (0.8 to 90.6) |" in text
+    assert "| silently wrong | 1 of 3 | 33.3 % (0.8–90.6) |" in text
     assert "| `wild` | 1 | 1 | 1 |" in text
 
 

@@ -105,4 +105,4 @@ def test_a_share_tells_its_interval():
             self.verdict, self.over, self.beside = verdict, (over,), ()
 
     records = [Made("ok", 3.0), Made("degraded", 3.0), *[Made("ok", 1.0)] * 8]
-    assert silent_share(record.silent for record in records) == "1 of 10 (0.3 to 44.5 %)"
+    assert silent_share(record.silent for record in records) == "1/10 (0.3–44.5 %)"
