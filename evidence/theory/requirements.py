@@ -6,8 +6,8 @@ Nets of masses and springs, drawn, with markers on all nodes or on five of them,
 or not. Each is estimated as a body known as a whole, by its masses, and by masses and stiffness; by masses at
 every level as well. Rms errors over the central three quarters. A ratio counts as kept below its limit, or
 where both errors are below a tenth of the larger claim. *Missed beyond claims*: missed, and the error of
-force or moment within the band is above 1.3 claims; within that, the other estimate had better luck. Source:
-theory of one model, requirements.
+force or moment is above 1.3 claims; within that, the other estimate had better luck. Source: theory of one
+model, requirements.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def kept(every: Sequence[Scores], name: str, others: Sequence[str], limit: float
     Missed beyond claims: where an error is above 1.3 claims as well; else the other one had better luck.
     """
     a = np.array([ratios(found, name, others) for found in every])
-    over = np.array([found[name].over for found in every])
+    over = np.array([found[name].plain for found in every])
     missed = ~(a <= limit).all(1)
     force, moment = np.exp(np.nanmean(np.log(a), axis=0))
     return {
