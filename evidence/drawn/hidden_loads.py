@@ -38,7 +38,7 @@ ABOUT = """\
 `{command}`: drawn rigid bodies with 3 to 10 markers at 50 to 1000 Hz, 150 to 700 samples, noise of 0.1 to \
 2 mm, stated to half of them. Half of them are under smooth forces and moments beside. *oscillation*: at 5 \
 to 45 % of the sample rate; *step*: for good, anywhere in the record; *event*: a hundredth of the record \
-long, both judged as means over a sample; *nothing*: the smooth loads alone.
+long; *nothing*: the smooth loads alone. Steps and events are judged as means over a sample.
 *wheel*: an angular momentum inside the body, up to half of what the body has, of which nothing is stated. It
 is constant or spins up, and the torque that spins it up counts as a moment. Sizes from 0.1 to 10 times \
 what just shows, of wheels to 100 times.
