@@ -24,7 +24,7 @@ COARSE_METHODS = ("difference", "savgol", "spline", "filter")  # chosen so: thei
 TOLD = 13  # numbers: an rms of so many is twice another by chance in one of a hundred, F(13, 13) of 4
 SHARE = 0.38  # of the numbers in a band, that count by the weights of `slow_part`
 UNBANDED = "`ok`, twice the claim at all frequencies"
-RULE = "*Silently wrong*: as of [drawn records](calibration.md), with the 95 % interval of the share."
+RULE = "*Silently wrong* (with 95 % interval): see [drawn records](calibration.md)."
 
 
 class Judged:

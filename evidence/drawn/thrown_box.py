@@ -161,8 +161,7 @@ by DOP853; the files hold no marker and no pose. Errors are those in the axes of
 sample, within the band."""
 READING = """\
 Without stated biases a load that turns with the body is open within 0.08 g of mass, and the claim says so:
-its errors are far below their claims. The error of a whole throw is largely one draw of its biases, so
-single throws lie off their claims by more than a factor of one. Where the path of the rotation does not
+its errors are far below their claims. Where the path of the rotation does not
 come to rest, the verdict says by how much. The slowest throw took {slowest:.0f} s of CPU."""
 
 

@@ -6,8 +6,7 @@ Nets of masses and springs, drawn, with markers on all nodes or on five of them,
 or not. Each is estimated as a body known as a whole, by its masses, and by masses and stiffness; by masses at
 every level as well. Rms errors over the central three quarters. A ratio counts as kept below its limit, or
 where both errors are below a tenth of the larger claim. *Missed beyond claims*: missed, and the error of
-force or moment is above 1.3 claims; within that, the other estimate had better luck. Source: theory of one
-model, requirements.
+force or moment is above 1.3 claims; within that, the other estimate had better luck.
 """
 
 from __future__ import annotations
