@@ -29,7 +29,7 @@ from unittest.mock import patch
 import h5py
 import numpy as np
 
-from evidence.drawn.records.scored import judged_part
+from evidence.judged import judged_part
 from forceid.config import Method, Model, Settings, load_settings
 from forceid.errors import ForceIdError
 from forceid.estimation.long import out_of_core as streaming

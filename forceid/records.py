@@ -49,6 +49,7 @@ class Variable:
     long_name: str
 
 
+AXES = ("x", "y", "z")
 SENSOR = ("time", "sensor", "axis")  # dimensions of what a sensor of three axes reads
 Reading = Array | None  # of sensors, where there are any
 

@@ -14,4 +14,6 @@ PATIENCE = 7.0  # log-likelihood that something more in a record has to gain: e^
 THOUSANDTH = 1e-3  # of a standard deviation: numbers as near as that are the same
 WORSE = 1.1  # times an error or a claim: an rms of a hundred samples is known to 7 % itself
 WHOLE = 0.99  # of a variance or of a square: all of it but a percent
+QUANTILE = 1.959964  # of the normal distribution: 95 % lie within, both sides together
+HANN = 2 / 3  # of the frequencies under a Hann window are as good as independent
 LAGS = 10  # samples up to which what should be white is looked at for correlation

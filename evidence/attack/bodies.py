@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.vectors import GRAVITY
+
 Edit: TypeAlias = Callable[[Any], None]
-GRAVITY = np.array([0.0, 0.0, -9.81])
 SHAPE = np.array([[0.1, 0, 0], [-0.1, 0.1, 0], [0, -0.1, 0.1], [0, 0, -0.1], [0.05, 0.08, 0.02]])
 MASS = np.array([0.03, 0.02, 0.02, 0.02, 0.01])
 NOISE = {

@@ -15,6 +15,7 @@ from typing import Any
 
 from evidence.attack.bodies import write
 from evidence.attack.watched import HUNG, START, End
+from forceid.cli.doctor.battery import QUICK
 
 RECIPE = 'scene = "spinner"\ntitle = "toss"\nduration = 0.2\nsample_rate = 200\nnoise_std = 5e-4\n'
 TABLE = "t,ax,ay,az,bx,by,bz,cx,cy,cz\n" + "".join(
@@ -27,7 +28,6 @@ import.csv.position.b = ["bx", "by", "bz"]
 import.csv.position.c = ["cx", "cy", "cz"]
 import.body.mass = { a = 0.02, b = 0.05, c = 0.03 }
 """
-QUICK = ("--method", "difference", "--model", "rigid")
 Commands = Mapping[str, tuple[str, ...]]
 COMMANDS: Commands = {
     "inspect": ("inspect", "m.h5"),

@@ -15,12 +15,12 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from evidence.vectors import GRAVITY
 from forceid.files.stored.hdf5 import write_motion
 from forceid.records import Array, Body, Motion, Recording
 
 FRAMES, NODES = 2083, 100  # 5 MB of positions
 NOISE = 5e-4  # m
-GRAVITY = np.array([0.0, 0.0, -9.81])
 Found = dict[str, Any]
 
 

@@ -20,7 +20,7 @@ from evidence.written import asked, each, paged
 
 MODULES = [
     *(f"calibration.{p.stem}" for p in Path(__file__).parent.glob("[a-z]*.py") if p.stem != "page"),
-    "strangers.attempt", "strangers.judged", "drawn.hidden_loads", "drawn.records.scored",
+    "strangers.attempt", "judged", "vectors", "drawn.records.scored",
 ]  # fmt: skip
 
 

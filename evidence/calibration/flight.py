@@ -15,9 +15,11 @@ from scipy.integrate import solve_ivp
 from evidence.calibration import distributions as of
 from evidence.calibration.bodies import Moved
 from evidence.calibration.loads import Load, State, given
+from evidence.vectors import hat
 from forceid.records import Array
 
 EXACT = 1e-9  # relative; the absolute one is this of what is typical of each coordinate
+JUST = 1e-12  # s: so much before or behind a jump
 
 
 @dataclass(frozen=True)
@@ -28,11 +30,6 @@ class Flown:
     F: Array
     force: Array
     moment: Array
-
-
-def hat(v: Array) -> Array:
-    """The matrix of the cross product with v."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def rotation(q: Array) -> Array:
@@ -162,7 +159,7 @@ def flown(
         at = np.union1d(time[inside], [end])
         # a break belongs to the piece behind it: the load is asked inside of each piece alone
         within: Callable[[float, Array], Array] = lambda t, y, b=begin, e=end: rates(  # noqa: E731
-            min(max(t, b + 1e-12), e - 1e-12), y
+            min(max(t, b + JUST), e - JUST), y
         )
         found = solve_ivp(
             within, (begin, end), y, "DOP853", at, events=beyond, rtol=EXACT, atol=EXACT * moves.typical(y),
@@ -172,6 +169,13 @@ def flown(
             return None
         path[inside], y = found.y.T[: len(inside)], found.y[:, -1]
     wrench = np.array([load.steady(t, moves.state(y)) for t, y in zip(time, path, strict=True)])
+    for when in load.breaks:  # of a jump too, the mean over the sample that it falls into
+        k = int(np.argmin(np.abs(time - when)))
+        if (behind := (time[k] - when) / step + 0.5) < 0 or behind > 1:
+            continue
+        s = moves.state(path[k])
+        jump = load.steady(when + JUST, s) - load.steady(when - JUST, s)
+        wrench[k] += (behind - (time[k] >= when)) * jump
     for pulse in load.pulses:
         wrench += (given(time + step / 2, *pulse) - given(time - step / 2, *pulse)) / step
     return Flown(path[:, :3], moves.places(path), wrench[:, :3], wrench[:, 3:])

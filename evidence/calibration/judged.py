@@ -9,18 +9,17 @@ import numpy as np
 
 from evidence.calibration.patience import within
 from evidence.calibration.record import DrawnRecord, drawn_record
-from evidence.drawn.records.scored import QUANTILE, judged_part
+from evidence.judged import LOADS, UNKNOWN, WRONG, Judged, judged_part, scores
 from evidence.strangers.attempt import attempt
-from evidence.strangers.judged import LOADS, band_of, careful_in_vain, scores, silently_wrong
 from forceid.records import Estimate
+from forceid.significance import QUANTILE
 
 PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
-UNKNOWN = (np.nan, np.nan)
 KINDS = ("load", "error", "told", "place", "stated", "soft")  # by which results are counted
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Judged):
     """What came of record `number`.
 
     verdict: ok, degraded, refused, crashed or stopped; codes: of its findings; degrading: of those
@@ -46,11 +45,6 @@ class Outcome:
     relative: tuple[float, ...] = UNKNOWN
 
     @property
-    def worst(self) -> float:
-        """The larger error over claim, 0 where none is known."""
-        return float(np.nan_to_num(self.over).max())
-
-    @property
     def worst_plain(self) -> float:
         """The same at all frequencies."""
         return float(np.nan_to_num(self.plain).max())
@@ -58,22 +52,12 @@ class Outcome:
     @property
     def beyond_claim(self) -> bool:
         """Whether it calls itself ok and is off by more than twice its claim."""
-        return silently_wrong(self.verdict, self.over)
+        return self.silent and self.worst > WRONG
 
     @property
     def beyond_witness(self) -> bool:
         """Whether it calls itself ok and is off by more than twice what the plain route is."""
-        return silently_wrong(self.verdict, self.beside)
-
-    @property
-    def silent(self) -> bool:
-        """Whether it calls itself ok and is wrong, by its claim or beside the plain route."""
-        return silently_wrong(self.verdict, self.over, self.beside)
-
-    @property
-    def needless(self) -> bool:
-        """Whether it is degraded, though all of force and moment that is given is within its claim."""
-        return careful_in_vain(self.verdict, self.over)
+        return self.silent and float(np.nan_to_num(self.beside).max()) > WRONG
 
     def __repr__(self) -> str:
         kinds = ", ".join(str(self.drawn[name]) for name in KINDS if self.drawn[name] is not False)
@@ -106,7 +90,7 @@ def judged(case: DrawnRecord, found: Estimate) -> dict[str, tuple[float, ...]]:
         known = np.isfinite(error) & np.isfinite(std)
         held = np.abs(error)[known] <= QUANTILE * std[known]
         inside.append(float(np.mean(held)) if known.any() else np.nan)
-    return scores(found, truth, band_of(found), case.drawn.rate) | {"inside": tuple(inside)}
+    return scores(found, truth) | {"inside": tuple(inside)}
 
 
 def outcome_of(job: tuple[int, int]) -> Outcome:

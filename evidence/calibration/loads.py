@@ -32,7 +32,8 @@ class Load:
     """A load `at` (t, state) as force, then moment (6,) about the mass center, N and N m, world axes.
 
     breaks: instants s at which it is not smooth; pulses: blows beside, (begin s, length s, impulse (6,)), of
-    which the mean over a sample counts as truth; constant (3,) N: a force that carries the weight.
+    which, as of jumps, the mean over a sample counts as truth; constant (3,) N: a force that carries the
+    weight.
     """
 
     at: Of

@@ -15,10 +15,10 @@ from evidence.calibration.camera import seen, stated
 from evidence.calibration.distributions import Drawn, drawn_kinds
 from evidence.calibration.flight import Flown, flown
 from evidence.calibration.loads import State, drawn_load
+from evidence.vectors import GRAVITY
 from forceid.records import Array, Motion, Recording
 
 Again = Callable[[Array], Flown | None]
-GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s2
 
 
 @dataclass(frozen=True)

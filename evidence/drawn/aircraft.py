@@ -12,10 +12,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.vectors import GRAVITY
 from forceid.config import AeroSetting
 from forceid.records import Array, Body, Motion, Recording
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
 Law = Callable[[Array, Array, Array], tuple[Array, Array]]  # air, R, omega to force and moment, world axes
 
 

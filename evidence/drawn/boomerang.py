@@ -21,7 +21,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from evidence.drawn.coverage import NOISES, RATES, recorded
-from evidence.drawn.records.scored import estimated_score, rms, stacked
+from evidence.drawn.records.scored import estimated_score, stacked
+from evidence.judged import rms
 from evidence.subjects.flights.cases import Case
 from evidence.subjects.flights.true_prior import problem_of
 from evidence.written import asked, each, paged, pictured, tabled

@@ -10,13 +10,13 @@ fitted to the estimate. Beside them baseballs with drag and Magnus force, and th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 
 from evidence.drawn.aircraft import Drawn, ball, frisbee, glider
+from evidence.drawn.coverage import SCENES
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.aero import FittedLaw, fit_flights, law_setting
 from forceid.config import AeroSetting, load_settings
@@ -41,7 +41,6 @@ TERMS: dict[str, dict[str, list[str]]] = {
     "ball": {"drag": ["1", "spin"], "lift": ["1", "spin"], "side": ["1"], "pitch": ["1"]},
 }  # fmt: skip
 BALLS = 5  # of the drawn records, one in so many
-SCENES = Path(__file__).parents[2] / "data" / "synthetic"
 JUDGED = ("lift", "drag", "pitch")  # CL, CD, Cm
 ABOUT = """\
 Made by `{command}`, {seconds:.0f} s of CPU. Model gliders fly for 2 s and frisbees for 1.2 s, {gliders} of \

@@ -16,7 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, stacked
+from evidence.drawn.records.scored import (
+    FORCE,
+    MOMENT,
+    RecordScore,
+    error_over_claim,
+    estimated_score,
+    stacked,
+)
+from evidence.judged import silent_share
 from evidence.written import asked, each, tabled
 from forceid.records import Recording
 from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample_times
@@ -55,12 +63,6 @@ def share_inside(cases: list[RecordScore], of: slice) -> float:
     return float(np.nanmean(inside)) if np.isfinite(inside).any() else np.nan
 
 
-def error_over_claim(cases: list[RecordScore], of: slice) -> float:
-    """Rms over records and axes of the error over what is claimed."""
-    ratio = stacked(cases, "square")[:, of] / stacked(cases, "claimed")[:, of]
-    return float(np.sqrt(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.nan
-
-
 def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str:
     """One way to group the records."""
     groups: dict[str, list[RecordScore]] = {}
@@ -77,9 +79,12 @@ def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str
                 *held,
                 f"{error_over_claim(of, FORCE):.2f}, {error_over_claim(of, MOMENT):.2f}",
                 str(ok),
+                silent_share(c.silent for c in of),
             ]
         )
-    return tabled((title, "records", "force", "moment", "error over claim F, T", "ok"), rows)
+    return tabled(
+        (title, "records", "force", "moment", "error over claim F, T", "ok", "silently wrong"), rows
+    )
 
 
 def main() -> int:

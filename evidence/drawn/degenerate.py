@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from evidence.drawn.records.degenerate_bodies import ENOUGH, DrawnBody, draw_body
+from evidence.judged import LOADS, RULE, UNKNOWN, Judged, scores, silent_share
 from evidence.written import asked, each, paged, tabled
 from forceid.config import Settings
 from forceid.errors import ForceIdError
@@ -30,7 +31,6 @@ from forceid.estimation.inspection import inspect_recording
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import write_result
 from forceid.files.stored.hdf5 import read_motion, write_motion
-from forceid.records import Array
 
 PATIENCE = 30  # s of processor time that one recording may take, inspected and estimated
 WAIT = 600.0  # s of wall time after which a process counts as stopped, however busy the machine is
@@ -42,12 +42,12 @@ or on a line of their own. A third is thrown, and some lines bend. Records have 
 component is determined where the geometry of masses and markers says so and 12 frames show every marker.
 Refused are bodies whose mass center the markers do not show; an error, of one line, is a record that is
 too short, or a total mass without inertia."""
-EDGE = 0.1  # of a record at each end that scores leave out: there a load is told by one side only
+SUMS = 1e-9  # N, N m: what sums over nodes may be off, of loads that are claimed to be none
 
 
 @dataclass(frozen=True)
-class BodyOutcome:
-    """What became of a recording: verdict or error, and error over claim of force and moment where given."""
+class BodyOutcome(Judged):
+    """What became of a recording: verdict or error, and how far off force and moment are where given."""
 
     seed: int
     kind: str
@@ -55,22 +55,9 @@ class BodyOutcome:
     said: str = ""
     missing: tuple[str, ...] = ()
     undue: tuple[str, ...] = ()
-    force: float = np.nan
-    moment: float = np.nan
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
     seconds: float = float(PATIENCE)
-
-    @property
-    def worst(self) -> float:
-        """The larger of the scores of force and moment, zero where neither is given."""
-        return float(np.nan_to_num([self.force, self.moment]).max())
-
-
-def over_claim(error: Array, var: Array) -> float:
-    """Rms error over rms claim of vectors (time, 3) whose covariances have the traces var (time,)."""
-    cut = slice(int(EDGE * len(error)), len(error) - int(EDGE * len(error)))
-    square, claimed = float((error[cut] ** 2).sum(1).mean()), float(var[cut].mean())
-    scale = 1e-9 * (1.0 + float(np.abs(error).max()))
-    return float(np.sqrt((square + scale**2) / (claimed + scale**2)))
 
 
 def judged_body(seed: int, drawn: DrawnBody, path: Path) -> BodyOutcome:
@@ -88,15 +75,10 @@ def judged_body(seed: int, drawn: DrawnBody, path: Path) -> BodyOutcome:
     given = {name: bool(np.isfinite(getattr(found, name)).any()) for name in expected}
     missing = tuple(name for name, due in expected.items() if due and not given[name])
     undue = tuple(name for name, due in expected.items() if given[name] and not due)
-    scores = []
-    for k, name in enumerate(expected):
-        part = slice(3 * k, 3 * k + 3)
-        off = getattr(found, name) - recording.truth[name]
-        seen = np.isfinite(off).all(1)
-        var = np.trace(found.wrench_cov[:, part, part], axis1=1, axis2=2)
-        scores.append(over_claim(off[seen], var[seen]) if seen.any() else np.nan)
-    said = "; ".join(found.verdict.reasons)
-    return BodyOutcome(seed, drawn.kind, found.verdict.level, said, missing, undue, *scores)
+    found = replace(found, wrench_cov=found.wrench_cov + SUMS**2 * np.eye(6))
+    off = scores(found, [recording.truth[name] for name in LOADS])
+    said, ratios = "; ".join(found.verdict.reasons), (off["over"], off["beside"])
+    return BodyOutcome(seed, drawn.kind, found.verdict.level, said, missing, undue, *ratios)
 
 
 def work(seed: int, folder: str, pipe: Any) -> None:
@@ -147,9 +129,9 @@ def outcome_counts(found: list[BodyOutcome]) -> str:
         f"over {PATIENCE:.0f} s": verdicts["too long"],
         "determined, and not given": sum(bool(o.missing) for o in found),
         f"given, and not determined by {ENOUGH} whole frames": sum(bool(o.undue) for o in found),
-        "verdict ok, error over 3 claimed sigma": sum(o.verdict == "ok" and o.worst > 3 for o in found),
-        "error over claim of the force, median (5 to 95 %)": quantiles([o.force for o in found]),
-        "error over claim of the moment, median (5 to 95 %)": quantiles([o.moment for o in found]),
+        "silently wrong": silent_share(o.silent for o in found),
+        "error over claim of the force, median (5 to 95 %)": quantiles([o.over[0] for o in found]),
+        "error over claim of the moment, median (5 to 95 %)": quantiles([o.over[1] for o in found]),
         "time of inspect and estimate, s, median (5 to 95 %)": quantiles([o.seconds for o in found]),
         **{f"verdict {name}": count for name, count in sorted(verdicts.items())},
     }
@@ -163,7 +145,7 @@ def main() -> None:
         seeds = range(given.first, given.first + given.count)
         found = list(each(partial(run_seed, folder=folder), seeds, 1))
     title = "Bodies on points, lines and planes"
-    paged(given.output, "degenerate", title, f"`{given.command}`", TEXT, outcome_counts(found))
+    paged(given.output, "degenerate", title, f"`{given.command}`", TEXT, RULE, outcome_counts(found))
 
 
 if __name__ == "__main__":

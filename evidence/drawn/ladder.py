@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, judged_part
+from evidence.drawn.records.scored import FORCE, MOMENT
+from evidence.judged import judged_part
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, tabled
 from forceid import kalman
 from forceid.config import Settings, load_settings

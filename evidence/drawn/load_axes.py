@@ -21,14 +21,15 @@ from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import (
     FORCE,
-    GRAVITY,
     MOMENT,
     RecordScore,
+    error_over_claim,
     estimated_score,
     stacked,
     told_whole,
 )
 from evidence.drawn.strict import matern_path
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Motion, Recording
 
@@ -38,7 +39,7 @@ KINDS = {
     "force turns": (True, False),
     "moment turns": (False, True),
 }
-AXES = ("world", "body", "auto")
+CHOICES = ("world", "body", "auto")
 MARKERS, SAMPLES = (4, 11), (200, 600)
 RATES, NOISES = (100.0, 1000.0), (1e-4, 1e-3)  # Hz, m
 SPINS, TURN = (2.0, 60.0), 0.25  # rad/s; rad a frame, at most
@@ -125,7 +126,7 @@ def run_record(job: tuple[str, int, int]) -> tuple[str, dict[str, RecordScore], 
     """A record estimated along each choice of axes; of the chosen ones, which loads turn."""
     kind, k, seed = job
     record = draw_record(KINDS[kind], np.random.default_rng([seed, list(KINDS).index(kind), k]))
-    scores = {axes: estimated_score(record.recording, model="rigid", load_axes=axes) for axes in AXES}
+    scores = {axes: estimated_score(record.recording, model="rigid", load_axes=axes) for axes in CHOICES}
     chosen = scores["auto"].tuned
     return kind, scores, ("force_turns" in chosen, "moment_turns" in chosen)
 
@@ -137,20 +138,15 @@ def kind_rows(kind: str, of: list[tuple[str, dict[str, RecordScore], tuple[bool,
     for name, part, turns, which in loads:
         own = stacked([scores["body" if turns else "world"] for _, scores, _ in of], "square")[:, part]
         errors = []
-        for axes in AXES:
+        for axes in CHOICES:
             square = stacked([scores[axes] for _, scores, _ in of], "square")[:, part]
             errors.append(float(np.sqrt(np.mean(square.mean(1) / own.mean(1)))))
-        over = [over_claim([scores[axes] for _, scores, _ in of], part) for axes in AXES]
+        over = [error_over_claim([scores[axes] for _, scores, _ in of], part) for axes in CHOICES]
         took = [chosen[which] for _, _, chosen in of]
         right, wrong = sum(took) if turns else len(took) - sum(took), 0 if turns else sum(took)
         numbers = (f"{value:.2f}" for value in (*errors, *over))
         rows.append([kind, str(len(of)), name, *numbers, str(right), str(wrong)])
     return rows
-
-
-def over_claim(scores: list[RecordScore], part: slice) -> float:
-    """Rms over records and axes of the error over what is claimed."""
-    return float(np.sqrt(np.mean(stacked(scores, "square")[:, part] / stacked(scores, "claimed")[:, part])))
 
 
 def main() -> int:

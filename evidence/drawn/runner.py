@@ -19,16 +19,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from evidence.drawn.records.scored import GRAVITY, low_passed
+from evidence.drawn.people import off
+from evidence.drawn.records.scored import low_passed
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
-from forceid.records import Array, Body, Motion, Recording
+from forceid.records import Body, Motion, Recording
 
 RATE, SECONDS, SIGMA = 100.0, 5.0, 1e-3
 SWING = np.radians(60.0)
 HEADS = "errors", "readings missing", "noise", "over the best cut", "over 6 Hz", "error over claim", "CPU (s)"
-EDGE = 20  # frames at either end that are not judged
 PARTS = {  # segment: what it hangs on, points, part of the mass
     "trunk": ("", 5, 0.50), "head": ("trunk", 2, 0.08),
     "left arm": ("trunk", 3, 0.03), "left forearm": ("left arm", 3, 0.02),
@@ -82,15 +83,14 @@ def kind_row(kind: tuple[bool, bool, bool], seeds: int) -> dict[str, Any]:
     for seed in range(seeds):
         recording = run(seed, *kind)
 
-        def off(force: Array, truth: Array = recording.truth["force"]) -> Array:
-            return np.asarray(np.sqrt(((force - truth)[EDGE:-EDGE] ** 2).mean(0)))
-
-        began = time.process_time()
+        truth, began = recording.truth["force"], time.process_time()
         estimate = estimate_recording(recording, load_settings())
         cpu = time.process_time() - began
-        rivals = [off(low_passed(recording, cut)["force"]) for cut in (6.0, *np.arange(2.0, 25.0, 0.5))]
+        rivals = [
+            off(low_passed(recording, cut)["force"] - truth) for cut in (6.0, *np.arange(2.0, 25.0, 0.5))
+        ]
         best = np.min(rivals[1:], axis=0)
-        error, claim = off(estimate.force), np.sqrt((estimate.force_std[EDGE:-EDGE] ** 2).mean(0))
+        error, claim = off(estimate.force - truth), off(estimate.force_std)
         found.append([np.max(error / of) for of in (best, rivals[0], claim)] + [cpu])
     worst = np.max(found, axis=0).tolist()
     colored, lost, stated = kind

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, estimated_score, pooled
+from evidence.judged import silent_share
 from evidence.written import asked, each, tabled
 from forceid.scenes.recipe import SceneRecipe, simulate
 
@@ -89,11 +90,11 @@ def main() -> int:
             cells += [f"{error:.3g}", f"{over:.2f}", f"{100 * held:.1f}"]
         levels = [score.verdict for score in own]
         said = (f"{levels.count(v)} {v}" for v in ("ok", "degraded", "refused") if v in levels)
-        rows.append([name, *cells, ", ".join(said)])
+        rows.append([name, *cells, ", ".join(said), silent_share(score.silent for score in own)])
         for text in sorted({reason[:100] for score in own for reason in score.reasons}):
             print(f"    {name}: {text}", file=sys.stderr)
     over = "over claim", "95 % hold"
-    print(tabled(("", "F rmse, N", *over, "T rmse, N m", *over, "verdicts"), rows))
+    print(tabled(("", "F rmse, N", *over, "T rmse, N m", *over, "verdicts", "silently wrong"), rows))
     return 0
 
 

@@ -19,7 +19,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, RecordScore, pooled, scored, stacked
+from evidence.drawn.records.scored import FORCE, MOMENT, RecordScore, pooled, scored, stacked
+from evidence.vectors import GRAVITY
 from evidence.written import asked, each
 from forceid.flight.channels import Start
 from forceid.flight.model import Flight

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.records.scored import rms
+from evidence.judged import rms
 from evidence.subjects.flights.bodies import INERTIA, MASS, NODES, Setup, fly
 from evidence.written import asked
 from forceid.config import load_settings

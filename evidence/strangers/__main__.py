@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from evidence.journal import Journal, key, version
-from evidence.strangers.judged import HEADS, Judged, counted
 from evidence.strangers.kinds import KINDS, run
+from evidence.strangers.outcome import HEADS, StrangerOutcome, counted
 from evidence.written import asked, each, paged, tabled
 
 MODULES = [f"strangers.{p.stem}" for p in Path(__file__).parent.glob("[a-z]*.py")]
@@ -37,19 +37,19 @@ are, and caution was asked for in vain; beyond 3: one is, and the claim does not
 medians."""
 
 
-def finished(jobs: Sequence[tuple[str, int]], journal: Journal, workers: int) -> list[Judged]:
+def finished(jobs: Sequence[tuple[str, int]], journal: Journal, workers: int) -> list[StrangerOutcome]:
     """What came of every kind and seed, in order: from the journal, or simulated and estimated now."""
-    stamp = version(*MODULES, "drawn.hidden_loads"), version_of("mujoco")
+    stamp = version(*MODULES, "judged"), version_of("mujoco")
     keys = {job: key(*stamp, *job) for job in jobs}
     left = [job for job in jobs if keys[job] not in journal.lines]
 
-    def keep(job: tuple[str, int], rows: list[Judged]) -> None:
+    def keep(job: tuple[str, int], rows: list[StrangerOutcome]) -> None:
         journal.once(keys[job], lambda: [asdict(row) for row in rows])
 
     for job, rows in zip(left, each(run, left, workers) if left else (), strict=True):
         keep(job, rows)
     found: list[dict[str, Any]] = [row for job in jobs for row in journal.lines[keys[job]]]
-    return [Judged(**row) for row in found]
+    return [StrangerOutcome(**row) for row in found]
 
 
 def main() -> None:

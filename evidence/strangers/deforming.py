@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from evidence.strangers.bodies import Solid, direction, flung, sites, words, world
 from evidence.strangers.ground import FLOOR
-from evidence.strangers.simulated import BODY, GRAVITY, Camera, Scene
+from evidence.strangers.simulated import BODY, WEIGHT, Camera, Scene
 from forceid.records import Array
 
 SMALL = 2e-3  # m: radius of gyration of what a user takes for a mass point
@@ -48,7 +48,7 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
         )
     q, v = flung(rng, rng.uniform(1, 4), rng.uniform(-4, 4, 3))
     start = q, np.append(v, rng.uniform(-6, 6, 4))
-    push = float(rng.random() < 0.5) * np.sum(masses) * GRAVITY * rng.uniform(0.1, 0.5) * direction(rng)
+    push = float(rng.random() < 0.5) * np.sum(masses) * WEIGHT * rng.uniform(0.1, 0.5) * direction(rng)
     w = 2 * np.pi * rng.uniform(0.3, 2)
 
     def drive(data: Any) -> None:
@@ -75,7 +75,7 @@ def cable(rng: np.random.Generator, camera: Camera) -> Scene:
     """A cable of 8 to 15 mass points on rods that bend against each other, damped; hung up or thrown."""
     count, length, mass = int(rng.integers(8, 16)), rng.uniform(0.5, 1.5), rng.uniform(0.1, 1.0)
     rod = length / count
-    spring, hung = mass * GRAVITY * length * 10 ** rng.uniform(-1.5, 0), bool(rng.random() < 0.5)
+    spring, hung = mass * WEIGHT * length * 10 ** rng.uniform(-1.5, 0), bool(rng.random() < 0.5)
     point = lumps(np.array([[rod, 0, 0]]), np.array([mass / count]))
     held = f'stiffness="{spring}" damping="{spring * rng.uniform(0.0005, 0.003)}"'
     bend = "".join(f'<joint type="hinge" axis="{axis}" {held}/>' for axis in ("0 1 0", "0 0 1"))

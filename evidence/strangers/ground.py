@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from evidence.strangers.bodies import Solid, flung, started, words, world
-from evidence.strangers.simulated import BODY, GRAVITY, Camera, Scene
+from evidence.strangers.simulated import BODY, WEIGHT, Camera, Scene
 from forceid.records import Array
 
 FLOOR = '<geom type="plane" size="0 0 1"/>'
@@ -38,7 +38,7 @@ def sliding(rng: np.random.Generator, body: Solid, radius: float, low: float, st
         touch = data.xpos[BODY] - low * R[:, 2] - [0.0, 0.0, radius]
         slip = (data.qvel[:3] + np.cross(R @ data.qvel[3:6], touch - data.xpos[BODY])) * [1, 1, 0]
         size = np.linalg.norm(slip)
-        F = -slide * body.mass * GRAVITY * np.tanh(size / CREEP) * slip / max(size, 1e-12)
+        F = -slide * body.mass * WEIGHT * np.tanh(size / CREEP) * slip / max(size, 1e-12)
         data.xfrc_applied[BODY] = np.concatenate([F, np.cross(touch - data.xipos[BODY], F)])
 
     inside = world(body.inertial + shape + body.sites(rng), beside=FLOOR)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from evidence.judged import LOADS, scores
 from evidence.strangers import deforming, ground, rigid
 from evidence.strangers.attempt import attempt
-from evidence.strangers.judged import LOADS, Judged, scores
+from evidence.strangers.outcome import StrangerOutcome
 from evidence.strangers.simulated import Camera, recorded
 from forceid.records import Verdict
 
@@ -19,7 +20,7 @@ KINDS = {
 }  # fmt: skip
 
 
-def run(job: tuple[str, int]) -> list[Judged]:
+def run(job: tuple[str, int]) -> list[StrangerOutcome]:
     """What came of the record of a kind and a seed; of a chain also what came of its joints."""
     kind, seed = job
     rng = np.random.default_rng([seed, *kind.encode()])
@@ -28,7 +29,7 @@ def run(job: tuple[str, int]) -> list[Judged]:
     try:
         recording = recorded(scene, camera, rng)
     except FloatingPointError as error:
-        return [Judged(kind, seed, "not simulated", (str(error),))]
+        return [StrangerOutcome(kind, seed, "not simulated", (str(error),))]
     facts = (
         f"{camera.rate:.0f} Hz, {camera.samples} samples, {len(recording.body.node)} markers, "
         f"{1e3 * camera.noise:.2f} mm {'stated' if camera.stated else 'not stated'}"
@@ -37,14 +38,13 @@ def run(job: tuple[str, int]) -> list[Judged]:
     tried = attempt(recording, **scene.settings)
     found, took = tried.found, tried.seconds
     if found is None:
-        return [Judged(kind, seed, tried.verdict, tried.codes, facts=facts, seconds=took)]
+        return [StrangerOutcome(kind, seed, tried.verdict, tried.codes, facts=facts, seconds=took)]
     truth = tried.recording.truth
 
-    def judged(name: str, said: Verdict, off: dict[str, tuple[float, ...]]) -> Judged:
-        return Judged(name, seed, said.level, said.codes, facts=facts, seconds=took, **off)
+    def judged(name: str, said: Verdict, off: dict[str, tuple[float, ...]]) -> StrangerOutcome:
+        return StrangerOutcome(name, seed, said.level, said.codes, facts=facts, seconds=took, **off)
 
-    band = found.hidden.band if found.hidden else np.full(6, np.inf)
-    rows = [judged(kind, found.verdict, scores(found, [truth[n] for n in LOADS], band, camera.rate))]
+    rows = [judged(kind, found.verdict, scores(found, [truth[n] for n in LOADS]))]
     if found.interface is not None:
         joints, whole = [truth[f"joint_{n}"] for n in LOADS], np.full(6, np.inf)  # no band is claimed there
         off = scores(found.interface, joints, whole, camera.rate)

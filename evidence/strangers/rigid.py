@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from evidence.strangers.bodies import Solid, direction, flung, words, world
-from evidence.strangers.simulated import BODY, GRAVITY, WHEEL, Camera, Scene
+from evidence.strangers.simulated import BODY, WEIGHT, WHEEL, Camera, Scene
 from forceid.records import Array
 
 
@@ -24,7 +24,7 @@ def thrown(rng: np.random.Generator, body: Solid, speed: float, spin: Array, dra
     The drag acts off the mass center, by up to a fifth of its size.
     """
     off = 0.2 * body.half * rng.uniform(-1, 1, 3)
-    push, slow = drag * body.mass * GRAVITY / speed**2, slow * float(np.trace(body.inertia))
+    push, slow = drag * body.mass * WEIGHT / speed**2, slow * float(np.trace(body.inertia))
 
     def drive(data: Any) -> None:
         v, w = velocity_of(data)
@@ -57,7 +57,7 @@ def quadrotor(rng: np.random.Generator, camera: Camera) -> Scene:
     body = Solid.drawn(rng, np.array([arm, arm, 0.3 * arm]), rng.uniform(0.5, 2.0), off=0.1)
     span = camera.samples / camera.rate
     steps = np.sort(rng.uniform(0, span, int(rng.integers(2, 7))))
-    weight = body.mass * GRAVITY
+    weight = body.mass * WEIGHT
     level, apart = rng.uniform(0.5, 1.6, (len(steps) + 1, 1)), rng.uniform(-0.1, 0.1, (len(steps) + 1, 4))
     thrust = 0.25 * weight * (level + apart)
     places = 0.7 * arm * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])

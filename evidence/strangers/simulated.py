@@ -16,7 +16,7 @@ import numpy as np
 from forceid.records import Array, Body, Flags, Indices, Motion, Recording
 
 STEP = 2.5e-4  # s: of the simulator at most, and at most an eighth of a sample
-GRAVITY = 9.81  # m/s2, down
+WEIGHT = 9.81  # m/s2, down
 BODY = 1  # of the model: the body that is watched is the first under the world
 WHEEL = "wheel"  # joint of a wheel inside the body: the last body, of one moment of inertia about any axis
 
@@ -36,7 +36,7 @@ class Scene:
     start: tuple[Array, Array]
     drive: Callable[[Any], None] = lambda data: None
     options: str = 'integrator="RK4"'
-    gravity: float = GRAVITY
+    gravity: float = WEIGHT
     mass: Array | None = None
     at_vertices: bool = False
     joints: tuple[int, ...] = ()

@@ -1,6 +1,6 @@
 """One cell of a stress map: the color that the trials of a method at one level of a failure add up to.
 
-Each record is judged by the rule of drawn records and strangers (`evidence.strangers.judged`). Source: the
+Each record is judged by the rule of drawn records and strangers (`evidence.judged`). Source: the
 shared requirement that every verdict is accurate, degraded and said so, or refused and said why; silently
 wrong is the only failure.
 """
@@ -14,16 +14,15 @@ from typing import Literal
 
 import numpy as np
 
-from evidence.strangers.judged import careful_in_vain, silently_wrong
+from evidence.judged import UNKNOWN, Judged, silently_wrong
 
 Color = Literal["green", "pale", "amber", "grey", "red"]
 TWICE = 2.0  # times the bound that an estimate may be off and be called accurate, not coarse
 CAUTIOUS = ("refused", "degraded", "ok")  # among verdicts equally frequent, the first
-UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Judged):
     """One record by one method: error, claimed deviation and bound of two quantities.
 
     Of a flight force and moment, rms in N and N m over the central three quarters, per axis; of a body in
@@ -42,12 +41,6 @@ class Trial:
     over: tuple[float, ...] = UNKNOWN
     beside: tuple[float, ...] = UNKNOWN
     codes: tuple[str, ...] = ()
-
-    @property
-    def silent(self) -> bool:
-        """Whether it calls itself ok and is wrong, or calls itself ok and claims nothing."""
-        nothing = self.verdict == "ok" and not np.isfinite(self.over).any()
-        return nothing or silently_wrong(self.verdict, self.over, self.beside)
 
     @property
     def budgeted(self) -> bool:
@@ -119,7 +112,7 @@ def judge_cell(trials: Sequence[Trial], names: tuple[str, str] = ("force", "mome
         plain_pair(over_bound(answered)),
         plain_pair(over.max(0) if len(over) else over.sum(0) + np.nan),
         len(wrong),
-        color == "amber" and bool(careful) and all(careful_in_vain(t.verdict, t.over) for t in careful),
+        color == "amber" and bool(careful) and all(t.needless for t in careful),
         color == "amber" and budgeted and most == "ok",
         len(ok),
         verdicts.count("degraded"),

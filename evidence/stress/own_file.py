@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evidence.drawn.hidden_loads import WRONG
-from evidence.strangers.judged import LOADS, band_of, scores, silently_wrong
+from evidence.judged import LOADS, WRONG, scores, silently_wrong
 from evidence.subjects.flights.twin import twin
 from forceid.config import Settings
 from forceid.errors import ForceIdError
@@ -139,8 +138,7 @@ def met(recording: Recording, fault: Fault | None, level: float, rng: np.random.
         found = estimate_recording(replace(faulty, truth={}), Settings())
     except ForceIdError:
         return Met(name, level, "refused", float("nan"), float("nan"))
-    rate = 1 / float(np.median(np.diff(found.time)))
-    off = scores(found, [faulty.truth[load] for load in LOADS], band_of(found), rate)
+    off = scores(found, [faulty.truth[load] for load in LOADS])
     force, moment = off["over"]
     return Met(name, level, found.verdict.level, force, moment, off["beside"])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from evidence.judged import interval
 from evidence.stress.figures import contestant_row, short_number
 from evidence.stress.run import Map, counts, leaves_green
 from evidence.stress.subjects import SUBJECTS, default_of, subject_of
@@ -33,10 +34,11 @@ def page_of(maps: Sequence[Map], seeds: int) -> str:
     total = counts(row for m in maps for row in m.rows)
     legend = ", ".join(f"{total[color]} {color} ({text})" for color, text in SHORT.items())
     subjects = [s for s in SUBJECTS if any(subject_of(m.failure) is s for m in maps)]
+    silent, records = total["records silently wrong"], total["cells"] * seeds
     head = INTRODUCTION.format(
         cells=total["cells"], seeds=seeds, legend=legend,
         needless=total["needless amber"], budgeted=total["amber by budget"],
-        silent=total["records silently wrong"],
+        silent=f"{silent} of {records} ({interval(silent, records)} %)",
         groups=", ".join(dict.fromkeys(m.failure.group.replace("_", " ") for m in maps)),
         told="\n\n".join(s.told for s in subjects), default=" and ".join(s.default for s in subjects),
     )  # fmt: skip

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from evidence import subject
-from evidence.drawn import hidden_loads
-from evidence.strangers import judged
+from evidence import judged, subject
+from evidence.judged import UNKNOWN
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant
 from evidence.subjects.affine import bodies as affine_bodies
@@ -28,7 +27,6 @@ from evidence.subjects.parts import bodies as parted_bodies
 from evidence.subjects.parts import trial as partition_trial
 
 Pair = tuple[float, float]
-UNKNOWN = (float("nan"), float("nan"))
 
 
 def unknown(case: Any) -> Pair:
@@ -97,7 +95,6 @@ FLIGHTS = Subject(
         trial,
         subject,
         judged,
-        hidden_loads,
     ),
     trial.errors,
     bound=trial.bound_of_trial,

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from evidence.judged import UNKNOWN
 from evidence.stress.cell import Trial, plain_pair, ratio
 from evidence.stress.failure import Failure
-from evidence.stress.subjects import UNKNOWN, Subject
+from evidence.stress.subjects import Subject
 from evidence.subject import Contestant
 from forceid.errors import ForceIdError
 

@@ -28,7 +28,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import QUANTILE, judged_part, rms
+from evidence.judged import RULE, judged_part, over_claim, rms, silent_share, silently_wrong
+from evidence.vectors import EYE, GRAVITY
 from evidence.written import asked, each, paged, table
 from forceid.config import load_settings
 from forceid.estimation.affine.applied import AppliedPrior, Elastic, flow, model_of, row_by_row
@@ -38,8 +39,8 @@ from forceid.estimation.run import estimate_recording
 from forceid.kalman.building.process import discretize, matern
 from forceid.kalman.engines import engine
 from forceid.records import Array, Body, Motion, Recording, deviation
+from forceid.significance import QUANTILE
 
-EYE, GRAVITY = np.eye(3), np.array([0.0, 0.0, -9.81])
 STIFFNESS = (0.3, 2000.0)  # J, shear modulus
 STRAIN, SPIN = 0.05, 6.0  # of the start; rad/s
 RATE, DURATION, SIGMA = 500.0, 1.0, 3e-4  # Hz, s, m
@@ -216,13 +217,15 @@ def applied_case(seed: tuple[int, ...], stiffness: tuple[float, float]) -> dict[
         "plain": rms(plain - total),
     }
     for name, truth in (("applied_first_moment", applied), ("first_moment", total), ("F", F)):
-        off = judged_part((getattr(found, name) - truth).reshape(-1, 9))
-        std = judged_part(deviation(getattr(found, f"{name}_cov")))
+        off = (getattr(found, name) - truth).reshape(-1, 9)
+        std = deviation(getattr(found, f"{name}_cov"))
         score |= {
             name: rms(off),
-            f"{name}_claim": rms(std),
-            f"{name}_inside": (np.abs(off) < QUANTILE * std).mean(),
+            f"{name}_over": over_claim(off, std, np.full(9, np.inf), RATE),
+            f"{name}_inside": judged_part(np.abs(off) < QUANTILE * std).mean(),
         }
+    over = [score[f"{name}_over"] for name in ("applied_first_moment", "first_moment", "F")]
+    score["silent"] = silently_wrong(found.verdict.level, over)
     return score | {"mu": mu, "verdict": found.verdict.level, "codes": found.verdict.codes, "seconds": spent}
 
 
@@ -238,8 +241,8 @@ CLASSES = ((0.3, 3.0), (3.0, 30.0), (30.0, 300.0), (300.0, 2000.0))  # J, shear 
 
 
 def applied_row(stiffness: tuple[float, float], cases: list[dict[str, Any]]) -> dict[str, Any]:
-    def ratios(above: str, below: str) -> str:
-        each = [c[above] / c[below] for c in cases]
+    def ratios(above: str, below: str = "") -> str:
+        each = [c[above] / c[below] if below else c[above] for c in cases]
         return f"{np.median(each):.2f} ({min(each):.2f} to {max(each):.2f})"
 
     def held(name: str) -> str:
@@ -250,10 +253,11 @@ def applied_row(stiffness: tuple[float, float], cases: list[dict[str, Any]]) -> 
         "shear modulus (J)": f"{stiffness[0]:g} to {stiffness[1]:g}",
         "total as applied, over error": ratios("stress", name),
         "error over bound": ratios(name, "bound"),
-        "error over claim": ratios(name, f"{name}_claim"),
+        "error over claim": ratios(f"{name}_over"),
         "all that acts: error without the material, over that with it": ratios("plain", "first_moment"),
         "95 % holds (%): applied, all, F": ", ".join(held(k) for k in (name, "first_moment", "F")),
         "ok, degraded, refused": ", ".join(str(levels.count(k)) for k in ("ok", "degraded", "refused")),
+        "silently wrong": silent_share(c["silent"] for c in cases),
     }
 
 
@@ -273,6 +277,7 @@ def main() -> None:
     tables = [
         *([table(rows)] if rows else []),
         f"**Applied{of_loads}".strip(),
+        RULE,
         *([table(loads)] if loads else []),
     ]
     paged(given.output, "material", "Materials of affine bodies", f"`{given.command}`", what.strip(), *tables)

@@ -27,9 +27,8 @@ from forceid.estimation.verdict.finding import FEW, judge
 from forceid.principal import summation_operator
 from forceid.records import Array, Finding, Recording, Verdict
 from forceid.rounding import solvable
-from forceid.significance import DENIED, PATIENCE, TENTH
+from forceid.significance import DENIED, PATIENCE, QUANTILE, TENTH
 
-QUANTILE = 1.959964  # of the normal distribution: 95 %, two-sided
 STARTS = 4  # rough constants that a law is fitted from, where no law fits yet
 ABSENT = 1e12  # numbers that tell a noise which is stated
 

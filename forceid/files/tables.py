@@ -10,9 +10,8 @@ import numpy as np
 
 from forceid.errors import ConfigError, DataError
 from forceid.files.parse import likeliest_name
-from forceid.records import Array
+from forceid.records import AXES, Array
 
-AXES = ("x", "y", "z")
 PATTERN = r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])"
 
 

@@ -163,12 +163,12 @@ def passed(density: Callable[[Array], Array], gain: Array, step: float) -> Array
 
     gain (...): of one that follows all frequencies up to a cut, and none beyond.
     """
-    cut = followed_up_to(gain, step)
+    cut = cutoff_of_gain(gain, step)
     w = cut[..., None] * (np.arange(64) + 0.5) / 64
     return np.asarray((w**4 * density(w)).sum(-1) / (w**4).sum(-1))
 
 
-def followed_up_to(gain: Array, step: float) -> Array:
+def cutoff_of_gain(gain: Array, step: float) -> Array:
     """Cut-off in rad/s of what follows all below it and lets that gain 1/s4 of white errors through."""
     return np.asarray((5 * np.pi * gain / step) ** 0.2)
 

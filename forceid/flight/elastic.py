@@ -24,7 +24,7 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array, Indices
 from forceid.rounding import SINGLE, SOLVED
-from forceid.significance import PATIENCE, SIGMAS, TENTH
+from forceid.significance import HANN, PATIENCE, SIGMAS, TENTH
 
 LOAD_ORDERS = (1, 2)  # of the loads tried: each costs a state a mode
 AIR = 0.1  # of a logarithm: about how far a load that answers a mode moves its frequency, where one does
@@ -35,7 +35,6 @@ FIRST_SIZES = (0.01, 0.1, 1.0)  # of loads, over those that would move the modes
 FIRST_RATES = (0.02, 0.2, 1.0)  # at which loads forget, over the lowest frequency
 WIDEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
 OWN_BINS = 128  # lowest frequencies looked at one by one; beyond, as many together as keeps the octaves alike
-HANN = 2 / 3  # of its frequencies are as good as independent under that taper
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,7 @@ def tune_elastic(
 
     one = np.ones_like(elastic.frequency)
     told = [elastic.damping] if elastic.damping is not None else [ratio * one for ratio in DAMPINGS]
-    if (found := likeliest(spectra, elastic)) is None:
+    if (found := likeliest_modes(spectra, elastic)) is None:
         return None
     at, order = found
     value, alone = best(at, order, elastic, told)
@@ -184,7 +183,7 @@ def tune_elastic(
     return ElasticPrior(answering, answering.frequency**2 - elastic.frequency**2, 2 * brakes)
 
 
-def likeliest(spectra: Spectra, elastic: Elastic) -> tuple[Array, int] | None:
+def likeliest_modes(spectra: Spectra, elastic: Elastic) -> tuple[Array, int] | None:
     """The point of the search where modes and loads are likeliest, and the order of the loads."""
     every = {order: searched(spectra, elastic, order) for order in LOAD_ORDERS}
     found = {order: (value, at) for order, (value, at) in every.items() if np.isfinite(value)}

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from forceid.records import Array, Estimate
+from forceid.records import AXES, Array, Estimate
 from forceid.report.numbers import digits, plain, plus_minus, resampled, rms, typeset
 from forceid.report.plots.chart import Chart, Panel, as_json, over_time
 from forceid.report.plots.picture import pictured
-from forceid.report.plots.style import AXES, CYCLE, STYLE, draw_band, draw_line, label, panels
+from forceid.report.plots.style import CYCLE, STYLE, draw_band, draw_line, label, panels
 from forceid.report.template import render
 
 SHARED = 0.95  # of values within two joint sigma, as of normal errors: results that agree

@@ -11,10 +11,9 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files import read_curves
-from forceid.records import Array
+from forceid.records import AXES, Array
 from forceid.report.numbers import plain, typeset
 from forceid.report.plots.chart import kept
-from forceid.report.plots.style import AXES
 
 MOST_FILES = 150  # files drawn: with more the page outgrows two megabytes
 SMALL_POINTS = 120  # points of a curve two hundred pixels wide

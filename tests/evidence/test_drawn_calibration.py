@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evidence.calibration import record
+from evidence.calibration import distributions, record
 from evidence.calibration.distributions import ERRORS, LOADS, PLACES, STATED, TOLD, drawn_kinds
 from evidence.calibration.judged import Outcome
-from evidence.calibration.page import page, share
+from evidence.calibration.page import page
 from evidence.calibration.record import GRAVITY, drawn_record
 
 STENCIL = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # of a first derivative, to order 8
@@ -64,6 +64,18 @@ def test_momenta_change_as_force_and_moment_say(monkeypatch, load, soft):
         assert np.abs(off).max() < 2.5e-3 * np.abs(gave).max() + 1e-6 * size
 
 
+def test_of_a_load_that_jumps_the_truth_is_the_mean_over_a_sample(monkeypatch):
+    monkeypatch.setattr(distributions, "BESIDE", 0.0)  # nothing smooth acts beside the jumps
+    case = of_kind(monkeypatch, load="steps", soft=False, place="anywhere", markers=7, weight=True)
+    coarse, finer = case.recording.truth["force"], 50  # of a sample
+    count = len(coarse)
+    fine = case.again(np.arange((count - 1) * finer + 1) / (200.0 * finer)).force
+    cells = fine[finer // 2 + 1 : -finer // 2].reshape(count - 2, finer, 3)
+    jump = np.abs(np.diff(fine, axis=0)).max()
+    assert np.abs(np.diff(coarse, axis=0)).max() > 0.1 * jump
+    assert np.abs(cells.mean(1) - coarse[1:-1]).max() < jump / finer
+
+
 def outcome(verdict, over=(1.0, 1.0), beside=(1.0, 1.0), **more):
     kinds = {
         "load": "none",
@@ -96,9 +108,8 @@ def test_the_page_counts_a_made_up_silent_record_once_with_an_exact_interval():
         outcome("degraded", degrading=("wild",)),
     ]
     text = "\n".join(page(rows, 1, "command"))
-    assert "| silently wrong | 1 of 3 | 33.3 % (0.8 to 90.6) |" in text
+    assert "| silently wrong | 1 of 3 | 33.3 % (0.8–90.6) |" in text
     assert "| `wild` | 1 | 1 | 1 |" in text
-    assert share(0, 200) == "0.0 % (0.0 to 1.8)"  # 1 - 0.025^(1/200)
 
 
 def test_stated_noise_is_the_deviation_of_the_readings(monkeypatch):

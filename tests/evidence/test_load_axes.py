@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from evidence.drawn.load_axes import KINDS, draw_record
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.motion import fit_rotation
 
 

@@ -6,7 +6,9 @@ import pytest
 from recordings import markers, mean_motion
 
 from forceid.errors import DataError
+from forceid.files.checks.agreement import check_agreement
 from forceid.files.stored.hdf5 import read_motion, write_motion
+from forceid.records import Body
 
 
 def put(name, data):
@@ -247,3 +249,16 @@ def test_integers_stand_for_real_numbers(tmp_path):
     recording = read_motion(path)
     assert recording.motion.position.dtype == recording.body.mass.dtype == np.float64
     assert recording.motion.position[1, 0, 2] == 14.0
+
+
+def test_a_mass_matrix_of_mass_on_a_point_agrees_with_its_total():
+    """Its inertia is zero, and less than that by rounding."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        share, place = rng.standard_normal(9), rng.standard_normal((9, 3))
+        share /= share.sum()
+        body = Body(
+            tuple("abcdefghi"), place, mass_matrix=0.3 * np.kron(np.outer(share, share), np.eye(3)),
+            total_mass=0.3,
+        )  # fmt: skip
+        check_agreement(body, "motion.h5:/body")

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.plate_face import plate
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.records import Array, Body, Motion, Recording
 
 MODES = 6  # that are integrated; the stiffer ones answer the loads as they do in steady vibration

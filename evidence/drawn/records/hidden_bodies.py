@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import GRAVITY
-from evidence.subjects.affine.bodies import hat
+from evidence.vectors import GRAVITY, hat
 from forceid.records import Array, Body, Motion, Recording
 
 KINDS = ("oscillation", "step", "event", "wheel", "nothing")
@@ -69,9 +68,16 @@ class DrawnRecord:
     motor: Array | None = None
 
     def load(self, name: str) -> Array:
-        """The true load (time, 3), with the torque of what spins a wheel up: a moment like any other."""
-        t = self.recording.motion.time
-        acts = sum_terms(getattr(self, name), 0, t)
+        """The true load (time, 3), with the torque of what spins a wheel up: a moment like any other.
+
+        Of steps and events the mean over a sample, from midpoint to midpoint: all that samples show of them.
+        """
+        t, terms = self.recording.motion.time, getattr(self, name)
+        if self.kind in ("step", "event") and self.facts["load"] == name:
+            half, sudden = 0.5 * (t[1] - t[0]), terms[-1:]
+            gained = sum_terms(sudden, 1, t + half) - sum_terms(sudden, 1, t - half)
+            return sum_terms(terms[:-1], 0, t) + gained / (2 * half)
+        acts = sum_terms(terms, 0, t)
         return acts if self.motor is None or name == "force" else acts + self.motor
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.config import Settings, load_settings
 from forceid.records import Array, Body, KnownLoads, Motion, Recording
 

@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.records import Array, Body, Motion, Recording
 
 RATE, FINER = 100.0, 10  # Hz of the markers, and how many times as fine the truth is

@@ -10,22 +10,23 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from evidence.judged import UNKNOWN, Judged, judged_part, scores
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.run import estimate_recording
-from forceid.records import Array, Body, Recording
+from forceid.records import Array, Body, Estimate, Recording
+from forceid.significance import QUANTILE
 
-QUANTILE = 1.959964  # of the normal distribution: 95 % lie within
 FORCE, MOMENT = slice(3), slice(3, 6)
-GRAVITY = np.array([0.0, 0.0, -9.81])
 NONE = np.full(6, np.nan)
 
 
 @dataclass(frozen=True)
-class RecordScore:
+class RecordScore(Judged):
     """Means over the judged part of a record, by component of force and moment (6,), NaN where none is known.
 
-    square: of the error squared; claimed: of the variance; inside: of what lies in the 95 % interval.
+    square: of the error squared; claimed: of the variance; inside: of what lies in the 95 % interval. over,
+    beside, plain: of an estimate, by the judge, force and moment.
     """
 
     square: Array = field(default_factory=lambda: NONE)
@@ -37,25 +38,17 @@ class RecordScore:
     tuned: Mapping[str, float] = field(default_factory=dict)
     nis: float = np.nan
     seconds: float = 0.0
+    over: tuple[float, ...] = UNKNOWN
+    beside: tuple[float, ...] = UNKNOWN
+    plain: tuple[float, ...] = UNKNOWN
 
     def error(self, of: slice) -> float:
         """Rms error of the components."""
         return float(np.sqrt(self.square[of].mean()))
 
     def over_claim(self, of: slice) -> float:
-        """Rms error over rms claim of the components."""
+        """Rms error over rms claim of the components, at all frequencies."""
         return float(np.sqrt(self.square[of].mean() / self.claimed[of].mean()))
-
-
-def judged_part(values: Array) -> Array:
-    """The central three quarters of a record."""
-    edge = len(values) // 8
-    return values[edge : len(values) - edge]
-
-
-def rms(values: Array, axis: int | None = None) -> Any:
-    """Root mean square over the central three quarters: of all, or along an axis."""
-    return np.sqrt(np.mean(judged_part(values) ** 2, axis=axis))
 
 
 def scored(found: Any, force: Array, moment: Array, **more: Any) -> RecordScore:
@@ -63,6 +56,9 @@ def scored(found: Any, force: Array, moment: Array, **more: Any) -> RecordScore:
     error = judged_part(np.concatenate([found.force - force, found.moment - moment], 1))
     var = judged_part(np.diagonal(found.wrench_cov, axis1=1, axis2=2))
     inside = np.where(np.isfinite(error), error**2 <= QUANTILE**2 * var, np.nan)
+    if isinstance(found, Estimate):
+        ratios = scores(found, (force, moment))
+        more |= {name: ratios[name] for name in ("over", "beside", "plain")}
     return RecordScore((error**2).mean(0), var.mean(0), inside.mean(0), **more)
 
 
@@ -87,6 +83,13 @@ def estimated_score(recording: Recording, turn: Array | None = None, **settings:
 def stacked(scores: Iterable[RecordScore], name: str) -> Array:
     """One number by component of every score (score, 6)."""
     return np.array([getattr(score, name) for score in scores])
+
+
+def error_over_claim(scores: Iterable[RecordScore], of: slice) -> float:
+    """Rms over records and axes of the error over what is claimed."""
+    each = list(scores)
+    ratio = stacked(each, "square")[:, of] / stacked(each, "claimed")[:, of]
+    return float(np.sqrt(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.nan
 
 
 def pooled(scores: Iterable[RecordScore], of: slice) -> tuple[float, float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.records import Array
 
 RATE, SECONDS = 250.0, 1.2  # Hz, s

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.vectors import EYE
 from forceid.records import Array
 
-EYE = np.eye(3)
 TIGHT = 1e-13
 
 
@@ -91,11 +91,6 @@ class LinearSprings:
     def hessian(self, F: Array, H: Array) -> Array:
         """Along H, k H."""
         return np.asarray(self.k * np.broadcast_to(H, np.broadcast_shapes(F.shape, H.shape)))
-
-
-def hat(w: Array) -> Array:
-    """Skew matrices (..., 3, 3) of w (..., 3)."""
-    return np.asarray(np.cross(w[..., None, :], EYE).swapaxes(-1, -2))
 
 
 def random_rotations(rng: np.random.Generator, count: int) -> Array:

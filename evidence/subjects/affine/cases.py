@@ -16,7 +16,6 @@ import numpy as np
 from evidence.subjects.affine.bodies import (
     BALL,
     BLOCK,
-    EYE,
     SOFT,
     DeformedFrames,
     Throw,
@@ -24,8 +23,9 @@ from evidence.subjects.affine.bodies import (
     natural_constants,
     random_rotations,
     unstrained,
-)  # fmt: skip
+)
 from evidence.subjects.affine.exact_polar import exact_polar
+from evidence.vectors import EYE
 from forceid.records import Array
 
 FRAMES, KNOWN = 20_000, 200

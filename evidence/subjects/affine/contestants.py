@@ -10,8 +10,9 @@ import numpy as np
 from scipy.linalg import polar as scipy_polar
 
 from evidence.subject import Answer, at_once
-from evidence.subjects.affine.bodies import EYE, DeformedFrames
+from evidence.subjects.affine.bodies import DeformedFrames
 from evidence.subjects.affine.problem import AffineProblem
+from evidence.vectors import EYE
 from forceid.pseudorigid import bipolar_path, bipolar_rates, polar, polar_rates
 from forceid.pseudorigid.factors.bipolar_path import FRAME_TURN
 from forceid.records import Array, Flags

@@ -10,19 +10,18 @@ from evidence.stress.failure import failure
 from evidence.subjects.affine.bodies import (
     BALL,
     BLOCK,
-    EYE,
     SOFT,
     DeformedFrames,
     Throw,
     followed,
-    hat,
     natural_constants,
     random_rotations,
     sprung,
     unstrained,
-)  # fmt: skip
+)
 from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import AffineProblem
+from evidence.vectors import EYE, hat
 from forceid.records import Array
 
 FACTORS = (1e-13, 1e-6)  # relative: of factors, and of rates, which rounding of F and F' may swamp

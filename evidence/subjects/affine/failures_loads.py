@@ -9,6 +9,7 @@ import numpy as np
 from evidence.stress.failure import failure
 from evidence.subjects.affine.flights import SWING, toned
 from evidence.subjects.affine.problem import AffineProblem
+from evidence.vectors import GRAVITY
 from forceid.records import Array, Body, Motion, Recording
 
 SIZE = np.array([0.24, 0.18, 0.14])  # m
@@ -18,7 +19,6 @@ CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in
 SPREAD = CORNERS[[0, 3, 5, 6, 1, 2, 4, 7]]  # the first four span a tetrahedron
 BENT = np.array([0.5, -0.8, 0.33])  # direction of what is not affine
 BEND = 2 * np.pi * 2.0  # rad/s, of that
-GRAVITY = np.array([0.0, 0.0, -9.81])
 MASS = 0.5  # kg
 
 

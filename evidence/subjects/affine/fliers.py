@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from evidence.strangers.judged import band_of, over_claim
+from evidence.judged import band_of, over_claim, rms, samples_a_second
 from evidence.subject import Answer, at_once
 from evidence.subjects.affine.problem import AffineProblem
 from forceid.config import load_settings
@@ -32,7 +32,7 @@ def estimated_flight(problem: AffineProblem) -> Answer:
     answer = judged_flight(
         problem, found.force, first, found.force_std**2, moment_var, said.level, said.reasons
     )
-    rate, everywhere = 1 / float(np.median(np.diff(found.time))), np.full(9, np.inf)  # no band of its own
+    rate, everywhere = samples_a_second(found.time), np.full(9, np.inf)  # no band of its own
     over = (
         over_claim(found.force - problem.motion, found.force_std, band_of(found)[:3], rate),
         over_claim(first - problem.rate, np.sqrt(moment_var).reshape(-1, 9), everywhere, rate),
@@ -50,16 +50,9 @@ def judged_flight(
     reasons: tuple[str, ...] = (),
 ) -> Answer:
     """Errors N and N m and claims, rms a component over the central three quarters."""
-    n = len(force)
-    at = slice(n // 8, n - n // 8)
-    off = rms_of(force[at] - problem.motion[at]), rms_of(moment[at] - problem.rate[at])
-    claimed = rms_of(np.sqrt(force_var[at])), rms_of(np.sqrt(moment_var[at]))
+    off = rms(force - problem.motion), rms(moment - problem.rate)
+    claimed = rms(np.sqrt(force_var)), rms(np.sqrt(moment_var))
     return Answer((force, moment), claimed, verdict, reasons, off)
-
-
-def rms_of(x: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def differentiated(window: int, problem: AffineProblem) -> Answer:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.subjects.affine.bodies import EYE, hat
+from evidence.vectors import EYE, hat
 from forceid.records import Array
 
 SWING = 0.06

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from evidence.subject import Answer, at_once
-from evidence.subjects.affine.bodies import EYE, LinearSprings, Throw, hat
+from evidence.subjects.affine.bodies import LinearSprings, Throw
 from evidence.subjects.affine.problem import AffineProblem, relative_error
 from evidence.subjects.affine.reduced import general_reduced, left_reduced, two_sided
 from evidence.subjects.affine.reduced.two_sided import (
@@ -25,6 +25,7 @@ from evidence.subjects.affine.reduced.two_sided import (
     two_sided_rates,
     two_sided_state,
 )
+from evidence.vectors import EYE, hat
 from forceid.pseudorigid import Body, MooneyRivlin
 from forceid.pseudorigid.motion.trajectory import Trajectory
 from forceid.pseudorigid.steady.rigid_body import free_rotation

@@ -16,10 +16,10 @@ from evidence.subjects.flights.methods import DEFAULT, ours, worth_while
 from evidence.subjects.flights.peers.entrants import peers
 from evidence.subjects.flights.true_prior import bound_of, problem_of, told_the_prior
 from forceid.records import Array
+from forceid.significance import QUANTILE
 
 UNITS = {"force": "N", "moment": "N m"}
 ALIKE = 1.02  # errors within this ratio are no difference
-QUANTILE = 1.959964  # of the normal distribution: 95 % lie within
 READING = (
     "Errors are rms per axis over the central three quarters of the record and all seeds. Time "
     "is process CPU time from raw markers to the wrench, a sample, {}. *Told* methods chose their parameters "

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from evidence.strangers.judged import LOADS, band_of, scores
+from evidence.judged import LOADS, band_of, judged_part, samples_a_second, scores
 from evidence.stress.failure import Failure
 from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.flights.failures.record import Faulty
@@ -20,7 +20,6 @@ from forceid.files.validate import check_recording
 from forceid.records import Array, Estimate, Recording
 
 METHODS = ("difference", "savgol", "spline", "filter", "smoother")
-UNKNOWN = (float("nan"), float("nan"))
 MODELS = ("rigid", "affine", "modal")
 
 Estimator = Callable[[Recording, Settings], Estimate]
@@ -50,8 +49,7 @@ def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty)
     truth = [case.recording.truth[name] for name in LOADS]
     if case.mixed is not None and estimate.loads is not None:
         judged, truth[0] = with_loads(estimate), case.recording.truth["load"]
-    rate = 1 / float(np.median(np.diff(case.recording.motion.time)))
-    scored = scores(judged, truth, band_of(estimate), rate)
+    scored = scores(judged, truth, band_of(estimate), samples_a_second(estimate.time))
     return Answer(
         (judged.force, judged.moment),
         (central_rms_per_axis(judged.force_std), central_rms_per_axis(judged.moment_std)),
@@ -60,7 +58,7 @@ def answered_flight(estimator: Estimator, method: str, model: str, case: Faulty)
         (central_rms_per_axis(judged.force - truth[0]), central_rms_per_axis(judged.moment - truth[1])),
         told=stated_cost(case, estimate),
         over=scored["over"],
-        beside=scored["beside"] if method == "smoother" else UNKNOWN,  # others are coarse, and chosen so
+        beside=scored["beside"],
         codes=tuple(f.code for f in estimate.verdict.findings if f.level != "ok"),
     )
 
@@ -113,7 +111,6 @@ def bound_of_trial(case: Faulty) -> tuple[float, float]:
 
 def central_rms_per_axis(values: Array) -> float:
     """Root mean square per axis over the central three quarters of a record (time, axis), gaps left out."""
-    n = len(values)
-    square = values[n // 8 : n - n // 8] ** 2
+    square = judged_part(values) ** 2
     known = np.isfinite(square)
     return float(np.sqrt(square[known].mean())) if known.any() else float("nan")

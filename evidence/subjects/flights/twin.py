@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from evidence.judged import LOADS
 from evidence.subjects.flights.bodies import TOLERANCE
 from evidence.subjects.flights.drawn_loads import SINUSOIDS, Drawn
 from forceid.config import Settings
@@ -27,8 +28,6 @@ from forceid.kalman.engines import engine
 from forceid.principal import cross_matrix
 from forceid.records import Array, Motion, Recording
 from forceid.scenes.mechanics import solve_ode
-
-LOADS = "force", "moment"
 
 
 def twin(recording: Recording, rng: np.random.Generator, where: str = "") -> Recording:

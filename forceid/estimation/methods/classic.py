@@ -15,7 +15,7 @@ from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW, GROWTH, SCATTERED
 from forceid.flight.channels import Channel
-from forceid.flight.color import Colored, LowPassed, followed_up_to
+from forceid.flight.color import Colored, LowPassed, cutoff_of_gain
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -138,7 +138,7 @@ def cut_by_filter(kin: Kinematics, d: Derivatives) -> bool:
     if not isinstance(kin.color, LowPassed):
         return False
     step = float(np.median(np.diff(kin.time)))
-    cut = followed_up_to(np.asarray(np.nanmedian(d.gain[:, :, 2, 2])), step) / (2 * np.pi)
+    cut = cutoff_of_gain(np.asarray(np.nanmedian(d.gain[:, :, 2, 2])), step) / (2 * np.pi)
     return bool(kin.color.power(cut) < WHOLE)
 
 

@@ -42,7 +42,8 @@ def check_agreement(body: Body, where: str) -> None:
     assert first.mass is not None
     assert first.center is not None
     assert first.inertia is not None
-    size = np.sqrt(np.trace(first.inertia) / first.mass)
+    spread = max(float(np.trace(first.inertia)), 0.0)  # of mass on a point below zero, by rounding
+    size = np.sqrt(spread / first.mass)
     if body.position is not None:
         size = max(size, float(np.ptp(body.position, axis=0).max(initial=0.0)))
     for other in [*nodal[1:], *whole]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from forceid.records import Array
 
+MICROSECOND = 1e-6  # s, in which loggers count
 SAME = 1e-3  # of a sampling interval, by which clocks may differ: UFF keeps six digits of a time
 
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from forceid.records import Array
-from forceid.report.plots.style import AXES
+from forceid.records import AXES, Array
 
 POINTS = 1500  # samples that a curve keeps: about one for each pixel of a wide screen
 FIGURES = 4  # digits of a number: more than a screen shows

@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, deviation
+from forceid.records import AXES, Array, Estimate, HiddenLoad, Interface, Loads, deviation
 from forceid.report.numbers import INTERVAL, mean, truth_at
 from forceid.report.plots.chart import Chart, Curve, Panel, numbers, over_time
 from forceid.report.plots.figures import MOST_LOADS, joint_truth
-from forceid.report.plots.style import AXES
 from forceid.report.whiteness import channels, correlogram
 
 DOTS = 6000  # innovations drawn, over all channels

@@ -12,10 +12,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from forceid.records import Array, Estimate, HiddenLoad, Interface, Loads, deviation
+from forceid.records import AXES, Array, Estimate, HiddenLoad, Interface, Loads, deviation
 from forceid.report.numbers import INTERVAL, mean, resampled, rms, truth_at
 from forceid.report.plots.style import (
-    AXES,
     AXIS_COLOR,
     CYCLE,
     GRAY,

@@ -7,10 +7,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from forceid.estimation import Simulated
-from forceid.records import Aero, Array, Estimate
+from forceid.records import AXES, Aero, Array, Estimate
 from forceid.report.plots.chart import Chart, over_time
 from forceid.report.plots.style import (
-    AXES,
     AXIS_COLOR,
     BLUE,
     GRAY,

@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from forceid.records import Array, Estimate
+from forceid.records import AXES, Array, Estimate
 from forceid.report.numbers import plain
 from forceid.report.plots.chart import clock, kept, numbers
-from forceid.report.plots.style import AXES, BLUE, INK, STYLE, VERMILION, bins
+from forceid.report.plots.style import BLUE, INK, STYLE, VERMILION, bins
 
 ARROWS = 24
 STANDS_OUT = 1.5  # times the force in the middle of a stretch: a peak that must be seen

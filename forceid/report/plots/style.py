@@ -16,11 +16,10 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from forceid.errors import ConfigError
-from forceid.records import Array
+from forceid.records import AXES, Array
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#E69F00", "#56B4E9"
 INK, GRAY = "#222222", "#8A8F98"
-AXES = ("x", "y", "z")
 AXIS_COLOR = {"x": VERMILION, "y": GREEN, "z": BLUE}  # Okabe and Ito
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 DASHED = (0, (4, 2))

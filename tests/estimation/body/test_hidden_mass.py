@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evidence.drawn.records.scored import FORCE, GRAVITY, MOMENT, estimated_score
+from evidence.drawn.records.scored import FORCE, MOMENT, estimated_score
 from evidence.drawn.records.spring_net import drawn_net
+from evidence.vectors import GRAVITY
 from forceid.config import load_settings
 from forceid.estimation.body.deforming.hidden_mass import hidden_mass
 from forceid.estimation.body.deforming.modes import split_rigid

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evidence.drawn.records.known_load import flown
-from evidence.drawn.records.scored import GRAVITY
+from evidence.vectors import GRAVITY
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.run import estimate_recording

@@ -19,11 +19,12 @@ from evidence.subject import Answer, at_once
 from evidence.subjects.affine import failures as fa
 from evidence.subjects.affine import failures_loads as fl
 from evidence.subjects.affine import trial as affine_trial
-from evidence.subjects.affine.bodies import EYE, Throw, followed, hat, natural_constants, sprung
+from evidence.subjects.affine.bodies import Throw, followed, natural_constants, sprung
 from evidence.subjects.affine.contestants import path_signs, polar_factor
 from evidence.subjects.affine.exact_polar import exact_polar
 from evidence.subjects.affine.problem import AffineProblem
 from evidence.subjects.affine.trial import takers
+from evidence.vectors import EYE, hat
 from forceid.cli.app import main
 from forceid.cli.boundary.output import finite_or_none
 from forceid.pseudorigid import polar

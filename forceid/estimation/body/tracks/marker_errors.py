@@ -21,7 +21,7 @@ from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array
 from forceid.rounding import SINGLE
-from forceid.significance import NUMBER, PATIENCE, SIGMAS, TENTH, WILD
+from forceid.significance import HANN, NUMBER, PATIENCE, SIGMAS, TENTH, WILD
 
 COLORS = (1, 2)  # orders of errors with a memory: walks
 FILTERS = (2, 4)  # orders of filters at the source: Butterworth, both ways
@@ -32,7 +32,6 @@ WHITE = np.geomspace(
     TENTH**2, 1.0, 17
 )  # shares of the variance that are white: nothing is known to less than a tenth
 FINER = 1.5  # from one to the next of both, within which a second look is taken
-HANN = 2 / 3  # of its frequencies are as good as independent under that taper
 NOT_ALIKE = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.27
 SPECTRAL = 16  # samples in a row from which a spectrum can be told
 FREEDOMS = np.geomspace(1.0, 64.0, 13)  # of Student's t that are tried: beyond, it is as good as normal

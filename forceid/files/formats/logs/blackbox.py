@@ -13,11 +13,11 @@ import numpy as np
 
 from forceid.errors import DataError
 from forceid.files.formats.channels import Channels
+from forceid.files.formats.clocks import MICROSECOND
 from forceid.files.formats.csv import CsvTable, read_csv
 
 UNIT = re.compile(r"(?P<name>.+?) \((?P<unit>[^)]*)\)")
 READS = {"specific_force": "accSmooth", "angular_velocity": "gyroADC"}
-MICROSECOND = 1e-6  # s
 
 
 def is_blackbox(head: str) -> bool:

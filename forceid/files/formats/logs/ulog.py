@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from forceid.files.formats.channels import Channels, optional, reading
+from forceid.files.formats.clocks import MICROSECOND
 from forceid.records import Array
 
 UNITS = {  # of topics, where their messages name none
@@ -20,7 +21,6 @@ READS = {  # what each variable is read from, the best first
     "specific_force": ("sensor_combined/accelerometer_m_s2[{}]", "sensor_accel/{}"),
     "angular_velocity": ("sensor_combined/gyro_rad[{}]", "sensor_gyro/{}"),
 }
-MICROSECOND = 1e-6  # s
 
 
 def is_ulog(head: str) -> bool:
