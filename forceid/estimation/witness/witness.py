@@ -25,7 +25,7 @@ from forceid.estimation.loads.plain_cut import (
     tapered,
 )
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import FEW
+from forceid.estimation.verdict.finding import BRIDGED, FEW
 from forceid.estimation.witness.plain_route import PlainChannel, plain_route
 from forceid.flight.color import Colored, LowPassed
 from forceid.flight.smoother import FlightState
@@ -139,6 +139,7 @@ def apart_in_bands(
     beside = channel.z - path
     for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):
         if known.sum() >= FEW:
+            column[known] = apiece(channel.time[known], column[known], channel.frame[known])
             column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
         else:
             column[:] = 0.0
@@ -173,6 +174,18 @@ def apart_in_bands(
             for name, value in zip(numbers, worst, strict=True):
                 numbers[name][a] = value
     return numbers
+
+
+def apiece(time: Array, beside: Array, frame: Indices) -> Array:
+    """What a channel has beside a path (sample,), without a line of its own in each part between long gaps.
+
+    Across a gap nothing is seen of the load, and what it gave there is a jump in place and slope behind.
+    """
+    ends = np.flatnonzero(np.diff(frame) > BRIDGED + 1) + 1
+    if not len(ends):
+        return beside
+    parts = zip(np.split(time, ends), np.split(beside, ends), strict=True)
+    return np.concatenate([z - np.polyval(np.polyfit(t, z, min(len(t) - 1, 1)), t) for t, z in parts])
 
 
 def off_by_fit(channel: PlainChannel, bent: Array) -> Array:
