@@ -71,7 +71,7 @@ def estimate_classic(
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
     cov, lost = np.full((len(time), 6, 6), np.nan), np.asarray(~np.isfinite(kin.pose.center).all(1))
-    cov[:, :3, :3] = with_bias(time, ~lost, force, force_cov(kin, path), kin.color)
+    cov[:, :3, :3] = with_bias(time, np.asarray(~lost), force, force_cov(kin, path), kin.color)
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = measured_angular_channel(kin)

@@ -4,8 +4,8 @@ A window is a linear map of the path, so what it makes of a wave of the load is 
 that wave: exactly, on any clock and across what is lost. The mean squared bias of a load that varies alike
 all along is the sum over its waves. Its spectrum is that of a Matern load, of the order where little tells
 orders apart; size and rate are those by which two windows come out as large, and as far apart, as they do on
-the record. A load faster than half the rate of the samples, or than a filter lets pass, counts as that fast: no record
-tells it from a larger one that is faster.
+the record. A load faster than half the rate of the samples, or than a filter lets pass, counts as that fast:
+no record tells it from a larger one that is faster.
 """
 
 from __future__ import annotations
@@ -85,9 +85,8 @@ class Waves:
 
     def through(self, window: Window) -> Array:
         """What a window makes of them (time, wave), complex."""
-        f, passed = self.frequency, 1.0
-        if self.filtered is not None:
-            passed = np.sqrt(self.filtered.power(f))
+        f = self.frequency
+        passed = np.ones(len(f)) if self.filtered is None else np.sqrt(self.filtered.power(f))
         path = -self.load / (2 * np.pi * f) ** 2 * passed
         z = np.where(self.seen[:, None], np.concatenate([path.real, path.imag], 1), np.nan)
         d = derivatives(self.time, z, window).second

@@ -21,7 +21,6 @@ from forceid.estimation.methods.classic import (
 )
 from forceid.estimation.methods.window_bias import bias_of
 from forceid.estimation.run import estimate_recording
-from forceid.flight.color import LowPassed
 from forceid.kalman.engines import engine
 from forceid.motion.derivative import derivatives
 from forceid.motion.window import Window, WindowChoice, choose_window, windows
