@@ -14,6 +14,7 @@ from forceid.estimation import run
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import (
     apart_in_bands,
+    apiece,
     differs,
     judge_witness,
     low_passed,
@@ -187,3 +188,13 @@ def test_smoother_that_fails_leaves_the_plain_route_as_the_estimate(estimated, m
         np.testing.assert_array_equal(getattr(result, name), getattr(result.witness, name))
         score = (getattr(result, name) - recording.truth[name]) / getattr(result, f"{name}_std")
         assert 0.2 < cf.rms(score[15:-15]) < 2.5
+
+
+def test_what_a_load_gave_in_a_long_gap_is_not_held_against_it():
+    frame = np.r_[:40, 60:100]
+    time, wave = frame / 100, np.sin(frame / 3)
+    jump = np.where(frame < 50, 0.0, 2.0 + 5.0 * time)
+    apart = apiece(time, wave + jump, frame) - apiece(time, wave, frame)
+    np.testing.assert_allclose(apart, 0, atol=1e-12)
+    short = np.r_[:40, 45:85]
+    np.testing.assert_array_equal(apiece(short / 100, jump, short), jump)
