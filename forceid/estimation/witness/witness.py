@@ -137,9 +137,11 @@ def apart_in_bands(
     path = (integrated(time, load, 2) if path is None else path)[channel.frame]
     seen = np.isfinite(load) & np.isfinite(claim)
     beside = channel.z - path
-    for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):
+    missing = np.cumsum(~seen, axis=0)[channel.frame]
+    shown = seen[channel.frame] & channel.whole[:, None]
+    for column, known, lost in zip(beside.T, shown.T, missing.T, strict=True):
         if known.sum() >= FEW:
-            column[known] = apiece(channel.time[known], column[known], channel.frame[known])
+            column[known] = apiece(channel.time[known], column[known], lost[known])
             column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
         else:
             column[:] = 0.0
@@ -176,12 +178,13 @@ def apart_in_bands(
     return numbers
 
 
-def apiece(time: Array, beside: Array, frame: Indices) -> Array:
+def apiece(time: Array, beside: Array, lost: Indices) -> Array:
     """What a channel has beside a path (sample,), without a line of its own in each part between long gaps.
 
-    Across a gap nothing is seen of the load, and what it gave there is a jump in place and slope behind.
+    lost (sample,): samples of the load that are not given before each. What it gave there is a jump in place
+    and slope behind.
     """
-    ends = np.flatnonzero(np.diff(frame) > BRIDGED + 1) + 1
+    ends = np.flatnonzero(np.diff(lost) > BRIDGED) + 1
     if not len(ends):
         return beside
     parts = zip(np.split(time, ends), np.split(beside, ends), strict=True)
