@@ -21,11 +21,9 @@ from forceid.kalman.building.process import matern_density
 from forceid.motion import Window, WindowChoice, derivatives, error_of_square, smooth_taper
 from forceid.records import Array, Flags
 
-WAVES = 48  # a tenth of a decade apart, so that a spectrum that bends over a decade is followed
-WAVES_IN_RECORD = 0.5  # waves in the record: as slow ones hardly bend the path
-WAVES_IN_STEP = (
-    8.0  # waves in a step: of the slowest spectrum that reaches half a one, a thousandth lies beyond
-)
+WAVES = 48  # less than a tenth of a decade apart in 5000 samples: a spectrum bends over a decade
+WAVES_IN_RECORD = 0.5  # of the slowest load: slower ones hardly bend the path
+WAVES_IN_STEP = 8.0  # of the fastest load: of one that lasts a step, 1e-4 of the power is beyond
 NUMBERS = 2**21  # waves times samples that are held at once
 LOAD_RATES = 64  # rates of a load that are tried: a tenth from one to the next in a record of 200 samples
 

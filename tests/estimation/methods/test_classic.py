@@ -155,6 +155,7 @@ def scattered(rng):
     return rng.random(len(TIME)) > 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ROUTES)
 @pytest.mark.parametrize("lost", [gap, scattered])
 def test_what_a_window_takes_across_gaps_is_claimed(method, lost):
@@ -189,6 +190,7 @@ def test_a_gap_costs_the_samples_beside_it_and_no_others():
     assert bias[99] > 3 * bias[50]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ROUTES)
 def test_what_a_filter_took_at_the_source_is_claimed(method):
     over = []
