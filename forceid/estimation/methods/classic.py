@@ -70,8 +70,9 @@ def estimate_classic(
         left, nis = np.zeros((len(time), 0)), np.full(len(time), np.nan)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
-    cov, lost = np.full((len(time), 6, 6), np.nan), np.asarray(~np.isfinite(kin.pose.center).all(1))
-    cov[:, :3, :3] = with_bias(time, np.asarray(~lost), force, force_cov(kin, path), kin.color)
+    cov = np.full((len(time), 6, 6), np.nan)
+    seen: Flags = np.asarray(np.isfinite(kin.pose.center).all(1))
+    cov[:, :3, :3] = with_bias(time, seen, force, force_cov(kin, path), kin.color)
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = measured_angular_channel(kin)
@@ -101,8 +102,8 @@ def estimate_classic(
     if not resolved:
         found = (*found, note("load-within-window"))
     given = int(np.isfinite(state.force).all(1).sum())
-    if (~lost).sum() < FEW < len(lost) or 2 * given < len(lost):
-        found = (*found, note("gaps-in-windows", lost=lost.sum(), frames=len(lost), given=given))
+    if seen.sum() < FEW < len(seen) or 2 * given < len(seen):
+        found = (*found, note("gaps-in-windows", lost=(~seen).sum(), frames=len(seen), given=given))
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
 
 
