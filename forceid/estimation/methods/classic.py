@@ -84,7 +84,7 @@ def estimate_classic(
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
-        shown = np.isfinite(channel.z).all(1)
+        shown: Flags = np.asarray(np.isfinite(channel.z).all(1))
         noise = moment_cov(channel, turn, kin.color)
         cov[at, 3:, 3:] = with_bias(channel.time, shown, chosen, noise, kin.color)
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0

@@ -19,13 +19,14 @@ from forceid.estimation.loads.plain_cut import (
     STRETCH,
     Cut,
     MotionSpectrum,
+    apiece,
     plain_cuts,
     second_difference_spectrum,
     spectrum_of,
     tapered,
 )
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import BRIDGED, FEW
+from forceid.estimation.verdict.finding import FEW
 from forceid.estimation.witness.plain_route import PlainChannel, plain_route
 from forceid.flight.color import Colored, LowPassed
 from forceid.flight.smoother import FlightState
@@ -129,28 +130,26 @@ def apart_in_bands(
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
-    path (time, 3): the load integrated twice, where its samples do not tell it.
-
-    Half an octave from band to band, each with the noise of the channel in it.
+    path (time, 3): the load integrated twice, where its samples do not tell it. Half an octave from band to
+    band, each with the noise of the channel in it.
     """
     numbers = {name: np.full(3, np.nan) for name in COMPARED}
-    path = (integrated(time, load, 2) if path is None else path)[channel.frame]
     seen = np.isfinite(load) & np.isfinite(claim)
-    beside = channel.z - path
-    missing = np.cumsum(~seen, axis=0)[channel.frame]
-    shown = seen[channel.frame] & channel.whole[:, None]
+    beside = channel.z - (integrated(time, load, 2) if path is None else path)[channel.frame]
+    missing, shown = np.cumsum(~seen, 0)[channel.frame], seen[channel.frame] & channel.whole[:, None]
     for column, known, lost in zip(beside.T, shown.T, missing.T, strict=True):
-        if known.sum() >= FEW:
-            column[known] = apiece(channel.time[known], column[known], lost[known])
-            column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
-        else:
+        if known.sum() < FEW:
             column[:] = 0.0
+            continue
+        column[known] = apiece(channel.time[known], column[known], lost[known])
+        column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
     f, apart, dof, step = second_difference_spectrum(channel.time, beside)
-    samples = len(channel.time) - 2
     count = max(int(2 * np.log2(STRETCH / step / f[LOWEST])) + 1, 1)
     ends = np.searchsorted(f, STRETCH / step * 2 ** (-0.5 * np.arange(count)))
-    weight = np.interp(time, channel.time[1:-1], tapered(samples)) ** 2
-    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / samples  # bins to mean squares
+    weight = np.interp(time, channel.time[1:-1], tapered(len(channel.time) - 2)) ** 2
+    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / (
+        len(channel.time) - 2
+    )  # bins to mean squares
     inexact = (2 * np.pi * f * step) ** 4 / 144  # of sums in place of integrals, in variance
     fits = (
         second_difference_spectrum(channel.time, channel.residual)[1].mean(1)
@@ -176,19 +175,6 @@ def apart_in_bands(
             for name, value in zip(numbers, worst, strict=True):
                 numbers[name][a] = value
     return numbers
-
-
-def apiece(time: Array, beside: Array, lost: Indices) -> Array:
-    """What a channel has beside a path (sample,), without a line of its own in each part between long gaps.
-
-    lost (sample,): samples of the load that are not given before each. What it gave there is a jump in place
-    and slope behind.
-    """
-    ends = np.flatnonzero(np.diff(lost) > BRIDGED) + 1
-    if not len(ends):
-        return beside
-    parts = zip(np.split(time, ends), np.split(beside, ends), strict=True)
-    return np.concatenate([z - np.polyval(np.polyfit(t, z, min(len(t) - 1, 1)), t) for t, z in parts])
 
 
 def off_by_fit(channel: PlainChannel, bent: Array) -> Array:

@@ -11,10 +11,10 @@ from evidence.subjects.flights.drawn_loads import draw_matern
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
+from forceid.estimation.loads.plain_cut import apiece
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import (
     apart_in_bands,
-    apiece,
     differs,
     judge_witness,
     low_passed,
