@@ -147,9 +147,7 @@ def apart_in_bands(
     count = max(int(2 * np.log2(STRETCH / step / f[LOWEST])) + 1, 1)
     ends = np.searchsorted(f, STRETCH / step * 2 ** (-0.5 * np.arange(count)))
     weight = np.interp(time, channel.time[1:-1], tapered(len(channel.time) - 2)) ** 2
-    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / (
-        len(channel.time) - 2
-    )  # bins to mean squares
+    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / (len(channel.time) - 2)  # to mean squares
     inexact = (2 * np.pi * f * step) ** 4 / 144  # of sums in place of integrals, in variance
     fits = (
         second_difference_spectrum(channel.time, channel.residual)[1].mean(1)
